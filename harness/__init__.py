@@ -1,0 +1,38 @@
+"""Screwgauge: do two descriptions of a mechanism's motion agree, by how much, and if not, why?
+
+The names below are imported on first use, so that ``screwgauge --help`` stays quick and no engine is loaded
+before it is asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.results import Results
+    from screwgauge.run import run
+    from screwgauge.scene import Scene, load_scene
+
+__all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run"]
+
+_HOMES = {
+    "Results": "screwgauge.results",
+    "Scene": "screwgauge.scene",
+    "ScrewgaugeError": "screwgauge.reference.errors",
+    "load_scene": "screwgauge.scene",
+    "run": "screwgauge.run",
+}
+
+try:
+    __version__ = version("screwgauge")
+except PackageNotFoundError:  # a source tree that was never installed
+    __version__ = "0+unknown"
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'screwgauge' has no attribute {name!r}")

@@ -1,0 +1,44 @@
+"""Finds mechanisms: built-in names or paths to TOML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from screwgauge.reference.description import read_mechanism
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
+
+FOLDER = Path(__file__).parent
+
+
+def mechanism_names() -> list[str]:
+    """Names of the built-in mechanisms."""
+    return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
+
+
+def mechanism_path(name: str | Path) -> Path:
+    """Path of the description of a built-in mechanism, or the path itself.
+
+    Raises:
+        UnknownNameError: Neither a built-in name nor a file.
+    """
+    if str(name) in mechanism_names():
+        return FOLDER / str(name) / f"{name}.toml"
+    if Path(name).suffix == ".toml" and Path(name).is_file():
+        return Path(name)
+    raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML file"])
+
+
+def load_mechanism(name: str | Path) -> Mechanism:
+    """Reads a mechanism by built-in name or path.
+
+    Raises:
+        ScrewgaugeError: It does not exist or does not describe a mechanism.
+    """
+    path = mechanism_path(name)
+
+    def find(base: str) -> Path:
+        beside = path.parent / base
+        return beside if beside.is_file() else mechanism_path(base)
+
+    return read_mechanism(path, find)

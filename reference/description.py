@@ -1,0 +1,217 @@
+"""Reads a mechanism from TOML. Unknown keys are errors; every complaint names the file and the entry."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
+from screwgauge.reference.graph import check_connected
+from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+_TOP = {"name", "title", "source", "extends", "bodies", "joints", "independent", "spherical_axial"}
+_BODY = {"mass", "com", "inertia", "inertia_rotation"}
+_JOINT = {
+    *("kind", "parent", "child", "axes", "coordinates", "home", "limits"),
+    *("parent_frame", "child_frame", "actuated"),
+}
+_TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Reads a TOML file; decimals stay text, so that they can be read exactly.
+
+    Raises:
+        DescriptionError: The file cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"), parse_float=str)
+    except OSError as error:
+        raise DescriptionError(f"cannot be read ({error.strerror})", str(path), "check the path") from None
+    except UnicodeDecodeError:
+        raise DescriptionError("is not UTF-8 text", str(path), "give a TOML file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
+
+
+def check_keys(table: Any, known: Iterable[str], where: str) -> None:
+    """Refuses a table with unknown keys, or what is no table."""
+    if not isinstance(table, dict):
+        raise DescriptionError(f"{table!r} is not a table", where, "write key = value entries")
+    for key in table:
+        if key not in known:
+            raise UnknownNameError("key", key, sorted(known), where)
+
+
+def required(table: dict[str, Any], key: str, where: str) -> Any:
+    if key not in table:
+        raise DescriptionError(f"'{key}' is missing", where, f"add {key} = ...")
+    return table[key]
+
+
+def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    """`base` with the entries of `change`, table by table; an inertia is replaced as a whole."""
+    result = dict(base)
+    for key, value in change.items():
+        deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key != "inertia"
+        result[key] = merge(result[key], value) if deep else value
+    return result
+
+
+def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
+    """Reads a mechanism.
+
+    Args:
+        path: TOML file.
+        find: Path of the mechanism that ``extends`` names.
+
+    Raises:
+        DescriptionError: The file does not describe a mechanism.
+    """
+    data = _with_base(path, find, seen=())
+    where = str(path)
+    check_keys(data, _TOP, where)
+    name = _text(required(data, "name", where), f"{where}, name")
+    bodies = _table(data, "bodies", where)
+    joints = _table(data, "joints", where)
+    mechanism = Mechanism(
+        name=name,
+        title=_text(data.get("title", name), f"{where}, title"),
+        source=_text(data.get("source", ""), f"{where}, source"),
+        bodies=tuple(_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()),
+        joints=tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items()),
+        independent=_table(data, "independent", where),
+        axial=_axial(data.get("spherical_axial"), joints, f"{where}, spherical_axial"),
+        where=where,
+    )
+    _check_names(mechanism, where)
+    check_connected(mechanism, where)
+    return mechanism
+
+
+def _with_base(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...]) -> dict[str, Any]:
+    if path in seen:
+        raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
+    data = read_toml(path)
+    if "extends" not in data:
+        return data
+    base = find(_text(data.pop("extends"), f"{path}, extends"))
+    return merge(_with_base(base, find, (*seen, path)), data)
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str) or (value == "" and not where.endswith("source")):
+        raise DescriptionError(f"{value!r} is not text", where, "write a name in quotes")
+    return value
+
+
+def _table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
+    table = required(data, key, where)
+    if not isinstance(table, dict) or not table:
+        raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
+    return table
+
+
+def _body(name: str, table: Any, where: str) -> Body:
+    check_keys(table, _BODY, where)
+    mass = number(required(table, "mass", where), f"{where}.mass")
+    com = vector(table.get("com", [0, 0, 0]), f"{where}.com")
+    entries = required(table, "inertia", where)
+    check_keys(entries, _TENSOR, f"{where}.inertia")
+    xx, xy, xz, yy, yz, zz = (number(entries.get(key, 0), f"{where}.inertia.{key}") for key in _TENSOR)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    R = rotation_matrix(table.get("inertia_rotation", []), f"{where}.inertia_rotation")
+    if "inertia_rotation" in table:  # eq. (52): the tensor is given in rotated axes
+        tensor = R @ tensor @ R.T
+        tensor = 0.5 * (tensor + tensor.T)
+    return Body(name, mass, com, tensor, where)
+
+
+def read_joint(name: str, table: Any, where: str) -> Joint:
+    """Reads one entry of ``[joints]``, also of a loops file."""
+    check_keys(table, _JOINT, where)
+    kind = required(table, "kind", where)
+    if kind not in KINDS:
+        raise UnknownNameError("joint kind", str(kind), KINDS, where)
+    n = len(KINDS[kind])
+    raw_axes = required(table, "axes", where)
+    n_axes = 1 if kind == "C" else n
+    if not isinstance(raw_axes, list) or len(raw_axes) != n_axes:
+        raise DescriptionError(f"a {kind} joint has {n_axes} axes", f"{where}.axes", "write a list of unit vectors")
+    coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.q{i + 1}" for i in range(n)])
+    if not isinstance(coordinates, list) or len(coordinates) != n:
+        raise DescriptionError(f"a {kind} joint has {n} coordinates", f"{where}.coordinates", f"write {n} names")
+    actuated = table.get("actuated", False)
+    if not isinstance(actuated, bool):
+        raise DescriptionError(f"'{actuated}' is not true or false", f"{where}.actuated", "write true or false")
+    return Joint(
+        name=name,
+        kind=kind,
+        parent=_text(required(table, "parent", where), f"{where}.parent"),
+        child=_text(required(table, "child", where), f"{where}.child"),
+        axes=np.array([unit_vector(axis, f"{where}.axes") for axis in raw_axes]),
+        coordinates=tuple(_text(item, f"{where}.coordinates") for item in coordinates),
+        home=vector(table.get("home", [0] * n), f"{where}.home", n),
+        limits=_limits(table.get("limits"), n, f"{where}.limits"),
+        parent_frame=_frame(table.get("parent_frame", {}), f"{where}.parent_frame"),
+        child_frame=_frame(table.get("child_frame", {}), f"{where}.child_frame"),
+        actuated=actuated,
+        where=where,
+    )
+
+
+def _frame(table: Any, where: str) -> Frame:
+    check_keys(table, {"position", "rotation"}, where)
+    return Frame(
+        p=vector(table.get("position", [0, 0, 0]), f"{where}.position"),
+        R=rotation_matrix(table.get("rotation", []), f"{where}.rotation"),
+    )
+
+
+def _limits(value: Any, n: int, where: str) -> Array:
+    if value is None:
+        return np.tile([-np.inf, np.inf], (n, 1))
+    if not isinstance(value, list) or len(value) != n:
+        raise DescriptionError(f"expected {n} pairs [low, high]", where, "write one pair for each coordinate")
+    limits = np.array([vector(pair, where, 2) for pair in value])
+    if (limits[:, 0] >= limits[:, 1]).any():
+        raise DescriptionError(f"{limits.tolist()} has low >= high", where, "write [low, high]")
+    return limits
+
+
+def _axial(table: Any, joints: dict[str, Any], where: str) -> tuple[str, Array] | None:
+    if table is None:
+        return None
+    check_keys(table, {"joint", "direction"}, where)
+    joint = _text(required(table, "joint", where), where)
+    if joint not in joints:
+        raise UnknownNameError("joint", joint, joints, where)
+    if joints[joint].get("kind") != "S":
+        raise DescriptionError(f"joint '{joint}' is not spherical", where, "name an S joint")
+    return joint, unit_vector(required(table, "direction", where), where)
+
+
+def _check_names(mechanism: Mechanism, where: str) -> None:
+    bodies = [body.name for body in mechanism.bodies]
+    for joint in mechanism.joints:
+        for side in (joint.parent, joint.child):
+            if side not in (GROUND, *bodies):
+                raise UnknownNameError("body", side, [GROUND, *bodies], joint.where)
+        if joint.parent == joint.child:
+            raise DescriptionError(f"joins '{joint.parent}' to itself", joint.where, "name two bodies")
+    if GROUND in bodies:
+        raise DescriptionError(f"'{GROUND}' is the fixed world", where, "name the body otherwise")
+    for name in mechanism.coordinates:
+        if mechanism.coordinates.count(name) > 1:
+            raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")
+    for label, name in mechanism.independent.items():
+        if name not in mechanism.coordinates:
+            raise UnknownNameError("coordinate", str(name), mechanism.coordinates, f"{where}, independent.{label}")
+    if len(set(mechanism.independent.values())) < len(mechanism.independent):
+        raise DescriptionError("one coordinate is named twice", f"{where}, independent", "name different ones")

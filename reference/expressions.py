@@ -1,0 +1,94 @@
+"""Numbers and rotations as a description writes them: decimals, or expressions as text."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.rotations import Array, rotation
+
+_BINARY: dict[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_FUNCTIONS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
+
+
+def _evaluate(node: ast.expr) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            return float(value)
+        case ast.Name(id="pi"):
+            return math.pi
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_evaluate(operand)
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _evaluate(operand)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            return _BINARY[type(op)](_evaluate(left), _evaluate(right))
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
+            return float(_FUNCTIONS[name](_evaluate(argument)))
+    raise ValueError("only numbers, pi, + - * / **, sqrt and trigonometric functions are read")
+
+
+def number(value: Any, where: str) -> float:
+    """Reads a finite number, given as a number or as text such as ``"3*sqrt(3)/10"``.
+
+    Raises:
+        DescriptionError: It is no number, or not finite.
+    """
+    try:
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise ValueError("not a number")
+        result = _evaluate(ast.parse(str(value).strip(), mode="eval").body)
+        if not (isinstance(result, float) and math.isfinite(result)):
+            raise ValueError("not finite")
+    except (ValueError, SyntaxError, ArithmeticError, TypeError, RecursionError, MemoryError) as error:
+        reason = error.args[0] if isinstance(error, ValueError) else type(error).__name__
+        raise DescriptionError(
+            f"'{value}' cannot be read as a number ({reason})", where, 'write 0.5 or "3*sqrt(3)/10"'
+        ) from None
+    return result
+
+
+def vector(value: Any, where: str, size: int = 3) -> Array:
+    """Reads a list of `size` numbers. Shape (size,)."""
+    if not isinstance(value, list) or len(value) != size:
+        raise DescriptionError(f"'{value}' is not a list of {size} numbers", where, f"write {size} numbers")
+    return np.array([number(item, where) for item in value])
+
+
+def unit_vector(value: Any, where: str) -> Array:
+    """Reads a unit vector; expressions such as ``"1/sqrt(2)"`` reach the accuracy asked for.
+
+    Raises:
+        DescriptionError: Its norm differs from 1 by more than 1e-12.
+    """
+    axis = vector(value, where)
+    norm = float(np.linalg.norm(axis))
+    if abs(norm - 1.0) > 1e-12:
+        raise DescriptionError(f"axis {axis.tolist()} has norm {norm:.15g}, not 1", where, "divide by its norm")
+    return axis / norm
+
+
+def rotation_matrix(value: Any, where: str) -> Array:
+    """Reads ``{axis, angle}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
+    result = np.eye(3)
+    for step in value if isinstance(value, list) else [value]:
+        if not isinstance(step, dict) or set(step) != {"axis", "angle"}:
+            raise DescriptionError(
+                f"rotation {step!r} is not understood", where, "write {axis = [0, 0, 1], angle = 'pi/2'}"
+            )
+        axis = unit_vector(step["axis"], where)
+        result = result @ rotation(axis, np.array(number(step["angle"], where)))
+    # cos("pi/2") is 6e-17 in float64; zeros that the text means are kept as zeros.
+    return np.where(np.abs(result) < 2e-16, 0.0, result)

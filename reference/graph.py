@@ -1,0 +1,115 @@
+"""The graph of a mechanism: spanning tree, loops, and the serial chains between ground and the output body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """A tree joint as walked from ground: `near` is the body on the ground side.
+
+    `reverse` marks a joint that the description declares the other way round.
+    """
+
+    joint: Joint
+    near: str
+    far: str
+    reverse: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpanningTree:
+    """Tree edges in an order in which every `near` body is known before its edge, and the joints left out.
+
+    Each joint left out closes one loop.
+    """
+
+    edges: tuple[Edge, ...]
+    cuts: tuple[Joint, ...]
+
+
+def spanning_tree(mechanism: Mechanism) -> SpanningTree:
+    """The tree with the fewest coordinates: joints with many freedoms are cut, actuated joints last.
+
+    Kruskal's algorithm over (actuated first, few freedoms first), in the order of the description.
+    """
+    group = {name: name for name in mechanism.body_index}
+
+    def root(name: str) -> str:
+        while group[name] != name:
+            name = group[name]
+        return name
+
+    kept = []
+    for joint in sorted(mechanism.joints, key=lambda j: (not j.actuated, len(j.coordinates))):
+        a, b = root(joint.parent), root(joint.child)
+        if a != b:
+            group[a] = b
+            kept.append(joint)
+    cuts = tuple(joint for joint in mechanism.joints if joint not in kept)
+    return SpanningTree(_walk(kept, mechanism), cuts)
+
+
+def _walk(kept: list[Joint], mechanism: Mechanism) -> tuple[Edge, ...]:
+    known, edges = {GROUND}, []
+    left = [joint for joint in mechanism.joints if joint in kept]
+    while left:
+        for joint in left:
+            if joint.parent in known or joint.child in known:
+                reverse = joint.parent not in known
+                near, far = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
+                edges.append(Edge(joint, near, far, reverse))
+                known.add(far)
+                left.remove(joint)
+                break
+        else:
+            break
+    return tuple(edges)
+
+
+def check_connected(mechanism: Mechanism, where: str) -> None:
+    """Refuses a body that no joint connects to ground."""
+    reached = {GROUND, *(edge.far for edge in spanning_tree(mechanism).edges)}
+    for body in mechanism.bodies:
+        if body.name not in reached:
+            raise DescriptionError(
+                f"body '{body.name}' is not connected to {GROUND}", where, "add the missing joint or remove it"
+            )
+
+
+def output_body(mechanism: Mechanism) -> str:
+    """The body with the most joints, the moving platform of a parallel mechanism."""
+    counts = {body.name: 0 for body in mechanism.bodies}
+    for joint in mechanism.joints:
+        for side in (joint.parent, joint.child):
+            if side != GROUND:
+                counts[side] += 1
+    return max(counts, key=lambda name: counts[name])
+
+
+def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
+    """The serial chains from ground to the output body (section 2.2), in the order of their first joints.
+
+    Branches that are no simple chain between the two are left out.
+    """
+    target = output_body(mechanism)
+    chains = []
+    for first in mechanism.joints:
+        if GROUND not in (first.parent, first.child):
+            continue
+        chain, joint, near = [], first, GROUND
+        while True:
+            reverse = joint.child == near
+            far = joint.parent if reverse else joint.child
+            chain.append(Edge(joint, near, far, reverse))
+            onward = [j for j in mechanism.joints if j is not joint and far in (j.parent, j.child)]
+            if far == target or len(onward) != 1:
+                break
+            joint, near = onward[0], far
+        if chain[-1].far == target:
+            chains.append(tuple(chain))
+    return tuple(chains)

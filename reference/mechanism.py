@@ -1,0 +1,206 @@
+"""What a mechanism is: bodies, joints and what is driven. Immutable, checked when made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.rotations import Array
+
+GROUND = "ground"
+
+#: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are
+#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin.
+KINDS: dict[str, tuple[bool, ...]] = {
+    "R": (True,),
+    "P": (False,),
+    "U": (True, True),
+    "S": (True, True, True),
+    "C": (True, False),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A placement: `p` [m], shape (3,), and `R`, shape (3, 3), of a frame in its body."""
+
+    p: Array = field(default_factory=lambda: np.zeros(3))
+    R: Array = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def is_identity(self) -> bool:
+        return not self.p.any() and np.array_equal(self.R, np.eye(3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A rigid body.
+
+    Attributes:
+        mass: Mass [kg], positive.
+        com: Centre of mass in the body frame [m]. Shape (3,).
+        inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin
+            rods (zero principal moments) are legal.
+    """
+
+    name: str
+    mass: float
+    com: Array
+    inertia: Array
+    where: str = ""
+
+    def __post_init__(self) -> None:
+        where = self.where or self.name
+        if not self.mass > 0.0:
+            raise DescriptionError(f"mass {self.mass:g} kg is not positive", where, "give a positive mass")
+        moments = np.linalg.eigvalsh(self.inertia)
+        slack = 1e-12 * max(float(np.trace(self.inertia)), 0.0)
+        if moments[0] < -slack:
+            raise DescriptionError(
+                f"inertia is not positive semidefinite (smallest principal moment {moments[0]:.3g} kg m^2)",
+                where,
+                "check the signs of the products of inertia",
+            )
+        if moments[2] - moments[0] - moments[1] > slack:
+            raise DescriptionError(
+                f"principal moments {moments.tolist()} kg m^2 violate the triangle inequality "
+                f"by {moments[2] - moments[0] - moments[1]:.3g}",
+                where,
+                "no body of positive mass has them; check the tensor and its axes",
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """A joint between two bodies, `parent` being its ground side.
+
+    ``T(parent, child) = parent_frame  X(q)  child_frame^-1`` with X the serial product of the freedoms.
+
+    Attributes:
+        kind: One of `KINDS`.
+        axes: Unit axes in the joint frame, at zero of the freedoms before. Shape (n_axes, 3); C has one axis.
+        coordinates: Names of its coordinates, in the order of its freedoms.
+        home: Their values at the home pose [rad or m]. Shape (n,).
+        limits: Their bounds [rad or m], infinite where free. Shape (n, 2).
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    axes: Array
+    coordinates: tuple[str, ...]
+    home: Array
+    limits: Array
+    parent_frame: Frame = field(default_factory=Frame)
+    child_frame: Frame = field(default_factory=Frame)
+    actuated: bool = False
+    where: str = ""
+
+    @property
+    def freedoms(self) -> list[tuple[bool, Array]]:
+        """(turns, axis in the joint frame) of each freedom."""
+        turns = KINDS[self.kind]
+        return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
+
+    @property
+    def role(self) -> str:
+        """The last part of the dotted name: ``leg1.base`` and ``leg2.base`` share the role ``base``."""
+        return self.name.rsplit(".", 1)[-1]
+
+    def __post_init__(self) -> None:
+        where = self.where or self.name
+        if self.actuated and len(self.coordinates) != 1:
+            raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
+        if self.kind in "US":
+            gram = self.axes @ self.axes.T
+            if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
+                raise DescriptionError(
+                    "the axes of a composite joint are not orthogonal", where, "write it as R joints instead"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A graph of bodies and joints.
+
+    Attributes:
+        independent: Label of each independent coordinate -> name of the joint coordinate, ordered.
+        axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
+            force (eq. 56), if the mechanism has one.
+    """
+
+    name: str
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    independent: Mapping[str, str]
+    title: str = ""
+    source: str = ""
+    axial: tuple[str, Array] | None = None
+    where: str = ""
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of all joint coordinates, in the order of the joints."""
+        return tuple(name for joint in self.joints for name in joint.coordinates)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint coordinate: rad or m."""
+        return tuple("rad" if turn else "m" for joint in self.joints for turn in KINDS[joint.kind])
+
+    @cached_property
+    def home(self) -> Array:
+        """Joint coordinates at the home pose [rad or m]. Shape (n_q,)."""
+        return np.concatenate([joint.home for joint in self.joints])
+
+    @cached_property
+    def limits(self) -> Array:
+        """Bounds of the joint coordinates [rad or m]. Shape (n_q, 2)."""
+        return np.concatenate([joint.limits for joint in self.joints])
+
+    @cached_property
+    def actuators(self) -> tuple[Joint, ...]:
+        return tuple(joint for joint in self.joints if joint.actuated)
+
+    @cached_property
+    def actuator_names(self) -> tuple[str, ...]:
+        """``leg1`` for ``leg1.slide`` where that is unique, else the joint's name."""
+        groups = [joint.name.rsplit(".", 1)[0] for joint in self.actuators]
+        return tuple(
+            group if groups.count(group) == 1 else joint.name
+            for group, joint in zip(groups, self.actuators, strict=True)
+        )
+
+    def columns(self, names: Mapping[str, str] | tuple[str, ...]) -> list[int]:
+        """Positions of named coordinates in the vector of all joint coordinates."""
+        wanted = names.values() if isinstance(names, Mapping) else names
+        return [self.coordinates.index(name) for name in wanted]
+
+    @cached_property
+    def independent_columns(self) -> list[int]:
+        return self.columns(self.independent)
+
+    @cached_property
+    def actuated_columns(self) -> list[int]:
+        return self.columns(tuple(joint.coordinates[0] for joint in self.actuators))
+
+    @cached_property
+    def body_index(self) -> dict[str, int]:
+        """Position of each body, ground being 0."""
+        return {name: i for i, name in enumerate([GROUND, *(body.name for body in self.bodies)])}
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(sum(body.mass for body in self.bodies))
+
+    def joint(self, name: str) -> Joint:
+        return next(joint for joint in self.joints if joint.name == name)
+
+    def body(self, name: str) -> Body:
+        return next(body for body in self.bodies if body.name == name)

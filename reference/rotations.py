@@ -1,0 +1,57 @@
+"""Rotations about unit axes, and the angles of serial pairs and triples of axes. Arrays of any leading shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def skew(v: Array) -> Array:
+    """Matrix of the cross product, ``skew(v) @ x = v x x``. Shape (..., 3) -> (..., 3, 3)."""
+    zero = np.zeros_like(v[..., 0])
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
+
+
+def vee(M: Array) -> Array:
+    """Axial vector of the antisymmetric part, the inverse of `skew`. Shape (..., 3, 3) -> (..., 3)."""
+    return 0.5 * np.stack(
+        [M[..., 2, 1] - M[..., 1, 2], M[..., 0, 2] - M[..., 2, 0], M[..., 1, 0] - M[..., 0, 1]], axis=-1
+    )
+
+
+def rotation(axis: Array, angle: Array) -> Array:
+    """Rodrigues' formula.
+
+    Args:
+        axis: Unit axis. Shape (3,).
+        angle: Angle [rad]. Shape (...).
+
+    Returns:
+        Rotation matrix. Shape (..., 3, 3).
+    """
+    K = skew(axis)
+    angle = np.asarray(angle)[..., None, None]
+    # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
+    return np.eye(3) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)
+
+
+def triad_angles(R: Array, axes: Array) -> Array:
+    """Angles of ``R = Rot(axes[0], q1) Rot(axes[1], q2) Rot(axes[2], q3)``, for orthogonal axes.
+
+    Args:
+        R: Rotation matrix. Shape (..., 3, 3).
+        axes: Three mutually orthogonal unit axes (right- or left-handed). Shape (3, 3).
+
+    Returns:
+        Angles [rad], the middle one within +-pi/2. Shape (..., 3).
+    """
+    # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
+    sign = 1.0 if np.linalg.det(axes) > 0 else -1.0
+    M = axes @ R @ axes.T
+    q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
+    q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
+    q3 = np.arctan2(-M[..., 0, 1], M[..., 0, 0])
+    return sign * np.stack([q1, q2, q3], axis=-1)
