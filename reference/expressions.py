@@ -81,14 +81,26 @@ def unit_vector(value: Any, where: str) -> Array:
 
 
 def rotation_matrix(value: Any, where: str) -> Array:
-    """Reads ``{axis, angle}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
+    """Reads ``{axis, angle}``, ``{matrix}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
     result = np.eye(3)
     for step in value if isinstance(value, list) else [value]:
-        if not isinstance(step, dict) or set(step) != {"axis", "angle"}:
+        if isinstance(step, dict) and set(step) == {"matrix"}:
+            result = result @ _orthonormal(step["matrix"], where)
+        elif isinstance(step, dict) and set(step) == {"axis", "angle"}:
+            axis = unit_vector(step["axis"], where)
+            result = result @ rotation(axis, np.array(number(step["angle"], where)))
+        else:
             raise DescriptionError(
                 f"rotation {step!r} is not understood", where, "write {axis = [0, 0, 1], angle = 'pi/2'}"
             )
-        axis = unit_vector(step["axis"], where)
-        result = result @ rotation(axis, np.array(number(step["angle"], where)))
     # cos("pi/2") is 6e-17 in float64; zeros that the text means are kept as zeros.
     return np.where(np.abs(result) < 2e-16, 0.0, result)
+
+
+def _orthonormal(rows: Any, where: str) -> Array:
+    if not isinstance(rows, list) or len(rows) != 3:
+        raise DescriptionError(f"{rows!r} is not a matrix", where, "write three rows of three numbers")
+    R = np.array([vector(row, where) for row in rows])
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-12 or np.linalg.det(R) < 0.0:
+        raise DescriptionError(f"{R.tolist()} is not a rotation", where, "write orthonormal right-handed rows")
+    return R

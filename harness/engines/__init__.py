@@ -1,0 +1,57 @@
+"""The engines. A further one is one file with a function ``solve(problem) -> Solution``, and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib import import_module
+from typing import cast
+
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.solution import Engine
+
+#: Name -> module and function; imported only when used.
+ENGINES = {
+    "screw": "screwgauge.engines.screw:solve",
+    "pinocchio": "screwgauge.engines.pinocchio:solve",
+    "mujoco": "screwgauge.engines.mujoco:solve",
+    "pinocchio-full": "screwgauge.engines.pinocchio:solve",
+    "mujoco-full": "screwgauge.engines.mujoco:solve",
+}
+
+MEANINGS = {
+    "screw": "the screw-based solver of this project",
+    "pinocchio": "Pinocchio on the URDF, minimal cut",
+    "mujoco": "MuJoCo on the MJCF, minimal cut",
+    "pinocchio-full": "Pinocchio, all joints in the tree",
+    "mujoco-full": "MuJoCo, all joints in the tree",
+}
+
+
+def check_engines(names: Iterable[str], where: str = "") -> tuple[str, ...]:
+    """The names, once each, in the order given.
+
+    Raises:
+        UnknownNameError: One of them is no engine.
+    """
+    wanted = list(dict.fromkeys(names))
+    for name in wanted:
+        if name not in ENGINES:
+            raise UnknownNameError("engine", str(name), ENGINES, where)
+    return tuple(wanted)
+
+
+def load_engine(name: str) -> Engine:
+    """Imports an engine.
+
+    Raises:
+        ImportError: Its package is not installed.
+    """
+    module, function = ENGINES[name].split(":")
+    return cast(Engine, getattr(import_module(module), function))
+
+
+def model_suffix(name: str) -> str:
+    """Ending of the generated file that the engine reads; a new engine reads the description."""
+    return {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf", "mujoco-full": "-full.xml"}.get(
+        name, ".toml"
+    )

@@ -1,0 +1,139 @@
+"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import screwgauge
+from screwgauge.assemble import Clock, Names, assemble, component_names, stages
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference import dynamics, screws
+from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.linear import SINGULAR
+from screwgauge.reference.linear import condition as condition_number
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, layout
+from screwgauge.reference.reactions import Reactions
+from screwgauge.reference.rotations import Array
+from screwgauge.rules import singular_note
+from screwgauge.solution import Problem, Solution
+
+
+def solve(problem: Problem) -> Solution:
+    """Positions, rates, accelerations and forces of a mechanism described by TOML."""
+    mechanism = load_mechanism(problem.model)
+    work = _Work(problem, layout(mechanism))
+    solution = assemble(
+        "screw",
+        screwgauge.__version__,
+        f"rule {problem.rule}",
+        problem.motion,
+        work.part,
+        work.names,
+        work.clock,
+        problem.progress,
+    )
+    return replace(solution, notes=singular_note(problem.rule, problem.motion.t, np.array(work.singular)))
+
+
+def tree_columns(mechanism: Mechanism, lay: Layout) -> list[int]:
+    """Columns of the coordinates in the spanning tree, in the order of the description."""
+    kept = {edge.joint.name for edge in lay.tree.edges}
+    return [column for joint in mechanism.joints if joint.name in kept for column in lay.columns[joint.name]]
+
+
+class _Work:
+    """What stays the same from part to part."""
+
+    def __init__(self, problem: Problem, lay: Layout) -> None:
+        self.problem, self.lay, self.clock = problem, lay, Clock()
+        self.tree = tree_columns(lay.mechanism, lay)
+        self.depth = stages(problem.quantities)
+        self.reactions: Reactions | None = None
+        self.singular: list[float] = []  # condition of the rule, sample by sample
+
+    def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
+        wanted, lay = self.problem.quantities, self.lay
+        motion = self.problem.motion.part(rows)
+        out: dict[str, Array] = {}
+        with self.clock.stage("positions"):
+            at = positions(lay, motion.y, motion.t)
+        out["joint_position"] = at.q
+        with self.clock.stage("velocities"):
+            rate = rates(lay, at, motion.yd)
+        out["joint_velocity"] = rate.w
+        out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
+        if self.depth in "af":
+            self._dynamics(rate, motion.ydd, out)
+        with self.clock.stage("condition"):
+            condition = condition_number(rate.A)
+        return {name: array for name, array in out.items() if name in wanted}, condition
+
+    def _dynamics(self, rate: Rates, ydd: Array, out: dict[str, Array]) -> None:
+        lay, problem, n = self.lay, self.problem, len(ydd)
+        with self.clock.stage("accelerations"):
+            out["joint_acceleration"], A = accelerations(lay, rate, ydd)
+            motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
+        out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
+        out["com_acceleration"] = motion.a.reshape(n, -1)
+        gravity = np.array([0.0, 0.0, -9.81]) if problem.gravity is None else problem.gravity
+        if problem.quantities & {"tree_force", "tree_force_soft"}:
+            with self.clock.stage("tree forces"):
+                F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, ())
+                out["tree_force"] = out["tree_force_soft"] = self._tree_force(rate, motion, F, T)
+        if self.depth == "f":
+            with self.clock.stage("forces"):
+                loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
+                F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+                self._forces(rate, motion, F, T, out)
+
+    def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
+        """Power of the required wrenches on the unit motion of each joint of the tree."""
+        wrench = screws.force(F, motion.com) + screws.couple(T)
+        moved = np.einsum("bi,nbx->nix", self.lay.path[1:], wrench)
+        return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
+
+    def _forces(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]) -> None:
+        lay, problem = self.lay, self.problem
+        Q = dynamics.generalized_force(lay, rate, motion, F, T)
+        out["generalized_force"] = Q
+        B = rate.K[:, lay.mechanism.actuated_columns]
+        f = dynamics.min_norm(B, Q)
+        axial = problem.rule == "spherical_axial"
+        if axial or "reaction" in problem.quantities:
+            self.reactions = dynamics.joint_reactions(lay, rate.pose)
+            c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
+            rule = self._rule_rows(rate, B, c.shape[2], axial)
+            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule)
+            if axial:
+                self.singular.extend(condition)
+                unknown[condition > SINGULAR] = np.nan
+                f = unknown[:, len(self.reactions.names) :]
+            out["reaction"] = unknown[:, : len(self.reactions.names)]
+        out["actuator_force"] = f
+
+    def _rule_rows(self, rate: Rates, B: Array, m: int, axial: bool) -> Array:
+        """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56)."""
+        preload = dynamics.preload_space(B)
+        rows = np.zeros((len(B), preload.shape[2], m))
+        if axial and self.reactions is not None and self.lay.mechanism.axial is not None:
+            joint = self.lay.mechanism.axial[0]
+            columns = [self.reactions.names.index(f"{joint}.f{axis}") for axis in "xyz"]
+            rows[:, :, columns] = dynamics.axial_directions(self.lay, rate.pose)
+        else:
+            rows[:, :, m - B.shape[1] :] = preload.swapaxes(1, 2)
+        return rows
+
+    def names(self) -> Names:
+        mechanism = self.lay.mechanism
+        reactions = ((), ()) if self.reactions is None else (self.reactions.names, self.reactions.units)
+        return component_names(
+            mechanism.joints,
+            [body.name for body in mechanism.bodies],
+            mechanism.independent,
+            [mechanism.coordinates[i] for i in self.tree],
+            mechanism.actuator_names,
+            reactions,
+        )

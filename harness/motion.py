@@ -1,0 +1,105 @@
+"""Motions of the independent coordinates: sums of harmonics, polynomials, or samples from a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.description import check_keys, required
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Motion
+
+Drive = Callable[[Array], Motion]
+"""Takes times [s], shape (n,)."""
+
+
+def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple[Drive, Array | None]:
+    """Reads ``[motion]``.
+
+    Args:
+        labels: Labels of the independent coordinates, in order.
+        folder: Where a CSV file is looked for.
+
+    Returns:
+        The motion as a function of time, and the times of a CSV file, if it is one.
+
+    Raises:
+        DescriptionError: It cannot be read.
+    """
+    if isinstance(table, dict) and "csv" in table:
+        check_keys(table, {"csv"}, where)
+        return _sampled(folder / str(table["csv"]), labels)
+    check_keys(table, labels, where)
+    terms = {label: _terms(required(table, label, where), f"{where}.{label}") for label in labels}
+    return (lambda t: _analytic(terms, t)), None
+
+
+def _terms(table: Any, where: str) -> tuple[Array, Array]:
+    """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
+    check_keys(table, {"offset", "harmonics", "polynomial"}, where)
+    raw = table.get("polynomial", [0])
+    if not isinstance(raw, list) or not raw:
+        raise DescriptionError("is not a list of coefficients", f"{where}.polynomial", "write [c0, c1, ...]")
+    polynomial = vector(raw, f"{where}.polynomial", len(raw))
+    polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
+    harmonics = table.get("harmonics", [])
+    if not isinstance(harmonics, list):
+        raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
+    rows = [vector(row, f"{where}.harmonics") for row in harmonics]
+    return polynomial, np.array(rows).reshape(-1, 3)
+
+
+def _analytic(terms: Mapping[str, tuple[Array, Array]], t: Array) -> Motion:
+    y, yd, ydd = (np.empty((len(t), len(terms))) for _ in range(3))
+    for k, (coefficients, harmonics) in enumerate(terms.values()):
+        polynomial = np.polynomial.Polynomial(coefficients)
+        y[:, k], yd[:, k], ydd[:, k] = polynomial(t), polynomial.deriv(1)(t), polynomial.deriv(2)(t)
+        for omega, c, s in harmonics:
+            cos, sin = np.cos(omega * t), np.sin(omega * t)
+            y[:, k] += c * cos + s * sin
+            yd[:, k] += omega * (s * cos - c * sin)
+            ydd[:, k] -= omega**2 * (c * cos + s * sin)
+    return Motion(t, y, yd, ydd)
+
+
+def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
+    """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
+    import pandas as pd
+
+    try:
+        data = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
+    wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
+    for column in wanted:
+        if column not in data.columns:
+            raise DescriptionError(
+                f"column '{column}' is missing", str(path), f"give all of {', '.join(wanted)} (derivatives are required)"
+            )
+        values = pd.to_numeric(data[column], errors="coerce").to_numpy(dtype=float)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise DescriptionError(
+                f"column '{column}' is not a finite number in data row {bad[0] + 1}", str(path), "complete the samples"
+            )
+        data[column] = values
+    t = data["t"].to_numpy(dtype=float)
+    if not len(t) or (np.diff(t) <= 0).any():
+        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    arrays = [data[[f"{label}{order}" for label in labels]].to_numpy(dtype=float) for order in ("", "d", "dd")]
+
+    def drive(times: Array) -> Motion:
+        rows = np.searchsorted(t, times).clip(max=len(t) - 1)
+        wrong = np.flatnonzero(t[rows] != times)
+        if wrong.size:
+            raise DescriptionError(
+                f"has no sample at t = {times[wrong[0]]:g} s", str(path), "ask for times of the file; none are interpolated"
+            )
+        return Motion(times.copy(), *(array[rows].copy() for array in arrays))
+
+    return drive, t

@@ -1,0 +1,94 @@
+"""The quantities that engines are compared in: names, meaning, and the natural scale of each unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import layout, pose
+
+G0 = 9.81  # [m/s^2], only a scale
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity that engines compute.
+
+    Attributes:
+        needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
+        tolerance: Scaled error up to which two engines agree.
+        ruled: Whether a rule fixes what redundant actuation leaves open.
+    """
+
+    name: str
+    meaning: str
+    needs: str
+    tolerance: float
+    ruled: bool = False
+
+
+# 1e-11: rounding (2.2e-16) times the condition of the closure and force systems (up to 1e3 away from singular
+# poses) leaves about 12.5 digits; a wrong term leaves none. 1e-12 where nothing is solved: recursions only.
+SOLVED, RECURSIVE = 1e-11, 1e-12
+
+QUANTITIES = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("joint_position", "all joint coordinates", "q", SOLVED),
+        Quantity("joint_velocity", "their rates", "v", SOLVED),
+        Quantity("joint_acceleration", "their second derivatives", "a", SOLVED),
+        Quantity("body_angular_velocity", "angular velocity of each body, world axes", "v", SOLVED),
+        Quantity("body_angular_acceleration", "angular acceleration of each body, world axes", "a", SOLVED),
+        Quantity("com_acceleration", "acceleration of each centre of mass, world axes", "a", SOLVED),
+        Quantity("tree_force", "joint forces of the open tree: RNEA against mj_inverse", "a", RECURSIVE),
+        Quantity("tree_force_soft", "the same with MuJoCo's equality constraints on", "a", RECURSIVE),
+        Quantity("generalized_force", "what the actuators must deliver for each coordinate", "f", SOLVED),
+        Quantity("actuator_force", "force of each actuator", "f", SOLVED, ruled=True),
+        Quantity("reaction", "every constraint force and moment, predecessor on successor", "f", SOLVED, ruled=True),
+    )
+}
+
+
+def check_quantities(names: Iterable[str], where: str = "") -> tuple[str, ...]:
+    """The names in the order of the table.
+
+    Raises:
+        UnknownNameError: One of them is no quantity.
+    """
+    wanted = list(names)
+    for name in wanted:
+        if name not in QUANTITIES:
+            raise UnknownNameError("quantity", name, QUANTITIES, where)
+    return tuple(name for name in QUANTITIES if name in wanted)
+
+
+def length(mechanism: Mechanism) -> float:
+    """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
+    at = pose(layout(mechanism), mechanism.home[None])
+    index = mechanism.body_index
+    points = [at.p[0, index[b.name]] + at.R[0, index[b.name]] @ b.com for b in mechanism.bodies]
+    for joint in mechanism.joints:
+        for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+            points.append(at.p[0, index[side]] + at.R[0, index[side]] @ frame.p)
+    cloud = np.array(points)
+    return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
+
+
+def natural_scales(mechanism: Mechanism) -> dict[str, float]:
+    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L."""
+    L, M = length(mechanism), mechanism.mass
+    return {
+        "rad": 1.0,
+        "m": L,
+        "rad/s": (G0 / L) ** 0.5,
+        "m/s": (G0 * L) ** 0.5,
+        "rad/s^2": G0 / L,
+        "m/s^2": G0,
+        "N": M * G0,
+        "N m": M * G0 * L,
+        "W": M * G0 * (G0 * L) ** 0.5,
+    }

@@ -1,0 +1,145 @@
+"""What an engine is given and what it returns: `Problem` -> `Solution`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+
+Progress = Callable[[float], None]
+"""Takes the share of the work that is done, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """The independent coordinates over time.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
+    """
+
+    t: Array
+    y: Array
+    yd: Array
+    ydd: Array
+
+    def __post_init__(self) -> None:
+        for array in (self.t, self.y, self.yd, self.ydd):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def part(self, rows: slice) -> Motion:
+        return Motion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """A constant force and moment on a body, in world axes.
+
+    Attributes:
+        body: Body that the load acts on (signs of an opposite reading are already applied).
+        point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
+        force: [N]. Shape (3,).
+        torque: [N m]. Shape (3,).
+    """
+
+    body: str
+    point: Array | None
+    force: Array
+    torque: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """All that an engine is given; it closes its own loops.
+
+    Attributes:
+        model: Its model file: mechanism TOML, URDF or MJCF.
+        loops: The loops file beside it: what URDF and MJCF cannot say.
+        gravity: World axes [m/s^2], shape (3,); None leaves the model file's own.
+        rule: ``min_norm`` or ``spherical_axial``.
+        quantities: Names of what is wanted; nothing else is computed.
+    """
+
+    model: Path
+    loops: Path | None
+    gravity: Array | None
+    loads: tuple[Load, ...]
+    rule: str
+    motion: Motion
+    quantities: frozenset[str]
+    progress: Progress = lambda share: None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Values:
+    """One quantity over time. `array` has shape (n_sample, n_component)."""
+
+    components: tuple[str, ...]
+    units: tuple[str, ...]
+    array: Array
+
+    def __post_init__(self) -> None:
+        if self.array.ndim != 2 or self.array.shape[1] != len(self.components) != len(self.units):
+            raise ValueError(f"{self.array.shape} values for {len(self.components)} components")
+        self.array.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """One measured stage. `covers` says what the clock covers."""
+
+    engine: str
+    setting: str
+    stage: str
+    n_sample: int
+    min_s: float
+    median_s: float
+    covers: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """What an engine returns.
+
+    Attributes:
+        values: Quantity -> values.
+        condition: Condition number of the closure rows with the selection of y. Shape (n,).
+        notes: Sentences for the report, such as samples where a rule is singular.
+        tolerances: Absolute tolerances that the engine derives itself, quantity -> value.
+    """
+
+    engine: str
+    version: str
+    values: Mapping[str, Values]
+    condition: Array
+    timings: tuple[Timing, ...] = ()
+    notes: tuple[str, ...] = ()
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An engine that is missing or raised."""
+
+    engine: str
+    reason: str
+
+
+class Engine(Protocol):
+    """An engine is a function from a problem to a solution."""
+
+    def __call__(self, problem: Problem) -> Solution: ...
+
+
+def empty(n: int) -> Array:
+    """An array that shows what was never written. Shape (n,)."""
+    return np.full(n, np.nan)

@@ -1,0 +1,69 @@
+"""Writes all model files of a mechanism: both cuts as URDF, loops file and MJCF."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence, Set
+from pathlib import Path
+
+from screwgauge.models.layout import CUTS
+from screwgauge.models.loops import write_loops
+from screwgauge.models.mjcf import write_mjcf
+from screwgauge.models.urdf import write_urdf
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+def stem(name: str, cut: str) -> str:
+    """``NAME`` for the minimal cut, ``NAME-full`` for the full one."""
+    return name if cut == "minimal" else f"{name}-{cut}"
+
+
+def model_texts(
+    mechanism: Mechanism, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
+) -> dict[str, str]:
+    """File name -> text of every model file.
+
+    Args:
+        gravity: World axes [m/s^2], written to the MJCF. Shape (3,).
+        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`.
+    """
+    texts = {}
+    for cut in CUTS:
+        name = stem(mechanism.name, cut)
+        texts[f"{name}.urdf"] = write_urdf(mechanism, cut, include=include)
+        texts[f"{name}.xml"] = write_mjcf(mechanism, cut, gravity=gravity, include=include)
+        texts[f"{name}.loops.toml"] = write_loops(mechanism, cut)
+    return texts
+
+
+def write_models(
+    mechanism: Mechanism,
+    out: Path,
+    *,
+    gravity: Sequence[float] | Array = GRAVITY,
+    include: Set[str] = frozenset(),
+) -> list[Path]:
+    """Writes the model files into a folder, all or none.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    texts = model_texts(mechanism, gravity=gravity, include=include)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        # Beside their destination, so that moving them is one rename each that cannot run out of space.
+        with tempfile.TemporaryDirectory(dir=out, prefix=".models-") as folder:
+            for name, text in texts.items():
+                (Path(folder) / name).write_text(text, encoding="utf-8")
+            for name in texts:
+                os.replace(Path(folder) / name, out / name)
+    except OSError as error:
+        raise OutputError(
+            f"the model files cannot be written ({error.strerror})", str(out), "name a folder that can be written"
+        ) from None
+    return [out / name for name in texts]

@@ -1,0 +1,215 @@
+"""A mechanism cut open: the tree and its closures from which URDF, MJCF and loops file are all written."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+#: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint that
+#: closes a loop leads to a copy of its body, welded to the body itself.
+CUTS = ("minimal", "full")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Freedom:
+    """One elementary joint. `axis` is in the joint frame, shape (3,); `limits` [rad or m], shape (2,)."""
+
+    coordinate: str
+    turns: bool
+    axis: Array
+    home: float
+    limits: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A body of the tree, or a copy of one, with the joint that leads to it.
+
+    Attributes:
+        name: The body's name, or ``body@joint`` for a copy.
+        original: Name of the body in the description.
+        body: Its share of the mass and inertia of the original.
+        near: Link on the ground side.
+        reverse: The description declares the joint from this link towards `near`.
+    """
+
+    name: str
+    original: str
+    body: Body
+    near: str
+    joint: Joint
+    reverse: bool
+
+    @property
+    def near_frame(self) -> Frame:
+        """The joint's frame in `near`."""
+        return self.joint.child_frame if self.reverse else self.joint.parent_frame
+
+    @property
+    def far_frame(self) -> Frame:
+        """The joint's frame in this link."""
+        return self.joint.parent_frame if self.reverse else self.joint.child_frame
+
+    @property
+    def freedoms(self) -> tuple[Freedom, ...]:
+        """The joint's freedoms as walked from ground; coordinates keep their names and values."""
+        joint, sign = self.joint, -1.0 if self.reverse else 1.0
+        declared = tuple(
+            Freedom(coordinate, turns, sign * axis, float(home), limits)
+            for coordinate, (turns, axis), home, limits in zip(
+                joint.coordinates, joint.freedoms, joint.home, joint.limits, strict=True
+            )
+        )
+        return declared[::-1] if self.reverse else declared
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closure:
+    """What holds a loop closed.
+
+    Attributes:
+        joint: The joint of the description that closes the loop.
+        type: ``point`` (S), ``points`` (R: two points of its axis) or ``weld`` (of a copy).
+        parent, child: Links on the joint's two sides; of a weld the original and its copy.
+        parent_points, child_points: Points of the two links that coincide [m]. Shape (n, 3); none for a weld.
+        parent_frame, child_frame: The joint's frames in the two links; of a weld the frames that coincide.
+    """
+
+    joint: str
+    type: str
+    parent: str
+    child: str
+    parent_points: Array
+    child_points: Array
+    parent_frame: Frame
+    child_frame: Frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tree:
+    """A cut mechanism. `links` are in depth-first order, each after its `near`; ground is not among them."""
+
+    mechanism: Mechanism
+    cut: str
+    links: tuple[Link, ...]
+    closures: tuple[Closure, ...]
+
+    @property
+    def freedoms(self) -> tuple[Freedom, ...]:
+        return tuple(freedom for link in self.links for freedom in link.freedoms)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the tree's coordinates, from ground outwards."""
+        return tuple(freedom.coordinate for freedom in self.freedoms)
+
+
+def lay_out(mechanism: Mechanism, cut: str) -> Tree:
+    """Cuts the loops of a mechanism open.
+
+    Args:
+        cut: One of `CUTS`.
+
+    Raises:
+        UnknownNameError: There is no such cut.
+        DescriptionError: A joint cannot be cut, or a name is taken.
+    """
+    if cut not in CUTS:
+        raise UnknownNameError("cut", cut, CUTS)
+    spanning = spanning_tree(mechanism)
+    branches = [_Branch(edge.near, edge.far, edge.far, edge.joint, edge.reverse) for edge in spanning.edges]
+    if cut == "full":
+        copies = [_copy_branch(joint) for joint in spanning.cuts]
+        branches += copies
+        closures = tuple(_weld(branch) for branch in copies)
+    else:
+        closures = tuple(_closure(joint, mechanism) for joint in spanning.cuts)
+    _check_names(branches, mechanism)
+    shares = Counter(branch.original for branch in branches)
+    links = (_link(branch, mechanism, shares) for branch in _depth_first(branches, mechanism))
+    return Tree(mechanism, cut, tuple(links), closures)
+
+
+def length_scale(mechanism: Mechanism) -> float:
+    """The largest distance that the description names [m]; 1 if it names none."""
+    lengths = [1e-300]
+    for joint in mechanism.joints:
+        lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
+        lengths += [abs(float(home)) for (turns, _), home in zip(joint.freedoms, joint.home, strict=True) if not turns]
+    return max(lengths) if max(lengths) > 1e-300 else 1.0
+
+
+class _Branch(NamedTuple):
+    near: str
+    name: str
+    original: str
+    joint: Joint
+    reverse: bool
+
+
+def _copy_branch(joint: Joint) -> _Branch:
+    """A copy of the far body of a cut joint; ground cannot be copied, so there it is the near one."""
+    reverse = joint.child == GROUND
+    near, far = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
+    return _Branch(near, f"{far}@{joint.name}", far, joint, reverse)
+
+
+def _weld(branch: _Branch) -> Closure:
+    frame = branch.joint.parent_frame if branch.reverse else branch.joint.child_frame
+    none = np.zeros((0, 3))
+    return Closure(branch.joint.name, "weld", branch.original, branch.name, none, none, frame, frame)
+
+
+def _closure(joint: Joint, mechanism: Mechanism) -> Closure:
+    """Points of both bodies that a cut joint keeps together."""
+    if joint.kind == "S":
+        kind, arms = "point", np.zeros((1, 3))
+    elif joint.kind == "R":
+        half = 0.5 * length_scale(mechanism) * joint.axes[0]
+        kind, arms = "points", np.array([half, -half])
+    else:
+        raise DescriptionError(
+            f"a {joint.kind} joint that closes a loop cannot be cut as points",
+            joint.where or joint.name,
+            "write it as R, P and S joints on bodies of their own, or use the full cut",
+        )
+    frames = joint.parent_frame, joint.child_frame
+    points = [frame.p + arms @ frame.R.T for frame in frames]
+    return Closure(joint.name, kind, joint.parent, joint.child, *points, *frames)
+
+
+def _depth_first(branches: list[_Branch], mechanism: Mechanism) -> list[_Branch]:
+    """Chain after chain from ground, side branches in the order of the description."""
+    order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
+    onward: dict[str, list[_Branch]] = {}
+    for branch in sorted(branches, key=lambda branch: -order[branch.joint.name]):
+        onward.setdefault(branch.near, []).append(branch)
+    walked, stack = [], list(onward.get(GROUND, []))
+    while stack:
+        walked.append(stack.pop())
+        stack += onward.get(walked[-1].name, [])
+    return walked
+
+
+def _link(branch: _Branch, mechanism: Mechanism, shares: Counter[str]) -> Link:
+    whole, parts = mechanism.body(branch.original), shares[branch.original]
+    share = Body(branch.name, whole.mass / parts, whole.com, whole.inertia / parts, whole.where)
+    return Link(branch.name, branch.original, share, branch.near, branch.joint, branch.reverse)
+
+
+def _check_names(branches: list[_Branch], mechanism: Mechanism) -> None:
+    names = Counter(branch.name for branch in branches)
+    names["world"] += 1  # MuJoCo's own name of its root
+    for name, count in names.items():
+        if count > 1:
+            raise DescriptionError(
+                f"the name '{name}' is needed for the models", mechanism.where or mechanism.name, "rename that body"
+            )

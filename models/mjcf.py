@@ -1,0 +1,175 @@
+"""Writes MJCF: composite joints as several joints of one body, closures as equality constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
+from screwgauge.models.placement import compose, inverse, number_text, quaternion, vector_text
+from screwgauge.models.view import add_contact_pairs, add_geoms, add_sensors
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+from screwgauge.reference.rotations import Array
+
+#: What a model can have beyond its mechanics. Contacts bring geoms with them.
+PARTS = ("contacts", "limits", "geoms", "sensors")
+
+
+def write_mjcf(
+    mechanism: Mechanism,
+    cut: str,
+    *,
+    gravity: Sequence[float] | Array = (0.0, 0.0, -9.81),
+    include: Set[str] = frozenset(),
+) -> str:
+    """A cut mechanism as MJCF, closures included.
+
+    Args:
+        cut: ``minimal`` or ``full``.
+        gravity: World axes [m/s^2]. Shape (3,).
+        include: Some of `PARTS`; nothing of the others is written, and their pipeline stages are switched off.
+
+    Raises:
+        UnknownNameError: No such cut or part.
+    """
+    for part in sorted(include):
+        if part not in PARTS:
+            raise UnknownNameError("part", part, PARTS)
+    if "contacts" in include:
+        include = {*include, "geoms"}
+    tree = lay_out(mechanism, cut)
+    root = ET.Element("mujoco", model=mechanism.name)
+    root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
+    _settings(root, gravity, include)
+    bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
+    if "geoms" in include:
+        add_geoms(bodies, tree, solid="contacts" in include)
+    _closures(root, bodies, tree.closures)
+    if "contacts" in include:
+        add_contact_pairs(root, tree)
+    _actuators(root, mechanism)
+    if "sensors" in include:
+        add_sensors(root, tree)
+    if tree.links:
+        key = ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="home")
+        key.set("qpos", vector_text([freedom.home for freedom in tree.freedoms]))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def site_names(closure: Closure) -> list[tuple[str, str]]:
+    """Names of the sites on the closure's parent and child that its equality constraints join.
+
+    A ``points`` closure has ``@parent`` and ``@child`` sites too, in the joint's frames.
+    """
+    if closure.type == "weld":
+        return [(f"{closure.joint}@weld", f"{closure.joint}@copy")]
+    if closure.type == "point":
+        return [(f"{closure.joint}@parent", f"{closure.joint}@child")]
+    count = len(closure.parent_points)
+    return [(f"{closure.joint}@parent{i + 1}", f"{closure.joint}@child{i + 1}") for i in range(count)]
+
+
+def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
+    # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would make of them.
+    ET.SubElement(
+        root,
+        "compiler",
+        angle="radian",
+        inertiafromgeom="false",
+        balanceinertia="false",
+        boundmass="0",
+        boundinertia="0",
+        fusestatic="false",
+    )
+    option = ET.SubElement(root, "option", gravity=vector_text(gravity), jacobian="dense")
+    stages = {"contact": "contacts", "limit": "limits", "sensor": "sensors"}
+    off = {stage: "disable" for stage, part in stages.items() if part not in include}
+    if off:
+        ET.SubElement(option, "flag", off)
+
+
+def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
+    """Nested bodies; ground is a fixed body so that every body of the description has its name in the file."""
+    bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
+    for link in tree.links:
+        element = ET.SubElement(bodies[link.near], "body", name=link.name)
+        _place(element, compose(link.near_frame, inverse(link.far_frame)))
+        _inertial(element, link.body)
+        for freedom in link.freedoms:
+            _joint(element, freedom, link, limited)
+        bodies[link.name] = element
+    return bodies
+
+
+def _place(element: ET.Element, frame: Frame) -> None:
+    """Sets pos and quat where they are not zero and one."""
+    if frame.p.any():
+        element.set("pos", vector_text(frame.p))
+    if not np.array_equal(frame.R, np.eye(3)):
+        element.set("quat", vector_text(quaternion(frame.R)))
+
+
+def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
+    """One of the joints of a body, which MuJoCo applies in turn: each is carried by those before it.
+
+    near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, seen from the body frame.
+    """
+    frame = link.far_frame
+    joint = ET.SubElement(element, "joint", name=freedom.coordinate)
+    joint.set("type", "hinge" if freedom.turns else "slide")
+    if frame.p.any():
+        joint.set("pos", vector_text(frame.p))
+    joint.set("axis", vector_text(frame.R @ freedom.axis))
+    if limited and np.isfinite(freedom.limits).any():
+        joint.set("limited", "true")
+        joint.set("range", vector_text(np.clip(freedom.limits, -1e10, 1e10)))
+
+
+def _inertial(element: ET.Element, body: Body) -> None:
+    inertial = ET.SubElement(element, "inertial", pos=vector_text(body.com), mass=number_text(body.mass))
+    order = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx yy zz xy xz yz, not URDF's order
+    inertial.set("fullinertia", vector_text(body.inertia[order]))
+
+
+def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequence[Closure]) -> None:
+    if not closures:
+        return
+    equality = ET.SubElement(root, "equality")
+    for closure in closures:
+        sides = ((closure.parent, closure.parent_frame), (closure.child, closure.child_frame))
+        if closure.type == "weld":
+            for (body, frame), name in zip(sides, site_names(closure)[0], strict=True):
+                _site(bodies[body], name, frame)
+        else:
+            for (body, frame), side in zip(sides, ("parent", "child"), strict=True):
+                _site(bodies[body], f"{closure.joint}@{side}", frame)
+        _equalities(equality, bodies, closure)
+
+
+def _equalities(equality: ET.Element, bodies: dict[str, ET.Element], closure: Closure) -> None:
+    pairs = site_names(closure)
+    for i, (site1, site2) in enumerate(pairs):
+        name = closure.joint if len(pairs) == 1 else f"{closure.joint}.{i + 1}"
+        if closure.type == "points":
+            _site(bodies[closure.parent], site1, Frame(p=closure.parent_points[i]))
+            _site(bodies[closure.child], site2, Frame(p=closure.child_points[i]))
+        kind = "weld" if closure.type == "weld" else "connect"
+        row = ET.SubElement(equality, kind, name=name, site1=site1, site2=site2)
+        if kind == "weld":
+            row.set("torquescale", "1")
+
+
+def _site(body: ET.Element, name: str, frame: Frame) -> None:
+    _place(ET.SubElement(body, "site", name=name), frame)
+
+
+def _actuators(root: ET.Element, mechanism: Mechanism) -> None:
+    if not mechanism.actuators:
+        return
+    actuator = ET.SubElement(root, "actuator")
+    for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
+        ET.SubElement(actuator, "motor", name=name, joint=joint.coordinates[0])

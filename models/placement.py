@@ -1,0 +1,64 @@
+"""Placements as the file formats write them: exact numbers, roll-pitch-yaw, quaternions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from screwgauge.reference.mechanism import Frame
+from screwgauge.reference.rotations import Array
+
+
+def number_text(value: float) -> str:
+    """The shortest text that reads back as the same float64; at most 17 digits."""
+    text = repr(float(value) + 0.0)  # + 0.0 makes -0 a plain zero
+    return text.removesuffix(".0")
+
+
+def vector_text(values: ArrayLike) -> str:
+    """Numbers with blanks between them, as XML attributes want them."""
+    return " ".join(number_text(value) for value in np.ravel(values))
+
+
+def inverse(frame: Frame) -> Frame:
+    return Frame(p=-frame.R.T @ frame.p, R=frame.R.T)
+
+
+def compose(first: Frame, second: Frame) -> Frame:
+    return Frame(p=first.p + first.R @ second.p, R=first.R @ second.R)
+
+
+def rpy(R: Array) -> Array:
+    """Angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as URDF has them. Shape (3, 3) -> (3,).
+
+    Pitch and roll are read after yaw is taken off, so that the three together give `R` even where yaw and roll
+    turn about nearly the same axis.
+    """
+    yaw = math.atan2(R[1, 0], R[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return np.array([roll, pitch, yaw])
+
+
+def quaternion(R: Array) -> Array:
+    """Unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (3, 3) -> (4,).
+
+    The row with the largest component is used, so that nothing cancels.
+    """
+    t = float(np.trace(R))
+    squares = 0.25 * np.array([1.0 + t, *(1.0 + 2.0 * np.diag(R) - t)])
+    products = 0.25 * np.array(
+        [
+            [0.0, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
+            [0.0, 0.0, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
+            [0.0, 0.0, 0.0, R[1, 2] + R[2, 1]],
+            [0.0, 0.0, 0.0, 0.0],
+        ]
+    )
+    outer = products + products.T + np.diag(squares)
+    row = outer[int(np.argmax(squares))]
+    q = row / np.linalg.norm(row)
+    return -q if q[0] < 0.0 else q

@@ -1,0 +1,95 @@
+"""Writes URDF. A link's frame is the body frame of the description; crosses of composite joints are massless."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from screwgauge.models.layout import Freedom, Link, lay_out
+from screwgauge.models.placement import inverse, number_text, rpy, vector_text
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+
+#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses two
+#: coordinates (cosine and sine) for the angle.
+WIDE = 1e3
+STRONG = 1e9
+
+
+def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
+    """The tree of a cut mechanism as URDF; its closures go to the loops file.
+
+    Args:
+        cut: ``minimal`` or ``full``.
+        include: ``limits`` writes the description's finite limits instead of wide ones.
+    """
+    tree = lay_out(mechanism, cut)
+    robot = ET.Element("robot", name=mechanism.name)
+    robot.append(ET.Comment(f" {cut} cut; loops are closed by the loops file; written by screwgauge models "))
+    ET.SubElement(robot, "link", name=GROUND)
+    for link in tree.links:
+        _add(robot, link, "limits" in include)
+    ET.indent(robot)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add(robot: ET.Element, link: Link, limited: bool) -> None:
+    """The elementary joints that lead to a link, the massless links between them, and the link."""
+    name = link.joint.name
+    names = [f"{name}.cross{i + 1}" for i in range(len(link.freedoms) - 1)]
+    mounted = not link.far_frame.is_identity
+    names.append(frame_link(link) if mounted else link.name)
+    near, frame = link.near, link.near_frame
+    for freedom, far in zip(link.freedoms, names, strict=True):
+        _elementary(robot, freedom, near, far, frame, limited)
+        if far != link.name:
+            ET.SubElement(robot, "link", name=far)
+        near, frame = far, Frame()
+    if mounted:
+        mount = ET.SubElement(robot, "joint", name=f"{name}.mount", type="fixed")
+        _placement(mount, inverse(link.far_frame))
+        _ends(mount, near, link.name)
+    _inertial(ET.SubElement(robot, "link", name=link.name), link.body)
+
+
+def frame_link(link: Link) -> str:
+    """Name of the massless link that stands in the joint's frame on the far body."""
+    return f"{link.original}@{link.joint.name}.frame"
+
+
+def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
+    kind = "revolute" if freedom.turns else "prismatic"
+    joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
+    _placement(joint, frame)
+    _ends(joint, near, far)
+    ET.SubElement(joint, "axis", xyz=vector_text(freedom.axis))
+    low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
+    ET.SubElement(
+        joint,
+        "limit",
+        lower=number_text(low),
+        upper=number_text(high),
+        effort=number_text(STRONG),
+        velocity=number_text(STRONG),
+    )
+
+
+def _ends(joint: ET.Element, near: str, far: str) -> None:
+    ET.SubElement(joint, "parent", link=near)
+    ET.SubElement(joint, "child", link=far)
+
+
+def _placement(joint: ET.Element, frame: Frame) -> None:
+    if not frame.is_identity:
+        ET.SubElement(joint, "origin", xyz=vector_text(frame.p), rpy=vector_text(rpy(frame.R)))
+
+
+def _inertial(link: ET.Element, body: Body) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=number_text(body.mass))
+    axes = "xyz"
+    entries = [(i, j) for i in range(3) for j in range(i, 3)]  # xx xy xz yy yz zz
+    moments = {f"i{axes[i]}{axes[j]}": number_text(body.inertia[i, j]) for i, j in entries}
+    ET.SubElement(inertial, "inertia", moments)

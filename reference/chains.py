@@ -1,0 +1,74 @@
+"""Closed-form inverse kinematics of U-P-S and U-P-U legs, for the pose of the body that they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.pose import Layout, across, place
+from screwgauge.reference.rotations import Array, triad_angles
+
+
+def closed_form(lay: Layout, y: Array) -> Array | None:
+    """Joint coordinates where every chain has a closed form, else None.
+
+    The output body is placed by the spherical joint that carries the independent coordinates, its remaining angle
+    at its home value; where another chain forbids that (c(a, b) != 0), the loops stay open by that much and
+    Newton's method goes on from here.
+
+    Args:
+        y: Independent coordinates [rad or m]. Shape (n, n_independent).
+
+    Returns:
+        Shape (n, n_q), or None.
+    """
+    mechanism = lay.mechanism
+    chains = serial_chains(mechanism)
+    drivers = [chain for chain in chains if len(chain) == 1 and not chain[0].reverse]
+    legs = [chain for chain in chains if chain not in drivers]
+    if len(drivers) != 1 or sum(len(chain) for chain in chains) != len(mechanism.joints):
+        return None
+    driver = drivers[0][0].joint
+    if not set(mechanism.independent.values()) <= set(driver.coordinates):
+        return None
+    if not all(_has_closed_form(leg) for leg in legs):
+        return None
+    n = len(y)
+    q = np.tile(mechanism.home, (n, 1))
+    q[:, mechanism.independent_columns] = y
+    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    R, p, _ = across(driver, q[:, lay.columns[driver.name]], *ground)
+    for leg in legs:
+        _leg(lay, leg, R, p, q)
+    return q
+
+
+def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
+    """U-P-U or U-P-S with the slide through both centres, along the normal of the first U's axes."""
+    if [edge.joint.kind for edge in chain] not in (["U", "P", "U"], ["U", "P", "S"]):
+        return False
+    if any(edge.reverse for edge in chain):
+        return False
+    base, slide, wrist = (edge.joint for edge in chain)
+    coincide = (base.child_frame, slide.parent_frame, slide.child_frame, wrist.parent_frame)
+    normal = np.cross(base.axes[0], base.axes[1])
+    return all(frame.is_identity for frame in coincide) and bool(np.allclose(slide.axes[0], normal, rtol=0, atol=1e-14))
+
+
+def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> None:
+    """Fills the coordinates of one leg. R, p: pose of the output body, shapes (n, 3, 3), (n, 3)."""
+    base, slide, wrist = (edge.joint for edge in chain)
+    x, yy = base.axes
+    z = np.cross(x, yy)
+    R_wrist, C = place(R, p, wrist.child_frame)
+    AC = (C - base.parent_frame.p) @ base.parent_frame.R  # in the frame of the base joint
+    u, v, w = AC @ x, AC @ yy, AC @ z
+    q1, q2 = np.arctan2(-v, w), np.arctan2(u, np.hypot(v, w))
+    q[:, lay.columns[base.name]] = np.stack([q1, q2], axis=1)
+    q[:, lay.columns[slide.name][0]] = np.sqrt(u * u + v * v + w * w)
+    n = len(q)
+    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    R_leg, _, _ = across(base, q[:, lay.columns[base.name]], *ground)
+    axes = wrist.axes if len(wrist.axes) == 3 else np.vstack([wrist.axes, np.cross(*wrist.axes)])
+    angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, axes)
+    q[:, lay.columns[wrist.name]] = angles[:, : len(wrist.axes)]

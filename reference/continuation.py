@@ -1,0 +1,141 @@
+"""Newton's method on stacks of poses, and the path of poses from home to every sample.
+
+Following the path keeps every sample on the branch that the home pose is on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.rotations import Array
+
+#: Corrects one pose: (q0 (n_q,), y (k,)) -> (q (n_q,), dq/dy (n_q, k)) or None where it does not converge.
+Corrector = Callable[[Array, Array], tuple[Array, Array] | None]
+
+#: Evaluates poses: (q (n, n_q), y (n, k)) -> closing errors (n, m) and their derivative (n, m, n_q).
+Evaluation = Callable[[Array, Array], tuple[Array, Array]]
+
+#: A gap below this [rad and m] is rounding of float64 in products of about ten rotations.
+ROUNDING = 32 * linear.EPS
+#: A loop that stays open by more than this [rad and m] does not close.
+OPEN = 1e-10
+STEP = 0.1  # [rad or m]: Newton from a first-order prediction this far away converges in two or three steps
+SMALLEST = 1e-5
+
+
+def newton(evaluate: Evaluation, q: Array, y: Array, *, most: int = 60) -> tuple[Array, Array, Array]:
+    """Newton's method, sample by sample as far as each needs.
+
+    Args:
+        q: Starting values. Shape (n, n_q).
+        y: Independent coordinates. Shape (n, k).
+
+    Returns:
+        Joint coordinates (n, n_q), the derivative of the closing errors there (n, m, n_q), and the largest
+        closing error of each sample (n,) [rad or m].
+    """
+    q = q.copy()
+    residual, matrix = evaluate(q, y)
+    error = np.abs(residual).max(axis=1, initial=0.0)
+    active = np.flatnonzero(~(error <= ROUNDING))
+    for _ in range(most):
+        if not active.size:
+            break
+        step = linear.solve(matrix[active], -residual[active][..., None])[..., 0]
+        # long steps leave the region where Newton's method converges
+        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+        trial = q[active] + step
+        residual_new, matrix_new = evaluate(trial, y[active])
+        after = np.abs(residual_new).max(axis=1)
+        before = error[active]
+        stalled = (before < 1e-11) & ~(after < 0.5 * before)  # as small as rounding lets it be
+        take = ~stalled | (after < before)
+        rows = active[take]
+        q[rows], residual[rows], matrix[rows], error[rows] = trial[take], residual_new[take], matrix_new[take], after[take]
+        active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after)]
+    return q, matrix, error
+
+
+def check_closed(error: Array, y: Array, t: Array) -> None:
+    """Raises ClosureError at the first sample whose loops stay open. Shapes (n,), (n, k), (n,)."""
+    bad = np.flatnonzero(~(error < OPEN))
+    if bad.size:
+        i = bad[0]
+        raise ClosureError(
+            f"the loops stay open by {error[i]:.3g} at y = {np.array2string(y[i], precision=6)}",
+            f"t = {t[i]:g} s",
+            "shorten the motion or check the geometry",
+        )
+
+
+def corrector(evaluate: Evaluation) -> Corrector:
+    """One-pose Newton with the partial rates d q / d y that predict the next pose."""
+
+    def correct(q: Array, y: Array) -> tuple[Array, Array] | None:
+        found, matrix, error = newton(evaluate, q[None], y[None])
+        if not error[0] < OPEN:
+            return None
+        return found[0], partial_rates(matrix, len(y))[0]
+
+    return correct
+
+
+def partial_rates(A: Array, k: int) -> Array:
+    """Partial rates K with ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
+    right = np.zeros((*A.shape[:2], k))
+    right[:, -k:] = np.eye(k)
+    return linear.solve(A, right)
+
+
+def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array) -> Array:
+    """Starting values for all samples: each is predicted from a corrected pose at most `STEP` away.
+
+    Args:
+        correct: Newton's method for one pose.
+        q_home, y_home: Home pose. Shapes (n_q,), (k,).
+        y: Independent coordinates of all samples. Shape (n, k).
+        t: Their times [s], for messages. Shape (n,).
+
+    Returns:
+        Predicted joint coordinates. Shape (n, n_q).
+
+    Raises:
+        ClosureError: The path leads to where the loops cannot close.
+    """
+    start = np.empty((len(y), len(q_home)))
+    home = correct(q_home, y_home)
+    if home is None:
+        raise ClosureError("the loops do not close there", "home pose", "correct the placements or the home coordinates")
+    (q, K), at = home, y_home
+    for i, target in enumerate(y):
+        if np.abs(target - at).max(initial=0.0) > STEP or i == 0:
+            q, K = _walk(correct, q, K, at, target, float(t[i]))
+            at = target
+        start[i] = q + K @ (target - at)
+    return start
+
+
+def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array, t: float) -> tuple[Array, Array]:
+    """Walks on a straight line from y to target, halving the step where the correction fails."""
+    done, step = 0.0, 1.0
+    length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
+    step = min(1.0, STEP / length)
+    while done < 1.0:
+        reach = min(1.0, done + step)
+        goal = y + reach * (target - y)
+        found = correct(q + K @ ((reach - done) * (target - y)), goal)
+        if found is not None:
+            (q, K), done = found, reach
+        elif step * length <= SMALLEST:
+            raise ClosureError(
+                f"the loops cannot close beyond y = {np.array2string(goal, precision=6)}",
+                f"t = {t:g} s",
+                "shorten the motion or check the geometry",
+            )
+        else:
+            step *= 0.5
+    return q, K

@@ -1,0 +1,180 @@
+"""The Newton-Euler equations of all bodies as one system, ``c Q = m A + W + F_E`` (section 5 of the paper).
+
+Corrected against the paper: gravity as ``m (a - g)``, lever arms from the centre of mass to the point of action,
+the moment of the U-joint's wrist and ``(O - P) x F_S`` are in, and the sign of the load says who exerts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference import linear, screws
+from screwgauge.reference.kinematics import Rates
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyMotion:
+    """Motion of all moving bodies in world axes, gravity not included.
+
+    Attributes:
+        com: Position of the centre of mass [m]. Shape (n, n_body, 3).
+        omega, beta: Angular velocity [rad/s] and acceleration [rad/s^2]. Shape (n, n_body, 3).
+        a: Acceleration of the centre of mass [m/s^2], eqs. (49)-(50). Shape (n, n_body, 3).
+        J: Inertia tensor in world axes [kg m^2], eq. (52). Shape (n, n_body, 3, 3).
+    """
+
+    com: Array
+    omega: Array
+    beta: Array
+    a: Array
+    J: Array
+
+
+def body_motion(lay: Layout, at: Pose, V: Array, A: Array) -> BodyMotion:
+    """Motion of the bodies from their twists `V` and acceleration screws `A`, shape (n, n_body + 1, 6)."""
+    bodies = lay.mechanism.bodies
+    R = at.R[:, 1:]
+    com = at.p[:, 1:] + (R @ np.stack([body.com for body in bodies])[..., None])[..., 0]
+    J = R @ np.stack([body.inertia for body in bodies]) @ R.swapaxes(2, 3)
+    V, A = V[:, 1:], A[:, 1:]
+    return BodyMotion(com, V[..., :3], A[..., :3], screws.acceleration_at(V, A, com), J)
+
+
+def required_wrench(
+    lay: Layout, at: Pose, motion: BodyMotion, gravity: Array, loads: Sequence[tuple[str, Array | None, Array, Array]]
+) -> tuple[Array, Array]:
+    """What joints and actuators must exert on each body: the right side of eqs. (53)-(55).
+
+    Args:
+        gravity: [m/s^2]. Shape (3,).
+        loads: (body, point in it or None for its centre of mass, force [N], torque [N m]), acting on the body.
+
+    Returns:
+        Force [N] and moment about the centre of mass [N m] of each body. Shape (n, n_body, 3) each.
+    """
+    mass = np.array([body.mass for body in lay.mechanism.bodies])
+    F = mass[:, None] * (motion.a - gravity)
+    Jw = (motion.J @ motion.omega[..., None])[..., 0]
+    T = (motion.J @ motion.beta[..., None])[..., 0] + np.cross(motion.omega, Jw)
+    for body, point, force, torque in loads:
+        i = lay.mechanism.body_index[body]
+        F[:, i - 1] -= force
+        T[:, i - 1] -= torque
+        if point is not None:
+            arm = at.R[:, i] @ (point - lay.mechanism.body(body).com)
+            T[:, i - 1] -= np.cross(arm, force)
+    return F, T
+
+
+def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T: Array) -> Array:
+    """What the actuators must deliver for each independent coordinate, by virtual power.
+
+    ``Q_j = sum over bodies of F . d v_com / d yd_j + T . d omega / d yd_j``; unique whatever the preload.
+
+    Returns:
+        [N m or N]. Shape (n, k).
+    """
+    partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:], rate.K, rate.pose.S)
+    linear_part = partial[..., 3:] + np.cross(partial[..., :3], motion.com[:, :, None])
+    return np.asarray(np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, partial[..., :3]))
+
+
+def joint_reactions(lay: Layout, at: Pose) -> Reactions:
+    """The reaction components of all joints at a pose (56 - 4 for the 3-UPS-UPU-S)."""
+    index, joints = lay.mechanism.body_index, lay.mechanism.joints
+    return reaction_components(
+        joints,
+        [at.R[:, index[joint.parent]] for joint in joints],
+        [at.R[:, index[joint.child]] for joint in joints],
+        [at.p[:, index[joint.child]] for joint in joints],
+    )
+
+
+def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Array:
+    """The matrix c of eq. (57): what each unknown exerts on each body (force; moment about its centre of mass).
+
+    Unknowns are the reaction components, then the actuator forces.
+
+    Returns:
+        Shape (n, 6 n_body, n_reaction + n_actuator).
+    """
+    mechanism, index = lay.mechanism, lay.mechanism.body_index
+    n, m = reactions.force.shape[:2]
+    c = np.zeros((n, len(mechanism.bodies) + 1, 6, m + len(mechanism.actuators)))
+
+    def act(column: int, joint_at: int, f: Array, moment: Array, point: Array) -> None:
+        joint = mechanism.joints[joint_at]
+        for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
+            if body:  # the ground needs no balance
+                c[:, body, :3, column] = sign * f
+                c[:, body, 3:, column] = sign * (moment + np.cross(point - com[:, body - 1], f))
+
+    for k, joint_at in enumerate(reactions.joints):
+        act(k, joint_at, reactions.force[:, k], reactions.moment[:, k], reactions.point[:, k])
+    for k, (joint, column) in enumerate(zip(mechanism.actuators, mechanism.actuated_columns, strict=True)):
+        child = index[joint.child]
+        S = at.S[:, column]
+        turns = joint.kind == "R"
+        f = np.zeros((n, 3)) if turns else S[:, 3:]
+        moment = S[:, :3] if turns else np.zeros((n, 3))
+        point = joint_point(joint, at.R[:, child], at.p[:, child])
+        act(m + k, mechanism.joints.index(joint), f, moment, point)
+    return c[:, 1:].reshape(n, -1, m + len(mechanism.actuators))
+
+
+def min_norm(B: Array, Q: Array) -> Array:
+    """The actuator forces of smallest norm with ``B^T f = Q``.
+
+    Args:
+        B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
+        Q: Generalised forces. Shape (n, k).
+
+    Returns:
+        Shape (n, n_actuator).
+    """
+    return linear.solve(B.swapaxes(1, 2), Q[..., None])[..., 0]
+
+
+def preload_space(B: Array) -> Array:
+    """Actuator forces that move nothing, the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
+    U, _, _ = np.linalg.svd(B, full_matrices=True)
+    return np.asarray(U[..., B.shape[-1] :])
+
+
+def axial_directions(lay: Layout, at: Pose) -> Array:
+    """Two directions across the line on which eq. (56) wants the spherical joint's force. Shape (n, 2, 3)."""
+    if lay.mechanism.axial is None:
+        raise ValueError("the mechanism names no joint for this rule")
+    name, direction = lay.mechanism.axial
+    joint = lay.mechanism.joint(name)
+    R = at.R[:, lay.mechanism.body_index[joint.child]]
+    return across_direction(R, direction)
+
+
+def across_direction(R: Array, direction: Array) -> Array:
+    """Two world directions orthogonal to a body-fixed one. Shapes (n, 3, 3), (3,) -> (n, 2, 3)."""
+    basis = np.linalg.svd(direction[None])[2][1:]
+    return np.asarray((R @ basis.T).swapaxes(1, 2))
+
+
+def solve_newton_euler(c: Array, F: Array, T: Array, rule: Array) -> tuple[Array, Array]:
+    """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
+
+    Args:
+        c: From `force_matrix`. Shape (n, 6 n_body, m).
+        F, T: From `required_wrench`. Shape (n, n_body, 3).
+        rule: Rows that fix the redundant actuation, their right side being zero. Shape (n, n_redundant, m).
+
+    Returns:
+        Unknowns in the order of c's columns, shape (n, m), and the condition number of the system, shape (n,).
+    """
+    b = np.concatenate([F, T], axis=2).reshape(len(F), -1)
+    system = np.concatenate([c, rule], axis=1)
+    right = np.concatenate([b, np.zeros(rule.shape[:2])], axis=1)
+    return linear.solve(system, right[..., None])[..., 0], linear.condition(system)

@@ -1,0 +1,61 @@
+"""Linear algebra on stacks of small matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+
+EPS = float(np.finfo(float).eps)
+#: A matrix whose condition number is above this is called singular: fewer than four digits would be left.
+SINGULAR = 1e12
+
+
+def solve(A: Array, b: Array) -> Array:
+    """Solves ``A x = b`` for a stack of square, or consistent tall or wide, matrices.
+
+    Square regular stacks go through LU; all others through the pseudo-inverse (least squares, minimum norm).
+
+    Args:
+        A: Shape (..., m, n).
+        b: Shape (..., m, k).
+
+    Returns:
+        Shape (..., n, k). NaN stays NaN.
+    """
+    if A.shape[-1] == A.shape[-2]:
+        try:
+            return np.asarray(np.linalg.solve(A, b))
+        except np.linalg.LinAlgError:
+            pass  # one matrix of the stack is exactly singular
+    finite = np.isfinite(A).all(axis=(-1, -2), keepdims=True)
+    return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=1e-13) @ b, np.nan)
+
+
+def condition(A: Array) -> Array:
+    """Condition number in the Frobenius norm, infinite where singular. Shape (..., m, n) -> (...).
+
+    At most n times the one in the 2-norm, and an order of magnitude cheaper over a trajectory.
+    """
+    if A.shape[-1] != A.shape[-2]:
+        s = np.linalg.svd(A, compute_uv=False)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.linalg.norm(A, axis=(-2, -1)) * np.sqrt(np.sum(s**-2.0, axis=-1)))
+    try:
+        inverse = np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.linalg.cond(A))
+    return np.asarray(np.linalg.norm(A, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1)))
+
+
+def null_space(A: Array, tolerance: float = 1e-9) -> Array:
+    """Orthonormal basis of the null space of one matrix. Shape (m, n) -> (n, k)."""
+    _, s, Vt = np.linalg.svd(A)
+    rank = int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0
+    return np.asarray(Vt[rank:].T)
+
+
+def rank(A: Array, tolerance: float = 1e-9) -> int:
+    """Rank of one matrix, singular values below `tolerance` of the largest counting as zero."""
+    return A.shape[1] - null_space(A, tolerance).shape[1]

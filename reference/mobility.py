@@ -1,0 +1,124 @@
+"""Freedoms and constraints by reciprocal screws (section 2.2), and which forces are unique."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.dynamics import force_matrix, joint_reactions
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.graph import serial_chains
+from screwgauge.reference.kinematics import closure_system
+from screwgauge.reference.pose import Layout, Pose, chain_screws, loop_matrix
+from screwgauge.reference.rotations import Array
+
+
+def exchange(screw: Array) -> Array:
+    """The operator of eq. (8): swaps the two halves of a screw along its first axis. Shape (6, ...)."""
+    return np.concatenate([screw[3:], screw[:3]])
+
+
+def reciprocal_screws(S: Array) -> Array:
+    """Wrenches ``[force; moment about O]`` that do no work on any column of S, eq. (8).
+
+    Args:
+        S: Screws. Shape (6, m).
+
+    Returns:
+        Orthonormal basis. Shape (6, 6 - rank S).
+    """
+    return linear.null_space(exchange(S).T)
+
+
+def chain_constraints(lay: Layout, at: Pose) -> list[Array]:
+    """Wrenches by which each serial chain constrains the output body, eqs. (9)-(11). Shape (6, r) each."""
+    return [reciprocal_screws(chain_screws(lay, chain, at)[0]) for chain in serial_chains(lay.mechanism)]
+
+
+def output_constraints(lay: Layout, at: Pose) -> Array:
+    """All chain constraints side by side, eq. (12). Shape (6, r)."""
+    return np.concatenate(chain_constraints(lay, at), axis=1)
+
+
+def output_freedoms(lay: Layout, at: Pose) -> Array:
+    """Twists that all chains allow the output body, eqs. (13)-(14), orthonormal. Shape (6, freedoms)."""
+    return reciprocal_screws(output_constraints(lay, at))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mobility:
+    """Counts of a mechanism at a pose.
+
+    Attributes:
+        bodies: Moving bodies.
+        joint_freedoms: Sum of the joints' freedoms.
+        kutzbach: ``6 bodies - constraints``.
+        mobility: Joint freedoms minus the rank of the loops.
+        constraints: Reaction components.
+        constraint_rank: Rank of their columns in the Newton-Euler system.
+        overconstraints: How many of them are redundant.
+        actuation_redundancy: Actuators beyond what the freedoms need.
+        names: Reaction components, then actuators.
+        unique: Whether each is determined by the motion alone, whatever rule fixes the redundancy.
+    """
+
+    bodies: int
+    joint_freedoms: int
+    kutzbach: int
+    mobility: int
+    constraints: int
+    constraint_rank: int
+    overconstraints: int
+    actuation_redundancy: int
+    names: tuple[str, ...]
+    unique: tuple[bool, ...]
+
+
+def mobility(lay: Layout, at: Pose) -> Mobility:
+    """Counts at one pose. `at` holds one sample and is closed."""
+    mechanism = lay.mechanism
+    G = loop_matrix(lay, at)[0]
+    reactions = joint_reactions(lay, at)
+    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([b.com for b in mechanism.bodies])[..., None])[..., 0]
+    c = force_matrix(lay, at, com, reactions)[0]
+    constraints = len(reactions.names)
+    rank = linear.rank(c[:, :constraints])
+    hidden = linear.null_space(c)  # forces that balance among themselves
+    freedoms = len(mechanism.coordinates) - (linear.rank(G) if G.size else 0)
+    return Mobility(
+        bodies=len(mechanism.bodies),
+        joint_freedoms=len(mechanism.coordinates),
+        kutzbach=6 * len(mechanism.bodies) - constraints,
+        mobility=freedoms,
+        constraints=constraints,
+        constraint_rank=rank,
+        overconstraints=constraints - rank,
+        actuation_redundancy=hidden.shape[1] - (constraints - rank),
+        names=(*reactions.names, *mechanism.actuator_names),
+        unique=tuple(bool(row) for row in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9),
+    )
+
+
+def check_independent(lay: Layout, at: Pose) -> None:
+    """Refuses independent coordinates that do not determine the motion at a (closed) pose.
+
+    Raises:
+        DescriptionError: There are too few, too many, or they depend on each other.
+    """
+    mechanism = lay.mechanism
+    A = closure_system(lay, at)[0]
+    k = len(mechanism.independent)
+    G = A[: len(A) - k]
+    freedoms = A.shape[1] - (linear.rank(G) if G.size else 0)
+    names = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
+    where = f"{mechanism.where}, independent"
+    if k != freedoms:
+        raise DescriptionError(
+            f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom", where, f"name {freedoms}"
+        )
+    if linear.rank(A) < A.shape[1]:
+        raise DescriptionError(
+            f"the coordinates {names} are not independent at the home pose", where, "choose others"
+        )
