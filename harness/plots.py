@@ -7,23 +7,32 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from matplotlib.lines import Line2D
 
-from screwgauge.curves import bin_maxima, envelope, sparse, thin
-from screwgauge.figures import Figure, drawable, select, short_labels
-from screwgauge.formatting import file_name, number, unit_text
+from screwgauge.curves import bin_maxima, envelope
+from screwgauge.drawing import (
+    Panel,
+    component_handles,
+    difference_handles,
+    draw_curves,
+    draw_differences,
+    engine_handles,
+    handle,
+    make_panel,
+    pair_look,
+)
+from screwgauge.figures import Figure, drawable
+from screwgauge.formatting import file_name, missing, number, unit_text
 from screwgauge.reference.rotations import Array
 from screwgauge.results import Results
-from screwgauge.sheet import COLOURS, DASHES, GREY, MARKERS, Sheet, Strip, log_scale, style
+from screwgauge.sheet import Sheet, Strip, log_scale, style
 from screwgauge.solution import Values
 
-MAX_CURVES = 12  # in a panel; more cannot be told apart
-FLOOR = 1e-18
+FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A finished picture. `name` is its file name without ending."""
+    """A finished picture; `name` is its file name without ending."""
 
     name: str
     title: str
@@ -36,82 +45,109 @@ def make_plots(results: Results) -> list[Plot]:
     with style():
         for figure in drawable(tuple(results.scene.figures), results.solutions):
             name = f"{len(plots) + 1:02d}-{file_name(figure.title)}"
-            plots.append(Plot(name, figure.title, _draw(figure, results)))
+            plots.append(Plot(name, figure.title, _figure(figure, results)))
         if any(np.isfinite(s.condition).any() for s in results.solutions.values()):
-            plots.append(Plot(f"{len(plots) + 1:02d}-condition", "Condition number", _condition(results)))
+            title = "Condition number of the closure along the path"
+            plots.append(Plot(f"{len(plots) + 1:02d}-condition", title, _condition(title, results)))
     return plots
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Panel:
-    """The components of one panel and their legend labels."""
-
-    label: str
-    columns: list[int]
-    drawn: list[int]
-    names: list[str]
-
-
-def _draw(figure: Figure, results: Results) -> str:
-    values = {
-        engine: solution.values[figure.quantity]
-        for engine, solution in results.solutions.items()
-        if figure.quantity in solution.values
-    }
-    first = next(iter(values.values()))
-    panels = [_panel(label, select(first, figure.unit, patterns), first) for label, patterns in figure.panels]
+def _figure(figure: Figure, results: Results) -> str:
+    values = {e: s.values[figure.quantity] for e, s in results.solutions.items() if figure.quantity in s.values}
+    first, t = next(iter(values.values())), results.times
+    panels = [make_panel(label, patterns, figure.unit, first) for label, patterns in figure.panels]
+    arrays = {engine: _aligned(has, first.components) for engine, has in values.items()}
     keys = list(dict.fromkeys(name for panel in panels for name in panel.names))
-    pairs = list(combinations(values, 2))
-    differences = _differences(panels, values, pairs, results.times)
-    tolerance = _tolerance(figure, results)
-    low, high, zero = _bounds(differences, tolerance)
+    pairs = list(combinations(arrays, 2))
+    lines = [[envelope(arrays[a][:, p.columns], arrays[b][:, p.columns]) for a, b in pairs] for p in panels]
+    tolerance = _tolerance(figure, results) if pairs else None
+    floor, top, zero = _bounds([line for panel in lines for line in panel], tolerance)
     sheet = Sheet(
         figure.title,
         [panel.label for panel in panels],
-        [Strip(_component_handles(keys)), Strip(_engine_handles(list(values)))],
-        notes=[*_left_out(panels), *_gaps(values, panels, results.times)],
-        lower_strips=[Strip(_difference_handles(pairs, tolerance, zero, low))] if pairs else (),
+        [Strip(component_handles(keys)), Strip(engine_handles(list(arrays), len(t)))],
+        notes=[*_left_out(panels), *_gaps(arrays, panels, t)],
+        lower_strips=[Strip(difference_handles(pairs, tolerance, zero))] if pairs else (),
         lower=bool(pairs),
     )
-    unit = unit_text(figure.unit)
+    height = _height([arrays[e][:, p.drawn] for p in panels for e in arrays])
     for ax, panel in zip(sheet.upper, panels, strict=True):
-        _curves(ax, panel, values, keys, results.times)
-    sheet.upper[0].set_ylabel(unit)
-    for i, ax in enumerate(sheet.lower):
-        _difference_lines(ax, [differences[pair][i] for pair in pairs], tolerance, low if zero else None)
+        draw_curves(ax, panel, arrays, keys, t, height)
+    sheet.upper[0].set_ylabel(unit_text(figure.unit))
+    for ax, panel_lines in zip(sheet.lower, lines, strict=False):
+        draw_differences(ax, panel_lines, t, tolerance, floor, zero)
     if sheet.lower:
-        log_scale(sheet.lower[0], low, high)
-        sheet.lower[0].set_ylabel(f"difference\n{unit}")
+        log_scale(sheet.lower[0], floor, top)
+        sheet.lower[0].set_ylabel(f"difference [{unit_text(figure.unit)}]")
     return sheet.svg()
 
 
-def _panel(label: str, columns: list[int], values: Values) -> _Panel:
-    names = short_labels([values.components[i] for i in columns])
-    drawn = list(range(len(columns)))
-    if len(columns) > MAX_CURVES:
-        span = np.ptp(np.nan_to_num(values.array[:, columns]), axis=0)
-        drawn = sorted(np.argsort(-span, kind="stable")[:MAX_CURVES].tolist())
-    return _Panel(label, columns, [columns[i] for i in drawn], [names[i] for i in drawn])
+def _aligned(values: Values, components: Sequence[str]) -> Array:
+    """Columns in the order of the first engine; NaN for a component that this one lacks."""
+    if values.components == tuple(components):
+        return values.array
+    place = {name: i for i, name in enumerate(values.components)}
+    nothing = np.full(len(values.array), np.nan)
+    return np.column_stack([values.array[:, place[n]] if n in place else nothing for n in components])
 
 
-def _left_out(panels: list[_Panel]) -> list[str]:
+def _height(parts: list[Array]) -> float:
+    """Range of all that is drawn."""
+    numbers = np.concatenate([part[np.isfinite(part)] for part in parts])
+    return float(np.ptp(numbers)) if len(numbers) else 1.0
+
+
+def _tolerance(figure: Figure, results: Results) -> float | None:
+    """Tolerance of the scaled error times its scale, if it is the same for every pair."""
+    table = results.errors
+    here = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
+    limits = {number(limit, 4) for limit in here["tolerance"] * here["scale"] if not missing(limit)}
+    return float(limits.pop()) if len(limits) == 1 else None
+
+
+def _bounds(lines: Sequence[Array], tolerance: float | None) -> tuple[float, float, bool]:
+    """Lowest and highest value of the difference axis, and whether any difference is exactly zero."""
+    numbers = np.concatenate([bin_maxima(line, line)[1] for line in lines]) if lines else np.empty(0)
+    seen = numbers[numbers > 0]
+    low = float(seen.min()) if len(seen) else FLOOR
+    high = max(float(seen.max()) if len(seen) else 10 * FLOOR, tolerance or 0.0)
+    zero = bool((numbers == 0).any())
+    floor = 10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0))
+    return max(float(floor), 1e-300), 1.5 * high, zero
+
+
+def _left_out(panels: Sequence[Panel]) -> list[str]:
     kept, total = sum(len(p.drawn) for p in panels), sum(len(p.columns) for p in panels)
     if kept == total:
         return []
-    return [f"Curves: the {kept} of {total} components that move most; differences: all of them."]
+    return [f"Curves: the {kept} of {total} components that move most. Differences: all {total}."]
 
 
-def _gaps(values: Mapping[str, Values], panels: list[_Panel], t: Array) -> list[str]:
+def _gaps(arrays: Mapping[str, Array], panels: Sequence[Panel], t: Array) -> list[str]:
+    """A sentence for each engine that has gaps in this figure."""
     notes, columns = [], [i for panel in panels for i in panel.columns]
-    for engine, has in values.items():
-        bad = np.flatnonzero(~np.isfinite(has.array[:, columns]).all(axis=1))
+    for engine, array in arrays.items():
+        bad = np.flatnonzero(~np.isfinite(array[:, columns]).all(axis=1))
         if len(bad):
-            at = f"t = {number(t[bad[0]])} s"
-            span = at if len(bad) == 1 else f"{at} to {number(t[bad[-1]])} s"
+            span = f"t = {number(t[bad[0]])} s" + (f" to {number(t[bad[-1]])} s" if len(bad) > 1 else "")
             notes.append(f"Gap: {engine} has no number at {len(bad)} of {len(t)} samples ({span}).")
     return notes
 
 
-def _curves(ax: object, panel: _Panel, values: Mapping[str, Values], keys: list[str], t: Array) -> None:
-    """The first engine as lines, the others as sparse marks in the same colours."""
-    axes: Any = ax
+def _condition(title: str, results: Results) -> str:
+    """Condition number of each engine's closure rows, bin by bin the largest."""
+    lines = {
+        e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()
+    }
+    lines = {engine: line for engine, line in lines.items() if np.isfinite(line).any()}
+    handles = [handle(engine, **pair_look(i)) for i, engine in enumerate(lines)]
+    sheet = Sheet(title, [""], [Strip(handles)], lower=False)
+    ax = sheet.upper[0]
+    for i, line in enumerate(lines.values()):
+        ax.plot(*bin_maxima(results.times, line), **pair_look(i), marker="o" if len(line) < 2 else None)
+    low = min(float(np.nanmin(line)) for line in lines.values())
+    high = max(float(np.nanmax(line)) for line in lines.values())
+    if high > 30 * low:
+        log_scale(ax, low, high)
+    ax.set_ylabel("condition number [1]")
+    return sheet.svg()

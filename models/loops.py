@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,7 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
         f"tree = {_list(tree.coordinates)}",
         "",
         "[independent]",
-        *(f"{_text(label)} = {_text(name)}" for label, name in mechanism.independent.items()),
+        *(f"{_key(label)} = {_text(name)}" for label, name in mechanism.independent.items()),
     ]
     if mechanism.axial:
         joint, direction = mechanism.axial
@@ -76,7 +77,7 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
 
 def _joint_lines(joint: Joint) -> list[str]:
     lines = [
-        f"[joints.{_text(joint.name)}]",
+        f"[joints.{_key(joint.name)}]",
         f"kind = {_text(joint.kind)}",
         f"parent = {_text(joint.parent)}",
         f"child = {_text(joint.child)}",
@@ -108,6 +109,10 @@ def _closure_lines(closure: Closure) -> list[str]:
 
 def _text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON strings are TOML strings but for DEL
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
 def _list(values: tuple[str, ...] | list[str]) -> str:

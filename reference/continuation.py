@@ -19,8 +19,8 @@ Corrector = Callable[[Array, Array], tuple[Array, Array] | None]
 #: Evaluates poses: (q (n, n_q), y (n, k)) -> closing errors (n, m) and their derivative (n, m, n_q).
 Evaluation = Callable[[Array, Array], tuple[Array, Array]]
 
-#: A gap below this [rad and m] is rounding of float64 in products of about ten rotations.
-ROUNDING = 32 * linear.EPS
+#: A gap below this [rad and m] is as small as float64 can make it.
+ROUNDING = 4 * linear.EPS
 #: A loop that stays open by more than this [rad and m] does not close.
 OPEN = 1e-10
 STEP = 0.1  # [rad or m]: Newton from a first-order prediction this far away converges in two or three steps

@@ -93,8 +93,8 @@ def rotation_matrix(value: Any, where: str) -> Array:
             raise DescriptionError(
                 f"rotation {step!r} is not understood", where, "write {axis = [0, 0, 1], angle = 'pi/2'}"
             )
-    # cos("pi/2") is 6e-17 in float64; zeros that the text means are kept as zeros.
-    return np.where(np.abs(result) < 2e-16, 0.0, result)
+    # cos("pi/2") comes out as 2e-16 here; zeros that the text means are kept as zeros.
+    return np.where(np.abs(result) < 4e-16, 0.0, result)
 
 
 def _orthonormal(rows: Any, where: str) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -124,6 +124,15 @@ class Joint:
                 )
 
 
+def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
+    """Names of the actuators: ``leg1`` for ``leg1.slide`` where that is unique, else the joint's name."""
+    driven = [joint.name for joint in joints if joint.actuated]
+    groups = [name.rsplit(".", 1)[0] for name in driven]
+    return tuple(
+        group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True)
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """A graph of bodies and joints.
@@ -169,12 +178,7 @@ class Mechanism:
 
     @cached_property
     def actuator_names(self) -> tuple[str, ...]:
-        """``leg1`` for ``leg1.slide`` where that is unique, else the joint's name."""
-        groups = [joint.name.rsplit(".", 1)[0] for joint in self.actuators]
-        return tuple(
-            group if groups.count(group) == 1 else joint.name
-            for group, joint in zip(groups, self.actuators, strict=True)
-        )
+        return actuator_names(self.joints)
 
     def columns(self, names: Mapping[str, str] | tuple[str, ...]) -> list[int]:
         """Positions of named coordinates in the vector of all joint coordinates."""

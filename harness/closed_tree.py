@@ -1,0 +1,216 @@
+"""From an engine's open tree to the closed mechanism: positions, rates, accelerations, forces.
+
+The numbers come from the engine (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
+linear algebra that closes the loops and projects the forces is this module's, and the same for every tree engine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.assemble import Clock, Names, assemble, component_names, stages
+from screwgauge.closure import Loops, make_loops
+from screwgauge.cut_joints import Chart
+from screwgauge.models.loops import LoopsFile
+from screwgauge.reference import linear
+from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
+from screwgauge.reference.dynamics import min_norm
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import actuator_names
+from screwgauge.reference.rotations import Array
+from screwgauge.rules import axial_forces, singular_note
+from screwgauge.solution import Motion, Problem, Solution
+from screwgauge.transmission import joint_reactions
+from screwgauge.tree import BodyPoses, Tree
+
+
+def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
+    """Solves a problem with an engine's open tree."""
+    work = _Work(problem, tree, file)
+    solution = assemble(
+        tree.engine, tree.version, work.setting, problem.motion, work.part, work.names, work.clock, problem.progress
+    )
+    notes = singular_note(problem.rule, problem.motion.t, np.array(work.rule_condition))
+    return replace(solution, notes=notes, tolerances=work.tolerances)
+
+
+class _Work:
+    """What stays the same from part to part, and where the path of poses has got to."""
+
+    def __init__(self, problem: Problem, tree: Tree, file: LoopsFile) -> None:
+        self.problem, self.tree, self.file, self.clock = problem, tree, file, Clock()
+        self.loops: Loops = make_loops(tree, file)
+        self.depth = stages(problem.quantities)
+        self.setting = f"{file.cut} cut, rule {problem.rule}"
+        home = {name: value for j in file.joints for name, value in zip(j.coordinates, j.home, strict=True)}
+        self.q = np.array([home[name] for name in tree.coordinates])
+        self.y = np.array([home[name] for name in file.independent.values()])
+        self.driven = [tree.coordinates.index(j.coordinates[0]) for j in file.joints if j.actuated]
+        self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+        self.rule_condition: list[float] = []
+        self.tolerances: dict[str, float] = {}
+        missing = set(file.bodies) - set(tree.bodies)
+        if missing:
+            raise ModelFileError(
+                f"has no body '{min(missing)}'", f"model of {tree.engine}", "keep the names of the description"
+            )
+
+    def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
+        motion, out = self.problem.motion.part(rows), {}
+        with self.clock.stage("positions"):
+            q, A = self._positions(motion)
+            at = self.tree.poses(q)
+            charts = self.loops.charts(at)
+            out["joint_position"] = self._joints(q, {name: chart.q for name, chart in charts.items()})
+        with self.clock.stage("velocities"):
+            K = partial_rates(A, motion.y.shape[1])
+            v = (K @ motion.yd[..., None])[..., 0]
+            J = {joint.name: self.loops.relative(joint, at.J) for joint in self.loops.cut}
+            cut_v = {name: (chart.rates(J[name]) @ v[..., None])[..., 0] for name, chart in charts.items()}
+            out["joint_velocity"] = self._joints(v, cut_v)
+            bodies = [self.loops.index[name] for name in self.file.bodies]
+            out["body_angular_velocity"] = (at.J[:, bodies, :3] @ v[:, None, :, None]).reshape(len(v), -1)
+        if self.depth in "af":
+            with self.clock.stage("accelerations"):
+                a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
+            self._forces(at, A, K, (q, v, a), out)
+        with self.clock.stage("condition"):
+            condition = linear.condition(A)
+        return {name: array for name, array in out.items() if name in self.problem.quantities}, condition
+
+    def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
+        """Closing errors over y, and their derivative."""
+        at = self.tree.poses(q)
+        charts = self.loops.charts(at)
+        errors, rows = [self.loops.gaps(at)], [self.loops.jacobian(at)]
+        rate_rows = {joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut}
+        for k, (column, joint, i) in enumerate(self.loops.independent):
+            if column is None:
+                value, row = charts[joint].q[:, i], rate_rows[joint][:, i]
+                difference = np.remainder(value - y[:, k] + np.pi, 2 * np.pi) - np.pi  # an angle, read within a turn
+            else:
+                difference, row = q[:, column] - y[:, k], np.tile(np.eye(q.shape[1])[column], (len(q), 1))
+            errors.append(difference[:, None])
+            rows.append(row[:, None])
+        return np.concatenate(errors, axis=1), np.concatenate(rows, axis=1)
+
+    def _positions(self, motion: Motion) -> tuple[Array, Array]:
+        start = follow(corrector(self._evaluate), self.q, self.y, motion.y, motion.t)
+        q, A, error = newton(self._evaluate, start, motion.y)
+        check_closed(error, motion.y, motion.t)
+        self.q, self.y, self.gap = q[-1], motion.y[-1], float(error.max())
+        return q, A
+
+    def _joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
+        """All joint coordinates, in the order of the description."""
+        columns = []
+        for joint in self.file.joints:
+            for i, name in enumerate(joint.coordinates):
+                if joint.name in cut_values:
+                    columns.append(cut_values[joint.name][:, i])
+                else:
+                    columns.append(tree_values[:, self.tree.coordinates.index(name)])
+        return np.stack(columns, axis=1)
+
+    def _accelerations(
+        self,
+        motion: Motion,
+        at: BodyPoses,
+        charts: dict[str, Chart],
+        cut_v: dict[str, Array],
+        A: Array,
+        qv: tuple[Array, Array],
+        out: dict[str, Array],
+    ) -> Array:
+        """Joint accelerations from ``A a = [-Jdot v; ydd - bias]``, with the engine's own Jdot v."""
+        q, v = qv
+        V, bias = self.tree.accelerations(q, v, np.zeros_like(v))
+        right = np.concatenate([-self.loops.bias(at, V, bias), motion.ydd], axis=1)
+        for k, (column, name, i) in enumerate(self.loops.independent):
+            if column is None:
+                right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[:, i]
+        a = linear.solve(A, right[..., None])[..., 0]
+        V, acceleration = self.tree.accelerations(q, v, a)
+        cut_a = {name: self._cut_bias(charts[name], name, cut_v[name], V, acceleration) for name in charts}
+        out["joint_acceleration"] = self._joints(a, cut_a)
+        bodies = [self.loops.index[name] for name in self.file.bodies]
+        out["body_angular_acceleration"] = acceleration[:, bodies, :3].reshape(len(v), -1)
+        com = self.tree.com_accelerations(q, v, a)
+        out["com_acceleration"] = com[:, [b - 1 for b in bodies]].reshape(len(v), -1)
+        m = A.shape[1] - motion.y.shape[1]
+        rate, residual = (A[:, :m] @ v[..., None]), self.loops.bias(at, V, acceleration)
+        self.residuals = np.array([self.gap, np.abs(rate).max(initial=0.0), np.abs(residual).max(initial=0.0)])
+        return a
+
+    def _cut_bias(self, chart: Chart, name: str, rates: Array, V: Array, A: Array) -> Array:
+        joint = next(joint for joint in self.loops.cut if joint.name == name)
+        omega_parent = V[:, self.loops.index[joint.parent], :3]
+        return chart.bias(rates, omega_parent, self.loops.relative(joint, V), self.loops.relative(joint, A))
+
+    def _forces(
+        self, at: BodyPoses, A: Array, K: Array, qva: tuple[Array, Array, Array], out: dict[str, Array]
+    ) -> None:
+        wanted, order = self.problem.quantities, [self.tree.coordinates.index(n) for n in self._tree_names()]
+        if not (wanted & {"tree_force", "tree_force_soft"} or self.depth == "f"):
+            return
+        with self.clock.stage("tree forces"):
+            tau = self.tree.tree_force(*qva)
+        out["tree_force"] = tau[:, order]
+        if "tree_force_soft" in wanted:
+            with self.clock.stage("soft tree forces"):
+                soft, tolerance = self.tree.soft_force(*qva, self.residuals)
+                out["tree_force_soft"] = soft[:, order]
+                known = self.tolerances.get("tree_force_soft", 0.0)
+                self.tolerances["tree_force_soft"] = max(known, tolerance)
+        if self.depth == "f":
+            with self.clock.stage("forces"):
+                self._closed_forces(at, A, K, tau, qva, out)
+
+    def _closed_forces(
+        self, at: BodyPoses, A: Array, K: Array, tau: Array, qva: tuple[Array, Array, Array], out: dict[str, Array]
+    ) -> None:
+        """Generalised and actuator forces by projection, multipliers from what is left."""
+        load = self._loads(at)
+        need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
+        Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
+        B = K[:, self.driven]
+        f = min_norm(B, Q)
+        G = A[:, : A.shape[1] - K.shape[2]]
+        if self.problem.rule == "spherical_axial":
+            f, condition = axial_forces(self.file, self.loops, at, G, need, self.driven)
+            self.rule_condition.extend(condition)
+        out["generalized_force"], out["actuator_force"] = Q, f
+        if "reaction" in self.problem.quantities:
+            rest = need.copy()
+            rest[:, self.driven] -= f
+            multipliers = linear.solve(G.swapaxes(1, 2), rest[..., None])[..., 0]
+            wrench = load + self.loops.wrenches(at, multipliers)
+            found = self.tree.transmitted(*qva, wrench)
+            reactions, out["reaction"] = joint_reactions(self.file, self.tree, self.loops, at, found, multipliers)
+            self.reaction_names = (reactions.names, reactions.units)
+
+    def _loads(self, at: BodyPoses) -> Array:
+        """External force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
+        out = np.zeros((*at.p.shape[:2], 6))
+        for load in self.problem.loads:
+            i = self.loops.index[load.body]
+            arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
+            out[:, i, :3] += load.force
+            out[:, i, 3:] += load.torque + np.cross(arm, load.force)
+        return out
+
+    def _tree_names(self) -> list[str]:
+        """Coordinates of the tree in the order of the description."""
+        return [name for j in self.file.joints for name in j.coordinates if name in self.tree.coordinates]
+
+    def names(self) -> Names:
+        return component_names(
+            self.file.joints,
+            self.file.bodies,
+            self.file.independent,
+            self._tree_names(),
+            actuator_names(self.file.joints),
+            self.reaction_names,
+        )
