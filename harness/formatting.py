@@ -96,7 +96,10 @@ def text_table(head: Sequence[str], body: Sequence[Sequence[str]], right: Iterab
     widths = [max(len(row[i]) for row in [head, *body]) for i in range(len(head))]
 
     def line(row: Sequence[str]) -> str:
-        parts = [text.rjust(w) if i in ends else text.ljust(w) for i, (text, w) in enumerate(zip(row, widths, strict=True))]
+        parts = [
+            text.rjust(w) if i in ends else text.ljust(w)
+            for i, (text, w) in enumerate(zip(row, widths, strict=True))
+        ]
         return "  ".join(parts).rstrip()
 
     return [line(row) for row in [head, *body]]

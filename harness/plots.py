@@ -53,7 +53,9 @@ def make_plots(results: Results) -> list[Plot]:
 
 
 def _figure(figure: Figure, results: Results) -> str:
-    values = {e: s.values[figure.quantity] for e, s in results.solutions.items() if figure.quantity in s.values}
+    values = {
+        e: s.values[figure.quantity] for e, s in results.solutions.items() if figure.quantity in s.values
+    }
     first, t = next(iter(values.values())), results.times
     panels = [make_panel(label, patterns, figure.unit, first) for label, patterns in figure.panels]
     arrays = {engine: _aligned(has, first.components) for engine, has in values.items()}
@@ -136,9 +138,7 @@ def _gaps(arrays: Mapping[str, Array], panels: Sequence[Panel], t: Array) -> lis
 
 def _condition(title: str, results: Results) -> str:
     """Condition number of each engine's closure rows, bin by bin the largest."""
-    lines = {
-        e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()
-    }
+    lines = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
     lines = {engine: line for engine, line in lines.items() if np.isfinite(line).any()}
     handles = [handle(engine, **pair_look(i)) for i, engine in enumerate(lines)]
     sheet = Sheet(title, [""], [Strip(handles)], lower=False)

@@ -93,8 +93,13 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 
 
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
-    """Nested bodies; ground is a fixed body so that every body of the description has its name in the file."""
+    """Nested bodies, ground the fixed one that carries them all.
+
+    Pinocchio reads only the first body below worldbody, and only bodies with an inertial: so ground is one, of
+    no mass.
+    """
     bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
+    ET.SubElement(bodies[GROUND], "inertial", pos="0 0 0", mass="0", diaginertia="0 0 0")
     for link in tree.links:
         element = ET.SubElement(bodies[link.near], "body", name=link.name)
         _place(element, compose(link.near_frame, inverse(link.far_frame)))

@@ -1,0 +1,139 @@
+"""The command line. Only argparse is imported before a command is chosen."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from screwgauge import __version__
+from screwgauge.reference.errors import ScrewgaugeError
+
+DEFAULT_SCENE = "3ups-upu-s"
+EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance; 2 bad input or usage;
+3 an engine failed or is missing"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command.
+
+    Returns:
+        The exit status.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.command(options))
+    except ScrewgaugeError as error:
+        if options.debug:
+            raise
+        print(f"screwgauge: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader of a pipe has gone
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        print("screwgauge: interrupted; nothing was written.", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="screwgauge",
+        description="Do two descriptions of a mechanism's motion agree, by how much, and if not, why?",
+        epilog=EXIT_STATUS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"screwgauge {__version__}")
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    show = commands.add_parser("list", parents=[common], help="what there is to choose from")
+    show.add_argument("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities"])
+    show.set_defaults(command=_list)
+
+    models = commands.add_parser(
+        "models", parents=[common], help="write URDF, MJCF and loops files of a mechanism, both cuts"
+    )
+    models.add_argument("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
+    models.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/MECHANISM")
+    models.add_argument(
+        "--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors"
+    )
+    models.add_argument(
+        "--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description"
+    )
+    models.set_defaults(command=_models)
+
+    run = commands.add_parser(
+        "run",
+        parents=[common],
+        help="drive the engines with a scene, compare them, write the report",
+        epilog=EXIT_STATUS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    run.add_argument("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
+    run.add_argument("--engines", metavar="A,B", help="default: those of the scene")
+    run.add_argument("--quantities", metavar="A,B", help="default: all; nothing else is computed")
+    run.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
+    run.add_argument("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
+    run.add_argument("--json", action="store_true", help="print the summary as JSON")
+    run.set_defaults(command=_run)
+    return parser
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _list(options: argparse.Namespace) -> int:
+    from screwgauge.listing import listing
+
+    print(listing(options.what))
+    return 0
+
+
+def _models(options: argparse.Namespace) -> int:
+    from screwgauge.models.catalog import load_mechanism
+    from screwgauge.models.generate import write_models
+    from screwgauge.preflight import check_home
+
+    mechanism = load_mechanism(options.mechanism)
+    check_home(mechanism)
+    out = options.out or Path("screwgauge-out") / mechanism.name
+    for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
+        print(path)
+    if not options.check:
+        return 0
+    from screwgauge.models.check import check_models, format_rows
+
+    rows = check_models(mechanism, out)
+    print(format_rows(rows))
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _run(options: argparse.Namespace) -> int:
+    from screwgauge.progress import Line
+    from screwgauge.run import run
+    from screwgauge.scene import load_scene
+    from screwgauge.terminal import format_terminal
+    from screwgauge.write import check_writable, summary_text
+
+    scene = load_scene(options.scene)
+    out = options.out or Path("screwgauge-out") / scene.name
+    check_writable(out, samples=options.samples)
+    with Line(sys.stderr) as line:
+        results = run(scene, _names(options.engines), _names(options.quantities), progress=line.show)
+        line.show("report", 0.0)
+        results.write(out, samples=options.samples)
+    if options.json:
+        print(summary_text(results))
+    else:
+        print(format_terminal(results))
+        print(f"\nreport: {out / 'report.html'}")
+    return results.exit_status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""On what a run was made: machine, versions, threads. No path, user or host name; no engine is imported."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PACKAGES = ("screwgauge", "numpy", "pandas", "matplotlib", "pin", "mujoco")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+
+
+def environment() -> dict[str, Any]:
+    """The record that goes into ``environment.json`` and the report."""
+    record: dict[str, Any] = {
+        "platform": platform.platform(),
+        "cpu": _cpu(),
+        "cores": _cores(),
+        "python": platform.python_version(),
+        "packages": _packages(),
+        "blas": _blas(),
+        "threads": {name: os.environ.get(name, "not set") for name in THREADS},
+    }
+    commit = _commit()
+    return {**record, "commit": commit} if commit else record
+
+
+def _packages() -> dict[str, str]:
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _blas() -> str:
+    config = np.show_config(mode="dicts") or {}
+    blas = dict(config).get("Build Dependencies", {}).get("blas", {})
+    return f"{blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
+
+
+def _commit() -> str | None:
+    """Commit of the checkout that this package runs from, marked if files were changed; None elsewhere."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists() or not (root / "pyproject.toml").is_file():
+        return None
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):  # no git, or not a checkout that it trusts
+        return None
+    return done.stdout.strip() or None

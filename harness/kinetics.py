@@ -1,0 +1,93 @@
+"""Motion of all bodies from joint coordinates by classical vector mechanics, for the judge alone.
+
+Deliberately not the screw formulas of `screwgauge.reference`: moving points, ``w x (w x r)`` and ``2 w x v``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.graph import SpanningTree
+from screwgauge.reference.mechanism import Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array, rotation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moving:
+    """A frame in motion, for n samples, world axes.
+
+    Attributes:
+        R, p: Orientation (n, 3, 3) and origin [m] (n, 3).
+        w, v: Angular velocity and velocity of the origin. Shape (n, 3).
+        b, a: Angular acceleration and acceleration of the origin. Shape (n, 3).
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    v: Array
+    b: Array
+    a: Array
+
+    def shifted(self, r: Array, R: Array | None = None) -> Moving:
+        """A frame fixed in the same body, its origin displaced by `r` (world axes, shape (n, 3))."""
+        v = self.v + np.cross(self.w, r)
+        a = self.a + np.cross(self.b, r) + np.cross(self.w, np.cross(self.w, r))
+        return Moving(self.R if R is None else R, self.p + r, self.w, v, self.b, a)
+
+    def frame(self, frame: Frame) -> Moving:
+        """The frame that is placed in this body by `frame`."""
+        return self.shifted(self.R @ frame.p, self.R @ frame.R)
+
+    def body_of(self, frame: Frame) -> Moving:
+        """The body in which this frame is placed by `frame`."""
+        R = self.R @ frame.R.T
+        return self.shifted(-(R @ frame.p), R)
+
+    def turned(self, axis: Array, q: Array, qd: Array, qdd: Array) -> Moving:
+        """After a rotation about an own axis through the origin."""
+        e = self.R @ axis
+        spin = e * qd[:, None]
+        b = self.b + e * qdd[:, None] + np.cross(self.w, spin)
+        return Moving(self.R @ rotation(axis, q), self.p, self.w + spin, self.v, b, self.a)
+
+    def slid(self, axis: Array, q: Array, qd: Array, qdd: Array) -> Moving:
+        """After a translation along an own axis; the second ``w x v`` is Coriolis' acceleration."""
+        e = self.R @ axis
+        there = self.shifted(e * q[:, None])
+        speed = e * qd[:, None]
+        a = there.a + 2.0 * np.cross(self.w, speed) + e * qdd[:, None]
+        return Moving(there.R, there.p, there.w, there.v + speed, there.b, a)
+
+
+def across(joint: Joint, near: Moving, q: Array, qd: Array, qdd: Array, *, reverse: bool) -> Moving:
+    """The body on the other side of a joint. Coordinates and derivatives: shape (n, n_freedom)."""
+    start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
+    sign = -1.0 if reverse else 1.0
+    at = near.frame(start)
+    freedoms = list(enumerate(joint.freedoms))
+    for i, (turns, axis) in freedoms[::-1] if reverse else freedoms:
+        step = at.turned if turns else at.slid
+        at = step(axis, sign * q[:, i], sign * qd[:, i], sign * qdd[:, i])
+    return at.body_of(end)
+
+
+def walk(
+    mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array
+) -> tuple[list[Moving], list[Moving]]:
+    """Motion of every body by the tree (ground first), and of the child of every cut joint by that joint."""
+    columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
+    zero = np.zeros((len(q), 3))
+    ground = Moving(np.tile(np.eye(3), (len(q), 1, 1)), zero, zero, zero, zero, zero)
+    index = mechanism.body_index
+    bodies = [ground] * len(index)
+
+    def cross(joint: Joint, near: Moving, reverse: bool) -> Moving:
+        c = columns[joint.name]
+        return across(joint, near, q[:, c], qd[:, c], qdd[:, c], reverse=reverse)
+
+    for edge in tree.edges:
+        bodies[index[edge.far]] = cross(edge.joint, bodies[index[edge.near]], edge.reverse)
+    return bodies, [cross(joint, bodies[index[joint.parent]], False) for joint in tree.cuts]

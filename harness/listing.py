@@ -1,0 +1,36 @@
+"""What `screwgauge list` shows."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from screwgauge.engines import ENGINES, MEANINGS
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.quantities import QUANTITIES
+from screwgauge.scene import load_scene, scene_names
+
+_PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
+
+
+def listing(what: str | None) -> str:
+    """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, or all of them."""
+    tables = {
+        "mechanisms": lambda: [(name, load_mechanism(name).title) for name in mechanism_names()],
+        "scenes": lambda: [(name, load_scene(name).title) for name in scene_names()],
+        "engines": lambda: [(name, _engine(name)) for name in ENGINES],
+        "quantities": lambda: [(name, quantity.meaning) for name, quantity in QUANTITIES.items()],
+    }
+    if what:
+        return _table(tables[what]())
+    return "\n\n".join(f"{name}\n{_table(rows())}" for name, rows in tables.items())
+
+
+def _engine(name: str) -> str:
+    package = _PACKAGES.get(name.split("-")[0])
+    missing = package is not None and find_spec(package) is None
+    return MEANINGS.get(name, "") + (" (not installed)" if missing else "")
+
+
+def _table(rows: list[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {meaning}" for name, meaning in rows)

@@ -1,0 +1,115 @@
+"""What is checked of a scene before any engine runs: home pose, limits, singular poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
+from screwgauge.reference.kinematics import closure_system, positions
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import Mobility, check_independent, mobility
+from screwgauge.reference.pose import Layout, Pose, layout, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.scene import Scene
+
+PART = 2048
+
+
+def check_home(mechanism: Mechanism) -> Layout:
+    """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
+
+    Raises:
+        ClosureError: A loop stays open at the home pose.
+        DescriptionError: The independent coordinates do not determine the motion.
+    """
+    lay = layout(mechanism)
+    at = pose(lay, mechanism.home[None])
+    for joint, gap in zip(lay.tree.cuts, np.abs(at.gap[0]).max(axis=1, initial=0.0), strict=True):
+        if not gap <= 1e-9:  # home is given in closed form or to ten digits
+            raise ClosureError(
+                f"the loop through joint '{joint.name}' stays open by {gap:.3g} (rad or m) at the home pose",
+                mechanism.where,
+                "correct the placements or the home coordinates",
+            )
+    check_independent(lay, at)
+    return lay
+
+
+def check_scene(scene: Scene) -> Mobility:
+    """Walks the whole motion on the description alone.
+
+    Returns:
+        Counts of the mechanism; a force is called unique only if it is so at every pose looked at.
+
+    Raises:
+        ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
+    """
+    lay = check_home(scene.mechanism)
+    before: tuple[float, float] | None = None
+    for first in range(0, len(scene.motion), PART):
+        motion = scene.motion.part(slice(first, first + PART))
+        at = positions(lay, motion.y, motion.t)
+        _check_limits(scene, at, motion.t)
+        before = _check_regular(lay, at, motion.t, motion.y, before)
+    return _mobility(lay, scene)
+
+
+def _check_limits(scene: Scene, at: Pose, t: Array) -> None:
+    low, high = scene.mechanism.limits.T
+    beyond = (at.q < low) | (at.q > high)
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        name, unit = scene.mechanism.coordinates[k], scene.mechanism.units[k]
+        raise JointLimitError(
+            f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}]",
+            f"t = {t[i]:g} s",
+            "shorten the motion or widen the limits",
+        )
+
+
+def _check_regular(
+    lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    """Condition of the closure system at every sample, and its determinant's sign from one to the next."""
+    A = closure_system(lay, at)
+    condition = linear.condition(A)
+    bad = np.flatnonzero(~(condition <= linear.SINGULAR))
+    if bad.size:
+        i = bad[0]
+        raise SingularPoseError(
+            f"the pose {_describe(lay, y[i])} is singular (condition {condition[i]:.1e})",
+            f"t = {t[i]:g} s",
+            "keep the motion away from it",
+        )
+    if A.shape[1] != A.shape[2]:
+        return None
+    sign = np.linalg.slogdet(A)[0]
+    times = t
+    if before is not None:
+        sign, times, y = np.append(before[0], sign), np.append(before[1], t), np.vstack([y[:1], y])
+    change = np.flatnonzero(sign[1:] * sign[:-1] < 0)
+    if change.size:
+        i = change[0]
+        raise SingularPoseError(
+            f"the motion passes through a singular pose near {_describe(lay, y[i + 1])} (the determinant changes sign)",
+            f"between t = {times[i]:g} s and {times[i + 1]:g} s",
+            "keep the motion away from it",
+        )
+    return float(sign[-1]), float(times[-1])
+
+
+def _describe(lay: Layout, y: Array) -> str:
+    return ", ".join(f"{label} = {value:.6g}" for label, value in zip(lay.mechanism.independent, y, strict=True))
+
+
+def _mobility(lay: Layout, scene: Scene) -> Mobility:
+    """Counts at the most general of a few poses: symmetric ones make forces look unique."""
+    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
+    at = positions(lay, scene.motion.y[rows], scene.motion.t[rows])
+    found = [mobility(lay, pose(lay, q[None])) for q in at.q]
+    unique = tuple(all(flags) for flags in zip(*(one.unique for one in found), strict=True))
+    most = max(found, key=lambda one: one.constraint_rank)
+    return replace(most, unique=unique)

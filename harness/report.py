@@ -1,0 +1,55 @@
+"""The report in Markdown: verdict first, evidence after. Formats, never computes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from screwgauge import sections
+from screwgauge.formatting import cell
+from screwgauge.plots import Plot
+from screwgauge.prose import HOW, LIMITATIONS
+from screwgauge.results import Results
+from screwgauge.verdict import verdict
+
+
+def report_markdown(results: Results, plots: Sequence[Plot]) -> str:
+    """The text of ``report.md``; plots are linked as ``plots/NAME.svg``."""
+    found = verdict(results)
+    parts = [
+        f"# {cell(results.scene.title or results.scene.name)}: verification report",
+        f"> **{found.word}** {cell(found.sentence)}",
+        sections.overview(results),
+        "## Scene",
+        sections.scene(results),
+        "## Engines",
+        sections.engines(results),
+        "## Pairs",
+        sections.pairs(results),
+        "## Judge",
+        "Residuals of the equations themselves, engine by engine; no second engine is needed.",
+        sections.judge(results),
+        "## Plots",
+        _plots(plots, len(results.solutions)),
+        "## Mechanism",
+        sections.facts(results.mobility, "No facts of the mechanism were computed."),
+        "## How it was compared",
+        HOW,
+        "## Run times",
+        sections.timings(results),
+        "## Environment",
+        sections.facts(results.environment, "Not recorded."),
+        "## Known limitations",
+        "\n".join(f"- {sentence}" for sentence in LIMITATIONS),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _plots(plots: Sequence[Plot], n_engines: int) -> str:
+    if not plots:
+        return "Nothing to draw."
+    pictures = [f"![{cell(plot.title)}](plots/{plot.name}.svg)" for plot in plots]
+    lead = (
+        "Above: the first engine as lines, the others as sparse marks of the same colour. Below: for each pair the "
+        "largest difference over the components of the panel, with the tolerance where it is one for all."
+    )
+    return "\n\n".join([lead, *pictures] if n_engines > 1 else pictures)

@@ -1,0 +1,111 @@
+"""Runs a scene: every engine on its own model file, then comparison and judgement."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pandas as pd
+
+from screwgauge.compare import compare
+from screwgauge.engines import check_engines, load_engine, model_suffix
+from screwgauge.environment import environment
+from screwgauge.judge import COLUMNS, judge
+from screwgauge.models.generate import write_models
+from screwgauge.preflight import check_scene
+from screwgauge.quantities import check_quantities
+from screwgauge.results import Results
+from screwgauge.scene import Scene
+from screwgauge.solution import Failure, Problem, Solution
+
+Report = Callable[[str, float], None]
+"""Takes the name of a step and the share of it that is done, 0 to 1."""
+
+
+def run(
+    scene: Scene,
+    engines: Iterable[str] | None = None,
+    quantities: Iterable[str] | None = None,
+    *,
+    progress: Report = lambda step, share: None,
+) -> Results:
+    """Drives the engines with a scene, compares all pairs and judges each.
+
+    Args:
+        engines: Names; those of the scene by default.
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        progress: Called as work goes on.
+
+    Raises:
+        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+    """
+    names = check_engines(scene.engines if engines is None else engines)
+    wanted = check_quantities(scene.quantities if quantities is None else quantities)
+    progress("preflight", 0.0)
+    mobility = check_scene(scene)
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
+        for name in names:
+            outcome = _solve(scene, name, frozenset(wanted), Path(folder), progress)
+            if isinstance(outcome, Solution):
+                solutions[name] = outcome
+            else:
+                failures[name] = outcome
+    progress("comparison", 0.0)
+    errors, pairs = compare(scene, solutions, failures, dict(zip(mobility.names, mobility.unique, strict=True)))
+    judged = [judge(scene, solution) for solution in solutions.values()]
+    facts = {key: value for key, value in asdict(mobility).items() if key not in ("names", "unique")}
+    return Results(
+        scene=scene,
+        solutions=solutions,
+        failures=failures,
+        errors=errors,
+        pairs=pairs,
+        judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
+        mobility=facts,
+        environment=environment(),
+    )
+
+
+def _solve(
+    scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report
+) -> Solution | Failure:
+    """One engine. Whatever it raises becomes a row, so that the others go on."""
+    progress(name, 0.0)
+    try:
+        engine = load_engine(name)
+        solution = engine(_problem(scene, name, quantities, folder, progress))
+    except ImportError as error:
+        return Failure(name, f"not installed ({error}); pip install {error.name or name}")
+    except Exception as error:
+        text = " ".join(str(error).split())
+        return Failure(name, f"{type(error).__name__}: {text}")
+    return replace(solution, engine=name)
+
+
+def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:
+    suffix = model_suffix(name)
+    own = scene.models.get(name)
+    if suffix == ".toml":
+        model, loops = own or scene.mechanism_file, None
+    else:
+        model = own or folder / f"{scene.mechanism.name}{suffix}"
+        generated = folder / f"{scene.mechanism.name}{Path(suffix).stem if '-' in suffix else ''}.loops.toml"
+        beside = model.with_suffix(".loops.toml")
+        loops = beside if beside.is_file() else generated
+    # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
+    keeps_gravity = own is not None and suffix.endswith(".xml")
+    return Problem(
+        model=model,
+        loops=loops,
+        gravity=None if keeps_gravity else scene.gravity,
+        loads=scene.loads,
+        rule=scene.rule,
+        motion=scene.motion,
+        quantities=quantities,
+        progress=lambda share: progress(name, share),
+    )

@@ -1,0 +1,100 @@
+"""The verdict of a run in one sentence, and the first difference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from screwgauge.formatting import MAX_DIGITS, Row, digits, listed, missing, number, rows, size, unit_text
+from screwgauge.results import Results
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """`status` decides the colour, `word` says the same without it."""
+
+    status: Literal["agree", "differ", "failed"]
+    sentence: str
+
+    @property
+    def word(self) -> str:
+        return {"agree": "✓ AGREE", "differ": "✗ DIFFER", "failed": "✗ FAILED"}[self.status]
+
+
+def compared(results: Results) -> list[Row]:
+    """Rows of pairs of which both engines ran."""
+    return [row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures)]
+
+
+def first_difference(results: Results) -> Row | None:
+    """The first row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
+    for row in compared(results):
+        if not row["ok"]:
+            return {
+                "quantity": row["quantity"],
+                "component": row["worst_component"],
+                "a": row["a"],
+                "b": row["b"],
+                "size": row["max_scaled"],
+            }
+    return None
+
+
+def verdict(results: Results) -> Verdict:
+    """What a run found, worst news first."""
+    rest = _difference(results) or _fault(results)
+    if results.failures:
+        failed = [f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items()]
+        others = rest or _agreement(results)
+        head = "An engine failed" if len(failed) == 1 else f"{len(failed)} engines failed"
+        return Verdict("failed", f"{head}: {'; '.join(failed)}. {others}".strip())
+    return Verdict("differ", rest) if rest else Verdict("agree", _agreement(results))
+
+
+def _difference(results: Results) -> str:
+    bad = [row for row in compared(results) if not row["ok"]]
+    if not bad:
+        return ""
+    row = bad[0]
+    more = (
+        f" {len(bad)} of {len(compared(results))} comparisons are out of tolerance." if len(bad) > 1 else ""
+    )
+    where = f"{row['quantity']} at {row['worst_component']}"
+    if missing(row["max_scaled"]):
+        reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"
+        return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
+    return (
+        f"{row['a']} and {row['b']} differ: first in {where}, by {size(row['max_abs'])} "
+        f"{unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, tolerance {number(row['tolerance'])}) "
+        f"at t = {number(row['worst_t'])} s.{more}"
+    )
+
+
+def _fault(results: Results) -> str:
+    """The first judge residual out of tolerance."""
+    bad = [r for r in rows(results.judge) if not r["ok"] and r["engine"] not in results.failures]
+    if not bad:
+        return ""
+    row = bad[0]
+    where = (
+        f"at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
+    )
+    return (
+        f"{row['engine']} breaks the equations: {row['residual']} residual {size(row['max_scaled'])} scaled "
+        f"(tolerance {number(row['tolerance'])}) {where}".rstrip()
+        + "."
+    )
+
+
+def _agreement(results: Results) -> str:
+    engines, pairs = list(results.solutions), compared(results)
+    if not engines:
+        return "No engine ran."
+    if not pairs:
+        judged = "its residuals are within tolerance" if len(results.judge) else "nothing was judged"
+        return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
+    least = min((digits(row["max_scaled"]) for row in pairs), default=MAX_DIGITS)
+    return (
+        f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
+        f"to {least:.1f} digits or more."
+    )

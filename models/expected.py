@@ -1,0 +1,88 @@
+"""What the description says a model file should read as, by plain matrices, joint after joint.
+
+It shares no kinematics with the solver, and walks the joints as the description declares them, not as a tree does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from screwgauge.models.layout import Closure, Link, lay_out
+from screwgauge.models.mjcf import site_names
+from screwgauge.models.readings import BodyReading, Reading, matrix, screw
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array, rotation
+
+
+def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
+    """The reading of a model file that says exactly what the description says."""
+    tree = lay_out(mechanism, cut)
+    poses = home_poses(mechanism)
+    bodies, screws = {}, {}
+    for link in tree.links:
+        names = tuple(freedom.coordinate for freedom in link.freedoms)
+        body = link.body
+        pose = poses[link.original]
+        bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, pose)
+        screws.update(_screws(link, poses))
+    actuators = {
+        name: joint.coordinates[0] for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+    }
+    closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
+    return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))
+
+
+def home_poses(mechanism: Mechanism) -> dict[str, Array]:
+    """World pose of every body at the home coordinates. Shape (4, 4) each."""
+    poses = {GROUND: np.eye(4)}
+    while len(poses) <= len(mechanism.bodies):
+        for joint in mechanism.joints:
+            T = joint_transform(joint, joint.home)
+            if joint.parent in poses and joint.child not in poses:
+                poses[joint.child] = poses[joint.parent] @ T
+            elif joint.child in poses and joint.parent not in poses:
+                poses[joint.parent] = poses[joint.child] @ np.linalg.inv(T)
+    return poses
+
+
+def joint_transform(joint: Joint, q: Array) -> Array:
+    """``T(parent, child) = parent_frame  X(q)  child_frame^-1``. Shape (4, 4)."""
+    T = _matrix(joint.parent_frame)
+    for value, (turns, axis) in zip(q, joint.freedoms, strict=True):
+        T = T @ _step(float(value), turns, axis)
+    return T @ np.linalg.inv(_matrix(joint.child_frame))
+
+
+def _matrix(frame: Frame) -> Array:
+    return matrix(frame.p, frame.R)
+
+
+def _step(value: float, turns: bool, axis: Array) -> Array:
+    if turns:
+        return matrix(np.zeros(3), rotation(axis, np.array(value)))
+    return matrix(value * axis, np.eye(3))
+
+
+def _screws(link: Link, poses: dict[str, Array]) -> dict[str, Array]:
+    """Screws of a joint's freedoms, as its outer body moves against the inner one."""
+    joint = link.joint
+    sign = -1.0 if link.reverse else 1.0
+    T, screws = poses[joint.parent] @ _matrix(joint.parent_frame), {}
+    for name, value, (turns, axis) in zip(joint.coordinates, joint.home, joint.freedoms, strict=True):
+        screws[name] = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3])
+        T = T @ _step(float(value), turns, axis)
+    return screws
+
+
+def _closures(closure: Closure) -> list[tuple[str, tuple[str, Array, str, Array]]]:
+    """Names of the equality constraints and the points that they join."""
+    if closure.type == "weld":
+        return [(closure.joint, (closure.parent, closure.parent_frame.p, closure.child, closure.child_frame.p))]
+    count = len(site_names(closure))
+    points = zip(closure.parent_points, closure.child_points, strict=True)
+    return [
+        (closure.joint if count == 1 else f"{closure.joint}.{i + 1}", (closure.parent, p, closure.child, r))
+        for i, (p, r) in enumerate(points)
+    ]

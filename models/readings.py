@@ -1,0 +1,239 @@
+"""What each library reads from a model file, in the terms of the description.
+
+A reading never follows a file's own layout: bodies are compared by name, in their own frames, and joints by the
+screws they turn about in the world, so that nothing depends on how a format splits joints and frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyReading:
+    """A body with mass, in its own frame.
+
+    Attributes:
+        near: Body on its ground side; massless links between them do not count.
+        coordinates: Names of the elementary joints between the two, from `near` outwards.
+        mass: [kg]; `com` [m], shape (3,); `inertia` about the centre of mass, shape (3, 3).
+        pose: World pose at the home coordinates. Shape (4, 4).
+    """
+
+    near: str
+    coordinates: tuple[str, ...]
+    mass: float
+    com: Array
+    inertia: Array
+    pose: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """What was read.
+
+    Attributes:
+        bodies: Every body with mass.
+        screws: Coordinate -> unit screw [angular; linear at the world origin] at home. Shape (6,).
+        closures: Name -> (body, its point, body, its point) of a closure that the file has.
+        actuators: Name -> coordinate, of a file that has actuators.
+        gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
+    """
+
+    bodies: Mapping[str, BodyReading]
+    screws: Mapping[str, Array]
+    closures: Mapping[str, tuple[str, Array, str, Array]] = field(default_factory=dict)
+    actuators: Mapping[str, str] = field(default_factory=dict)
+    gravity: Array | None = None
+
+
+def matrix(p: Array, R: Array) -> Array:
+    """A placement as a (4, 4) matrix."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, p
+    return T
+
+
+def screw(turns: bool, axis: Array, point: Array) -> Array:
+    """Unit screw of a rotation or translation. Shape (6,)."""
+    if turns:
+        return np.concatenate([axis, np.cross(point, axis)])
+    return np.concatenate([np.zeros(3), axis])
+
+
+#: Link -> the link above it and the moving joints between the two, from above downwards.
+Above = Mapping[str, tuple[str, tuple[str, ...]]]
+
+
+def _upwards(name: str, above: Above, stops: Iterable[str]) -> tuple[str, tuple[str, ...]]:
+    """Nearest of some links above one, and the moving joints passed on the way, from above downwards."""
+    passed: tuple[str, ...] = ()
+    while name in above:
+        name, joints = above[name]
+        passed = joints + passed
+        if name in stops:
+            break
+    return name, passed
+
+
+def read_yourdfpy(path: Path, home: Mapping[str, float]) -> Reading:
+    """Reads a URDF by yourdfpy."""
+    import yourdfpy
+
+    robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
+    robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
+    moving = {"revolute", "prismatic", "continuous"}
+    above = {
+        joint.child: (joint.parent, (joint.name,) if joint.type in moving else ())
+        for joint in robot.joint_map.values()
+    }
+    solid = {name: link for name, link in robot.link_map.items() if link.inertial and link.inertial.mass}
+    bodies = {}
+    for name, link in solid.items():
+        origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+        inertia = origin[:3, :3] @ link.inertial.inertia @ origin[:3, :3].T
+        near, passed = _upwards(name, above, {*solid, robot.base_link})
+        pose = robot.get_transform(name, robot.base_link)
+        bodies[name] = BodyReading(near, passed, float(link.inertial.mass), origin[:3, 3], inertia, pose)
+    screws = {}
+    for joint in robot.joint_map.values():
+        if joint.type in moving:
+            T = robot.get_transform(joint.child, robot.base_link)
+            screws[joint.name] = screw(joint.type != "prismatic", T[:3, :3] @ joint.axis, T[:3, 3])
+    return Reading(bodies, screws)
+
+
+def read_pinocchio(path: Path, home: Mapping[str, float]) -> Reading:
+    """Reads a URDF by Pinocchio."""
+    import pinocchio
+
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    q = pinocchio.neutral(model)
+    for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
+        q[joint.idx_q] = home.get(name, 0.0)
+    pinocchio.computeJointJacobians(model, data, q)
+    pinocchio.updateFramePlacements(model, data)
+    # Links and joints may share a name, so frames are told apart by their numbers.
+    above = {}
+    for i, frame in enumerate(model.frames):
+        moves = frame.type == pinocchio.FrameType.JOINT
+        if i:
+            above[str(i)] = str(frame.parentFrame), (frame.name,) if moves else ()
+    solid = _pinocchio_inertias(model)
+    bodies = {}
+    for i, Y in solid.items():
+        near, passed = _upwards(str(i), above, {*map(str, solid), "1"})  # frame 1 is the root link
+        pose = np.array(data.oMf[i].homogeneous)
+        bodies[model.frames[i].name] = BodyReading(
+            model.frames[int(near)].name, passed, float(Y.mass), np.array(Y.lever), np.array(Y.inertia), pose
+        )
+    screws = {}
+    for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
+        column = data.J[:, joint.idx_v]  # [linear; angular]
+        screws[name] = np.concatenate([column[3:], column[:3]])
+    return Reading(bodies, screws)
+
+
+def _pinocchio_inertias(model: Any) -> dict[int, Any]:
+    """Frame number of each link with mass -> its inertia in the link's frame.
+
+    Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of
+    the fixed joint.
+    """
+    import pinocchio
+
+    fixed = {i: f for i, f in enumerate(model.frames) if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass}
+    inertias = {}
+    for i, frame in enumerate(model.frames):
+        if frame.type != pinocchio.FrameType.BODY or not frame.parentJoint:
+            continue
+        if model.frames[frame.parentFrame].type == pinocchio.FrameType.FIXED_JOINT:
+            Y = model.frames[frame.parentFrame].inertia
+        else:
+            Y = model.inertias[frame.parentJoint]
+            merged = [f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint]
+            # What rounding leaves of a massless link must not pass for a body.
+            if merged and Y.mass - sum(part.mass for part in merged) <= 1e-12 * Y.mass:
+                continue
+            for part in merged:
+                Y = pinocchio.Inertia(Y.matrix() - part.matrix())
+        if Y.mass:
+            inertias[i] = Y
+    return inertias
+
+
+def read_mujoco(path: Path, home: Mapping[str, float]) -> Reading:
+    """Reads an MJCF by MuJoCo. The tensor is rebuilt from the principal axes that MuJoCo keeps."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    joints = {model.joint(i).name: i for i in range(model.njnt)}
+    for name, i in joints.items():
+        data.qpos[model.jnt_qposadr[i]] = home.get(name, 0.0)
+    mujoco.mj_kinematics(model, data)
+    names = [model.body(i).name for i in range(model.nbody)]
+    solid = {names[i]: i for i in range(1, model.nbody) if model.body_mass[i] > 0.0}
+    above = {
+        names[i]: (
+            names[model.body_parentid[i]],
+            tuple(joint for joint, j in joints.items() if model.jnt_bodyid[j] == i),
+        )
+        for i in range(1, model.nbody)
+    }
+    bodies = {}
+    for name, i in solid.items():
+        axes = np.zeros(9)
+        mujoco.mju_quat2Mat(axes, model.body_iquat[i])
+        R = axes.reshape(3, 3)
+        near, passed = _upwards(name, above, {*solid, GROUND})
+        bodies[name] = BodyReading(
+            GROUND if near == "world" else near,
+            passed,
+            float(model.body_mass[i]),
+            model.body_ipos[i].copy(),
+            R @ np.diag(model.body_inertia[i]) @ R.T,
+            matrix(data.xpos[i], data.xmat[i].reshape(3, 3)),
+        )
+    screws = {
+        name: screw(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE, data.xaxis[i].copy(), data.xanchor[i])
+        for name, i in joints.items()
+    }
+    actuators = {model.actuator(i).name: _joint_of(model, i) for i in range(model.nu)}
+    return Reading(bodies, screws, _mujoco_closures(model), actuators, model.opt.gravity.copy())
+
+
+def _joint_of(model: Any, actuator: int) -> str:
+    return str(model.joint(model.actuator_trnid[actuator, 0]).name)
+
+
+def _mujoco_closures(model: Any) -> dict[str, tuple[str, Array, str, Array]]:
+    """Sites that the equality constraints join."""
+    import mujoco
+
+    closures = {}
+    for i in range(model.neq):
+        if model.eq_objtype[i] != mujoco.mjtObj.mjOBJ_SITE:
+            continue
+        sites = model.eq_obj1id[i], model.eq_obj2id[i]
+        first, second = (model.body(model.site_bodyid[site]).name for site in sites)
+        p1, p2 = (model.site_pos[site].copy() for site in sites)
+        closures[model.equality(i).name] = (first, p1, second, p2)
+    return closures
+
+
+#: Reader -> (suffix of its model file, function).
+READERS: dict[str, tuple[str, Callable[[Path, Mapping[str, float]], Reading]]] = {
+    "yourdfpy": (".urdf", read_yourdfpy),
+    "pinocchio": (".urdf", read_pinocchio),
+    "mujoco": (".xml", read_mujoco),
+}
