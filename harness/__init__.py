@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.results import Results
-    from screwgauge.run import run
+    from screwgauge.driver import run
     from screwgauge.scene import Scene, load_scene
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run"]
@@ -23,7 +23,7 @@ _HOMES = {
     "Scene": "screwgauge.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
     "load_scene": "screwgauge.scene",
-    "run": "screwgauge.run",
+    "run": "screwgauge.driver",
 }
 
 try:

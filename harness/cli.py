@@ -115,10 +115,11 @@ def _models(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     from screwgauge.progress import Line
-    from screwgauge.run import run
+    from screwgauge.driver import run
     from screwgauge.scene import load_scene
+    from screwgauge.summary import summary_text
     from screwgauge.terminal import format_terminal
-    from screwgauge.write import check_writable, summary_text
+    from screwgauge.write import check_writable
 
     scene = load_scene(options.scene)
     out = options.out or Path("screwgauge-out") / scene.name

@@ -47,6 +47,7 @@ class _Work:
         home = {name: value for j in file.joints for name, value in zip(j.coordinates, j.home, strict=True)}
         self.q = np.array([home[name] for name in tree.coordinates])
         self.y = np.array([home[name] for name in file.independent.values()])
+        self.cut = {joint.name: joint.home for joint in self.loops.cut}  # angles of cut joints at the last sample
         self.driven = [tree.coordinates.index(j.coordinates[0]) for j in file.joints if j.actuated]
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.rule_condition: list[float] = []
@@ -63,7 +64,17 @@ class _Work:
             q, A = self._positions(motion)
             at = self.tree.poses(q)
             charts = self.loops.charts(at)
-            out["joint_position"] = self._joints(q, {name: chart.q for name, chart in charts.items()})
+            out["joint_position"] = self._joints(q, {name: self._unwrapped(name, c.q) for name, c in charts.items()})
+        if self.depth in "vaf":
+            self._rates(motion, q, at, charts, A, out)
+        with self.clock.stage("condition"):
+            condition = linear.condition(A)
+        return {name: array for name, array in out.items() if name in self.problem.quantities}, condition
+
+    def _rates(
+        self, motion: Motion, q: Array, at: BodyPoses, charts: dict[str, Chart], A: Array, out: dict[str, Array]
+    ) -> None:
+        """Rates from ``A v = [0; yd]``, then whatever is wanted beyond them."""
         with self.clock.stage("velocities"):
             K = partial_rates(A, motion.y.shape[1])
             v = (K @ motion.yd[..., None])[..., 0]
@@ -76,9 +87,12 @@ class _Work:
             with self.clock.stage("accelerations"):
                 a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
             self._forces(at, A, K, (q, v, a), out)
-        with self.clock.stage("condition"):
-            condition = linear.condition(A)
-        return {name: array for name, array in out.items() if name in self.problem.quantities}, condition
+
+    def _unwrapped(self, joint: str, q: Array) -> Array:
+        """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m)."""
+        q = np.unwrap(np.vstack([self.cut[joint], q]), axis=0)[1:]
+        self.cut[joint] = q[-1]
+        return q
 
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closing errors over y, and their derivative."""

@@ -10,9 +10,13 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.quantities import QUANTITIES, natural_scales
+from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
+
+#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
+UNDETERMINED = "undetermined"
 
 ERROR_COLUMNS = [
     *("quantity", "component", "unit", "a", "b", "max_abs", "rms", "max_scaled", "scale", "worst_t"),
@@ -28,13 +32,13 @@ def compare(
     scene: Scene,
     solutions: Mapping[str, Solution],
     failures: Mapping[str, Failure],
-    unique: Mapping[str, bool],
+    mobility: Mobility,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions.
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
-        unique: Whether a reaction component or actuator force is determined by the motion alone.
+        mobility: Which forces are unique, and which are determined at all.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
@@ -50,9 +54,10 @@ def compare(
                 pairs.append(_incomparable(scene, quantity, a, b))
                 continue
             for unit in dict.fromkeys(a.values[quantity].units):
-                rows = list(_components(scene, quantity, unit, a, b, scales[unit], unique))
+                rows = list(_components(scene, quantity, unit, a, b, scales[unit], mobility))
                 errors += rows
-                pairs.append(_pair(rows))
+                if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
+                    pairs.append(_pair(compared))
     pairs += _failed(scene, solutions, failures)
     return pd.DataFrame(errors, columns=ERROR_COLUMNS), pd.DataFrame(pairs, columns=PAIR_COLUMNS)
 
@@ -71,18 +76,21 @@ def reference_scale(values: Values, unit: str, floor: float) -> float:
 
 
 def _components(
-    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, floor: float, unique: Mapping[str, bool]
+    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, floor: float, mobility: Mobility
 ) -> Iterator[dict[str, Any]]:
     first, second = a.values[quantity], b.values[quantity]
     scale = reference_scale(first, unit, floor)
     derived = max(a.tolerances.get(quantity, 0.0), b.tolerances.get(quantity, 0.0)) / scale
     tolerance = scene.tolerance(quantity) + derived
     ruled = QUANTITIES[quantity].ruled
+    unique = dict(zip(mobility.names, mobility.unique, strict=True))
+    determined = dict(zip(mobility.names, mobility.determined, strict=True))
     for k, component in enumerate(first.components):
         if first.units[k] != unit:
             continue
         difference = np.abs(first.array[:, k] - second.array[:, k])
         i, worst = _worst(difference)
+        open_ = ruled and not determined.get(component, True)
         yield {
             "quantity": quantity,
             "component": component,
@@ -94,10 +102,10 @@ def _components(
             "max_scaled": worst / scale,
             "scale": scale,
             "worst_t": float(scene.motion.t[i]),
-            "rule": scene.rule if ruled else "",
+            "rule": UNDETERMINED if open_ else scene.rule if ruled else "",
             "unique": unique.get(component, True) if ruled else True,
             "tolerance": tolerance,
-            "ok": bool(worst / scale <= tolerance),
+            "ok": open_ or bool(worst / scale <= tolerance),
         }
 
 

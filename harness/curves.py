@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-
+from numpy.typing import NDArray
 from screwgauge.reference.rotations import Array
+
+Index = NDArray[np.intp]
 
 POINTS = 100  # evenly spaced points to start from
 BINS = 250
 MISS = 2e-3  # of the height of the panel: 0.3 points on paper
 ROUNDS = 12
+CROWDED = 800  # from here on the strokes touch
 
 
 def thin(t: Array, v: Array, height: float) -> tuple[Array, Array]:
     """Samples whose straight lines miss no other sample by more than `MISS` of the height.
 
-    Starts from evenly spaced samples and adds the worst sample of each gap: a smooth curve keeps about a hundred
-    points, a fast one more, and a peak of one sample stays.
+    Starts from evenly spaced samples and adds the worst sample of each gap: a smooth curve keeps about a
+    hundred points, a fast one more, and a peak of one sample stays.
 
     Args:
         t: Time [s]. Shape (n,).
@@ -38,18 +41,27 @@ def thin(t: Array, v: Array, height: float) -> tuple[Array, Array]:
         if not len(worst):
             break
         kept = np.union1d(kept, worst)
+    if len(kept) > CROWDED:
+        kept = _extremes(filled, CROWDED // 4)
     edges = np.flatnonzero(np.diff(finite.astype(int)))
     kept = np.union1d(kept, np.concatenate([edges, edges + 1]))
     return t[kept], np.where(finite[kept], v[kept], np.nan)
 
 
-def _argmax_between(miss: Array, kept: Array) -> Array:
+def _argmax_between(miss: Array, kept: Index) -> Index:
     """Position of the largest value from each kept sample to the next. Shape (n_kept - 1,)."""
     largest = np.maximum.reduceat(miss, kept[:-1])
     segment = np.searchsorted(kept[:-1], np.arange(len(miss)), side="right") - 1
     hits = np.flatnonzero(miss == largest[segment])
     _, first = np.unique(segment[hits], return_index=True)
     return hits[first]
+
+
+def _extremes(v: Array, bins: int) -> Index:
+    """Position of the lowest and the highest sample of each stretch, and both ends."""
+    parts = np.array_split(np.arange(len(v)), bins)
+    lows, highs = ([part[pick(v[part])] for part in parts] for pick in (np.argmin, np.argmax))
+    return np.unique([0, *lows, *highs, len(v) - 1])
 
 
 def bin_maxima(t: Array, v: Array, bins: int = BINS) -> tuple[Array, Array]:
@@ -77,7 +89,7 @@ def envelope(a: Array, b: Array) -> Array:
     return np.where(np.isfinite(difference), difference, np.nan).max(axis=1)
 
 
-def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> Array:
+def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> Index:
     """About `marks` samples, staggered so that the marks of different engines do not hide each other."""
     if n <= 2 * marks:
         return np.arange(n)

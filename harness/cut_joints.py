@@ -73,7 +73,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         turned[:, i] = M @ axes[i]
         M = M @ rotation(axes[i], angles[:, i])
     m = len(joint.axes)
-    inverse = np.linalg.inv(turned.swapaxes(1, 2))[:, :m]
+    inverse: Array = np.linalg.inv(turned.swapaxes(1, 2))[:, :m]
     return Chart(angles[:, :m], R, inverse, turned[:, :m])
 
 

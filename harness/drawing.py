@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-
 from screwgauge.curves import bin_maxima, sparse, thin
 from screwgauge.figures import select, short_labels
 from screwgauge.formatting import number
@@ -82,7 +81,7 @@ def draw_curves(
 def draw_differences(
     ax: Any, lines: Sequence[Array], t: Array, tolerance: float | None, floor: float, zero: bool
 ) -> None:
-    """Envelopes of the differences, one line a pair; the tolerance as a grey line; zeros on a line of their own."""
+    """Envelopes of the differences, one line a pair; grey lines for the tolerance and for zero."""
     for i, line in enumerate(lines):
         at, peak = bin_maxima(t, line)
         ax.plot(at, np.where(peak < floor, floor, peak), **pair_look(i), marker="o" if len(t) < 2 else None)
@@ -117,7 +116,7 @@ def engine_handles(engines: Sequence[str], n: int) -> list[Line2D]:
 
 
 def difference_handles(pairs: Sequence[tuple[str, str]], tolerance: float | None, zero: bool) -> list[Line2D]:
-    handles = [handle(f"|{a} − {b}|", **pair_look(i)) for i, (a, b) in enumerate(pairs)]
+    handles = [handle(f"|{a} - {b}|", **pair_look(i)) for i, (a, b) in enumerate(pairs)]
     if tolerance:
         handles.append(handle(f"tolerance {number(tolerance, 2)}", **TOLERANCE))
     if zero:

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.kinetics import Moving, walk
-from screwgauge.quantities import SOLVED, natural_scales
+from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, vee
 from screwgauge.scene import Scene
-from screwgauge.solution import Solution
+from screwgauge.solution import Solution, Values
 
 COLUMNS = [
     *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
@@ -85,13 +85,21 @@ def _loops(scene: Scene, solution: Solution, bodies: list[Moving], closed: list[
             parts[values.units[column]].append((f"{label} as asked", values.array[:, column] - asked[:, k]))
         for unit, rows in parts.items():
             if rows:
-                same = [i for i, u in enumerate(values.units) if u == unit]
                 scale = scales[unit]
-                if order:  # rates and accelerations are measured against the largest of their kind
-                    scale = max(float(np.nanmax(np.abs(values.array[:, same]), initial=0.0)), 1e-6 * scale)
+                if order:  # rates and accelerations are measured against the largest of the motion
+                    scale = max(_largest(values, unit, length(mechanism)), 1e-6 * scale)
                 names, arrays = zip(*rows, strict=True)
                 found.append(Residual(name, unit, names, np.stack(arrays, axis=1), scale))
     return found
+
+
+def _largest(values: Values, unit: str, L: float) -> float:
+    """Largest rate in a unit, one of the other kind being turned into it by the length L [m]."""
+    sizes = [0.0]
+    for own, column in zip(values.units, values.array.T, strict=True):
+        size = float(np.nanmax(np.abs(column), initial=0.0))
+        sizes.append(size if own == unit else size * L if unit.startswith("m") else size / L)
+    return max(sizes)
 
 
 def _gap(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
@@ -210,7 +218,7 @@ def _power(scene: Scene, solution: Solution, bodies: list[Moving], required: tup
 def _row(engine: str, residual: Residual, t: Array, tolerance: float) -> dict[str, object]:
     scaled = np.abs(residual.values) / residual.scale
     bad = ~np.isfinite(scaled)
-    i, k = np.unravel_index(int(np.argmax(np.where(bad, np.inf, scaled))), scaled.shape)
+    i, k = divmod(int(np.argmax(np.where(bad, np.inf, scaled))), scaled.shape[1])
     worst = float(scaled[i, k])
     return {
         "engine": engine,

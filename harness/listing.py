@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.util import find_spec
 
 from screwgauge.engines import ENGINES, MEANINGS
@@ -14,7 +15,7 @@ _PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
 
 def listing(what: str | None) -> str:
     """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, or all of them."""
-    tables = {
+    tables: dict[str, Callable[[], list[tuple[str, str]]]] = {
         "mechanisms": lambda: [(name, load_mechanism(name).title) for name in mechanism_names()],
         "scenes": lambda: [(name, load_scene(name).title) for name in scene_names()],
         "engines": lambda: [(name, _engine(name)) for name in ENGINES],

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.expressions import LARGEST, number, vector
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Motion
 
@@ -33,10 +33,22 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     """
     if isinstance(table, dict) and "csv" in table:
         check_keys(table, {"csv"}, where)
-        return _sampled(folder / str(table["csv"]), labels)
+        if not isinstance(table["csv"], str):
+            raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
+        return _sampled(folder / table["csv"], labels)
     check_keys(table, labels, where)
     terms = {label: _terms(required(table, label, where), f"{where}.{label}") for label in labels}
-    return (lambda t: _analytic(terms, t)), None
+
+    def drive(t: Array) -> Motion:
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion = _analytic(terms, t)
+        finite = np.isfinite(np.concatenate([motion.y, motion.yd, motion.ydd], axis=1)).all(axis=1)
+        if not finite.all():
+            late = t[np.argmin(finite)]
+            raise DescriptionError(f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion")
+        return motion
+
+    return drive, None
 
 
 def _terms(table: Any, where: str) -> tuple[Array, Array]:
@@ -72,17 +84,23 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     import pandas as pd
 
     try:
-        data = pd.read_csv(path)
+        data = pd.read_csv(path, float_precision="round_trip")
     except (OSError, ValueError) as error:
         raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
+    if len(set(wanted)) < len(wanted):
+        raise DescriptionError(f"columns {', '.join(wanted)} share a name", str(path), "label the coordinates otherwise")
+    if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
+        raise DescriptionError("the rows have more fields than the header", str(path), "name every column")
     for column in wanted:
         if column not in data.columns:
             raise DescriptionError(
                 f"column '{column}' is missing", str(path), f"give all of {', '.join(wanted)} (derivatives are required)"
             )
         values = pd.to_numeric(data[column], errors="coerce").to_numpy(dtype=float)
-        bad = np.flatnonzero(~np.isfinite(values))
+        if data[column].dtype == bool:  # True and False are no samples
+            values = np.full(len(data), np.nan)
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
         if bad.size:
             raise DescriptionError(
                 f"column '{column}' is not a finite number in data row {bad[0] + 1}", str(path), "complete the samples"

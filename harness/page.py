@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from html import escape, unescape
 
 import markdown
-
 from screwgauge.plots import Plot
 from screwgauge.svg import inline
 
@@ -33,7 +32,7 @@ tbody tr:hover { background: #f6f8fa; }
 .scroll.plain td:first-child { color: #57606a; white-space: nowrap; }
 .wide td { white-space: nowrap; }
 figure { margin: 1.6rem 0; overflow-x: auto; }
-figure svg { width: 100%; height: auto; min-width: 40rem; }
+figure svg { max-width: 100%; height: auto; min-width: 40rem; }
 summary { cursor: pointer; font-weight: 600; margin: .6rem 0; }
 @media print { .scroll, figure { overflow: visible; } figure { break-inside: avoid; } }
 """
@@ -63,11 +62,11 @@ def report_html(text: str, plots: Sequence[Plot], status: str) -> str:
     body = markdown.markdown(text, extensions=["tables", "md_in_html"], output_format="html")
     body = body.replace("<blockquote>", f'<blockquote class="verdict {status}">', 1)
     body = re.sub(r"<table>.*?</table>", _scroll, body, flags=re.DOTALL)
-    pictures = {f"plots/{plot.name}.svg": plot for plot in plots}
+    pictures = {f"plots/{plot.name}.svg": (i, plot) for i, plot in enumerate(plots, 1)}
 
     def picture(match: re.Match[str]) -> str:
-        plot = pictures[unescape(match.group(1))]
-        return f"<figure>{inline(plot.svg, plot.name, plot.title)}</figure>"
+        i, plot = pictures[unescape(match.group(1))]
+        return f"<figure>{inline(plot.svg, f'f{i}', plot.title)}</figure>"
 
     body = re.sub(r'<p><img [^>]*?src="([^"]*)"[^>]*>\s*</p>', picture, body)
     heading = re.search(r"<h1>(.*?)</h1>", body, flags=re.DOTALL)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-
+from screwgauge.condition import draw_condition
 from screwgauge.curves import bin_maxima, envelope
 from screwgauge.drawing import (
     Panel,
@@ -16,9 +16,7 @@ from screwgauge.drawing import (
     draw_curves,
     draw_differences,
     engine_handles,
-    handle,
     make_panel,
-    pair_look,
 )
 from screwgauge.figures import Figure, drawable
 from screwgauge.formatting import file_name, missing, number, unit_text
@@ -48,7 +46,7 @@ def make_plots(results: Results) -> list[Plot]:
             plots.append(Plot(name, figure.title, _figure(figure, results)))
         if any(np.isfinite(s.condition).any() for s in results.solutions.values()):
             title = "Condition number of the closure along the path"
-            plots.append(Plot(f"{len(plots) + 1:02d}-condition", title, _condition(title, results)))
+            plots.append(Plot(f"{len(plots) + 1:02d}-condition", title, draw_condition(title, results)))
     return plots
 
 
@@ -75,7 +73,7 @@ def _figure(figure: Figure, results: Results) -> str:
     height = _height([arrays[e][:, p.drawn] for p in panels for e in arrays])
     for ax, panel in zip(sheet.upper, panels, strict=True):
         draw_curves(ax, panel, arrays, keys, t, height)
-    sheet.upper[0].set_ylabel(unit_text(figure.unit))
+    sheet.upper[0].set_ylabel(f"{figure.quantity.replace('_', ' ')} [{unit_text(figure.unit)}]")
     for ax, panel_lines in zip(sheet.lower, lines, strict=False):
         draw_differences(ax, panel_lines, t, tolerance, floor, zero)
     if sheet.lower:
@@ -134,20 +132,3 @@ def _gaps(arrays: Mapping[str, Array], panels: Sequence[Panel], t: Array) -> lis
             span = f"t = {number(t[bad[0]])} s" + (f" to {number(t[bad[-1]])} s" if len(bad) > 1 else "")
             notes.append(f"Gap: {engine} has no number at {len(bad)} of {len(t)} samples ({span}).")
     return notes
-
-
-def _condition(title: str, results: Results) -> str:
-    """Condition number of each engine's closure rows, bin by bin the largest."""
-    lines = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
-    lines = {engine: line for engine, line in lines.items() if np.isfinite(line).any()}
-    handles = [handle(engine, **pair_look(i)) for i, engine in enumerate(lines)]
-    sheet = Sheet(title, [""], [Strip(handles)], lower=False)
-    ax = sheet.upper[0]
-    for i, line in enumerate(lines.values()):
-        ax.plot(*bin_maxima(results.times, line), **pair_look(i), marker="o" if len(line) < 2 else None)
-    low = min(float(np.nanmin(line)) for line in lines.values())
-    high = max(float(np.nanmax(line)) for line in lines.values())
-    if high > 30 * low:
-        log_scale(ax, low, high)
-    ax.set_ylabel("condition number [1]")
-    return sheet.svg()

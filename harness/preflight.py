@@ -111,5 +111,6 @@ def _mobility(lay: Layout, scene: Scene) -> Mobility:
     at = positions(lay, scene.motion.y[rows], scene.motion.t[rows])
     found = [mobility(lay, pose(lay, q[None])) for q in at.q]
     unique = tuple(all(flags) for flags in zip(*(one.unique for one in found), strict=True))
+    determined = tuple(all(flags) for flags in zip(*(one.determined for one in found), strict=True))
     most = max(found, key=lambda one: one.constraint_rank)
-    return replace(most, unique=unique)
+    return replace(most, unique=unique, determined=determined)

@@ -3,36 +3,39 @@
 from __future__ import annotations
 
 HOW = """\
-Every engine reads its own model file and closes its own loops from the independent coordinates and their two
-derivatives; no engine sees another's result. Every pair of engines is compared; none of them counts as the truth.
+Every engine reads its own model file and closes its own loops from the independent coordinates and their
+two derivatives; no engine sees another's result. Every pair of engines is compared; none counts as the
+truth.
 
-**Scaled error** of a pair, per quantity and unit: `max_t |a - b| / max(S, 1e-6 S0)`. S is the largest magnitude of
-the first engine over all components of that unit and all samples. S0 is the mechanism's own measure of that unit
-(1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L; L the largest distance in the description, M the total mass,
-g = 9.81 m/s²), so that a quantity that is zero throughout is not divided by its own rounding.
-**Digits** are -log10 of it, 17 at most. A value that is not a number is a failure.
+**Scaled error** of a pair, per quantity and unit: `max_t |a - b| / max(S, 1e-6 S0)`. S is the largest
+magnitude of the first engine over all components of that unit and all samples. S0 is the mechanism's own
+measure of that unit (1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L; L the largest distance in the
+description, M the total mass, g = 9.81 m/s²), so that a quantity that is zero throughout is not divided by
+its own rounding. **Digits** are -log10 of it, 17 at most. A value that is not a number is a failure.
 
-**Judge residuals** need no second engine: closure of the loops, its rate and acceleration; Newton-Euler equations of
-each body; power balance. Each is scaled by the largest term of its own equation.
+**Judge residuals** need no second engine: closure of the loops, its rate and acceleration; Newton-Euler
+equations of each body; power balance. Each is scaled by the magnitudes in its own equation.
 
-**Forces that the mechanics leaves open** (more actuators than freedoms) are compared under the rule named in the
-table. Where *unique* says no, agreement means the same forces under the same rule, not the only possible ones.
+**Forces that the mechanics leaves open** (more actuators than freedoms) are compared under the rule named
+in the table. Where *unique* says no, agreement means the same forces under the same rule, not the only
+possible ones.
 
 **What engines share.** Kinematics, inverse dynamics, Jacobians and their drift terms are each engine's own.
 Not independent are: the numpy linear algebra of the closure (Newton steps, rates, accelerations) and of the
-projection onto the actuators; the reading of the joint angles of the joints where loops are cut; and the one
-description of the mechanism from which all model files are written. A mistake in one of these would show in no pair;
-the judge sees the first, the model check the last."""
+projection onto the actuators; the reading of the joint angles of the joints where loops are cut; and the
+one description of the mechanism from which all model files are written. A mistake in one of these may show
+in no pair. The judge checks the equations behind the first, the model check the files; the angles rest on
+tests."""
 
 LIMITATIONS = (
     "Agreement is shown at the samples, not between them, and only on this trajectory.",
-    "Errors are measured against the largest component of a quantity: a component a thousand times smaller has "
-    "three digits less.",
-    "Everything is double precision. Near a singular pose digits are lost in proportion to the condition number, "
-    "in every engine alike.",
-    "Engines that agree can be wrong together: in the description, in the motion, or in what they share (above).",
+    "Errors are measured against the largest component of a quantity: a component a thousand times smaller "
+    "has three digits less.",
+    "Everything is double precision. Near a singular pose digits are lost in proportion to the condition "
+    "number, in every engine alike.",
+    "Engines that agree can be wrong together: in the description, in the motion, or in what they share.",
     "Joints are ideal and bodies rigid: no friction, clearance, contact or elasticity is compared.",
-    "Run times are of this machine and of one run; they say nothing about the accuracy per second of an engine.",
-    "Plots are thinned to what a screen shows: curves miss no sample by more than 0.2 % of the plot's height, and "
-    "differences are the largest of each stretch of samples. The tables use every sample.",
+    "Run times are of this machine and this run; they say nothing about an engine's accuracy per second.",
+    "Plots are thinned to what a screen shows, without losing a peak: differences are the largest of each "
+    "stretch of samples. The tables use every sample.",
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout, pose
 
@@ -57,12 +57,9 @@ def check_quantities(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     """The names in the order of the table.
 
     Raises:
-        UnknownNameError: One of them is no quantity.
+        ScrewgaugeError: There is none, or one of them is no quantity.
     """
-    wanted = list(names)
-    for name in wanted:
-        if name not in QUANTITIES:
-            raise UnknownNameError("quantity", name, QUANTITIES, where)
+    wanted = check_choice("quantity", names, QUANTITIES, where)
     return tuple(name for name in QUANTITIES if name in wanted)
 
 

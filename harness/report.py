@@ -49,7 +49,7 @@ def _plots(plots: Sequence[Plot], n_engines: int) -> str:
         return "Nothing to draw."
     pictures = [f"![{cell(plot.title)}](plots/{plot.name}.svg)" for plot in plots]
     lead = (
-        "Above: the first engine as lines, the others as sparse marks of the same colour. Below: for each pair the "
-        "largest difference over the components of the panel, with the tolerance where it is one for all."
+        "Above: the first engine as lines, the others as sparse marks in its colours. Below: for each pair "
+        "the largest difference over the components of the panel, with the tolerance where it is one for all."
     )
     return "\n\n".join([lead, *pictures] if n_engines > 1 else pictures)

@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.engines import check_engines
 from screwgauge.figures import Figure
-from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
+from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
 from screwgauge.motion import Drive, read_drive
 from screwgauge.quantities import QUANTITIES, check_quantities
 from screwgauge.reference.description import check_keys, read_toml, required
@@ -23,6 +23,7 @@ from screwgauge.solution import Load, Motion
 
 FOLDER = Path(__file__).parent / "scenes"
 RULES = ("min_norm", "spherical_axial")
+MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
 DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
@@ -63,7 +64,13 @@ class Scene:
     drive: Drive = field(repr=False)
 
     def at(self, times: Sequence[float] | Array) -> Scene:
-        """The same scene on other times [s]."""
+        """The same scene on other times [s].
+
+        Raises:
+            DescriptionError: They are no finite numbers, or a motion from samples has none at one of them.
+        """
+        if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
+            raise DescriptionError(f"{times!r} is not a list of times", "times", "give a list of times in s")
         return replace(self, motion=self.drive(_times(list(times), "times")))
 
     def tolerance(self, quantity: str) -> float:
@@ -83,7 +90,7 @@ def load_scene(name: str | Path) -> Scene:
     """
     if str(name) in scene_names():
         path = FOLDER / f"{name}.toml"
-    elif Path(name).suffix == ".toml" and Path(name).is_file():
+    elif Path(name).suffix == ".toml" and is_file(Path(name)):
         path = Path(name)
     else:
         raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file"])
@@ -93,14 +100,14 @@ def load_scene(name: str | Path) -> Scene:
 def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
-    file = _mechanism_file(required(data, "mechanism", where), path.parent, where)
+    file = _mechanism_file(_text(data, "mechanism", where), path.parent, where)
     mechanism = load_mechanism(file)
     motion_table = required(data, "motion", where)
     drive, sampled = read_drive(motion_table, list(mechanism.independent), path.parent, f"{where}, motion")
     engines = data.get("engines", list(DEFAULT_ENGINES))
     rule = data.get("rule", "min_norm")
     if rule not in RULES:
-        raise UnknownNameError("rule", str(rule), RULES, where)
+        raise UnknownNameError("rule", rule, RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         raise DescriptionError(
             f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
@@ -109,8 +116,8 @@ def _read(path: Path) -> Scene:
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
     return Scene(
         name=path.stem,
-        title=str(data.get("title", path.stem)),
-        description=str(data.get("description", "")),
+        title=_text(data, "title", where, path.stem),
+        description=_text(data, "description", where, ""),
         mechanism=mechanism,
         mechanism_file=file,
         motion=drive(_grid(data.get("time"), sampled, f"{where}, time")),
@@ -126,14 +133,21 @@ def _read(path: Path) -> Scene:
     )
 
 
-def _mechanism_file(name: Any, folder: Path, where: str) -> Path:
-    beside = folder / str(name)
-    if str(name) not in mechanism_names() and beside.is_file():
+def _mechanism_file(name: str, folder: Path, where: str) -> Path:
+    beside = folder / name
+    if name not in mechanism_names() and is_file(beside):
         return beside
     try:
-        return mechanism_path(str(name))
+        return mechanism_path(name)
     except UnknownNameError as error:
-        raise UnknownNameError("mechanism", str(name), mechanism_names(), where) from error
+        raise UnknownNameError("mechanism", name, mechanism_names(), where) from error
+
+
+def _text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
+    value = required(table, key, where) if default is None else table.get(key, default)
+    if not isinstance(value, str):
+        raise DescriptionError(f"{value!r} is not text", f"{where}, {key}", "write it in quotes")
+    return value
 
 
 def _list(data: dict[str, Any], key: str, where: str) -> list[Any]:
@@ -151,10 +165,21 @@ def _positive(value: Any, where: str) -> float:
 
 
 def _times(values: list[Any], where: str) -> Array:
-    t = vector(values, where, len(values)) if all(isinstance(v, int | str) for v in values) else np.array(values, float)
-    if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
+    _check_count(len(values), where)
+    if all(isinstance(v, float) for v in values):  # also numpy's
+        t = np.array(values, dtype=float)
+    else:
+        t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
+    if not len(t) or not np.isfinite(t).all():
         raise DescriptionError("the times are not finite numbers", where, "give at least one time in s")
     return t
+
+
+def _check_count(n: float, where: str) -> None:
+    if n > MOST:
+        raise DescriptionError(
+            f"{n:.3g} samples are asked for, more than {MOST:.0e}", where, "take a longer step or a shorter duration"
+        )
 
 
 def _grid(table: Any, sampled: Array | None, where: str) -> Array:
@@ -164,9 +189,12 @@ def _grid(table: Any, sampled: Array | None, where: str) -> Array:
         return sampled
     check_keys(table, {"duration", "step", "times"}, where)
     if "times" in table:
-        return _times(list(table["times"]), f"{where}.times")
+        if not isinstance(table["times"], list) or len(table) > 1:
+            raise DescriptionError("'times' is no list on its own", where, "write times = [...], or duration and step")
+        return _times(table["times"], f"{where}.times")
     duration = _positive(required(table, "duration", where), f"{where}.duration")
     step = _positive(required(table, "step", where), f"{where}.step")
+    _check_count(duration / step, where)
     # multiples of the step; a duration that is no whole number of steps ends at the last one before it
     return np.arange(int(duration / step * (1 + 1e-12)) + 1) * step
 
@@ -174,7 +202,7 @@ def _grid(table: Any, sampled: Array | None, where: str) -> Array:
 def _load(table: Any, mechanism: Mechanism, where: str) -> Load:
     """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment."""
     check_keys(table, {"on", "by", "point", "force", "torque"}, where)
-    on, by = (str(required(table, key, where)) for key in ("on", "by"))
+    on, by = (_text(table, key, where) for key in ("on", "by"))
     names = [body.name for body in mechanism.bodies]
     if (on == "environment") == (by == "environment"):
         raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
@@ -193,10 +221,11 @@ def _load(table: Any, mechanism: Mechanism, where: str) -> Load:
 def _models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    check_engines(list(table), where)
-    files = {engine: folder / str(file) for engine, file in table.items()}
+    if table:
+        check_engines(list(table), where)
+    files = {engine: folder / _text(table, engine, where) for engine in table}
     for engine, file in files.items():
-        if not file.is_file():
+        if not is_file(file):
             raise DescriptionError(f"model file '{file}' of {engine} does not exist", where, "check the path")
     return files
 
@@ -205,11 +234,12 @@ def _figure(table: Any, where: str) -> Figure:
     check_keys(table, {"title", "quantity", "unit", "panels"}, where)
     quantity = check_quantities([required(table, "quantity", where)], where)[0]
     panels = required(table, "panels", where)
-    if not isinstance(panels, dict):
-        raise DescriptionError("'panels' is not a table", where, "write label = ['pattern', ...]")
+    lists = panels.values() if isinstance(panels, dict) else [None]
+    if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
+        raise DescriptionError("'panels' is not a table of lists", where, "write label = ['pattern', ...]")
     return Figure(
-        title=str(required(table, "title", where)),
+        title=_text(table, "title", where),
         quantity=quantity,
-        unit=str(required(table, "unit", where)),
-        panels=tuple((label, tuple(str(p) for p in patterns)) for label, patterns in panels.items()),
+        unit=_text(table, "unit", where),
+        panels=tuple((label, tuple(patterns)) for label, patterns in panels.items()),
     )

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-
 from screwgauge.formatting import (
     Row,
     cell,
@@ -27,22 +26,30 @@ LONG = 12  # rows from which a table is folded
 
 
 def overview(results: Results) -> str:
-    """Quantity by pair of engines: digits of agreement."""
+    """Quantity by pair of engines: digits of agreement, beside those that the tolerance asks for."""
     table = compared(results)
     if not table:
         return "Fewer than two engines ran: there are no pairs, only the judge's residuals below."
     pairs = list(dict.fromkeys((row["a"], row["b"]) for row in table))
     body: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
+    needed: dict[tuple[str, str], float] = {}
     for row in table:
+        key = row["quantity"], row["unit"]
+        needed[key] = max(needed.get(key, 0.0), digits(row["tolerance"]))
         value = digits(row["max_scaled"])
         text = "no number" if np.isnan(value) else f"{value:.1f}"
         mark = "" if row["ok"] else " ✗"
-        body.setdefault((row["quantity"], row["unit"]), {})[row["a"], row["b"]] = text + mark
+        body.setdefault(key, {})[row["a"], row["b"]] = text + mark
     lines = [
-        [quantity.replace("_", " "), unit_text(unit), *(cells.get(pair, "") for pair in pairs)]
-        for (quantity, unit), cells in body.items()
+        [
+            key[0].replace("_", " "),
+            unit_text(key[1]),
+            f"{needed[key]:.1f}",
+            *(cells.get(pair, "") for pair in pairs),
+        ]
+        for key, cells in body.items()
     ]
-    head = ["digits of agreement", "unit", *(f"{a} – {b}" for a, b in pairs)]
+    head = ["digits of agreement", "unit", "needed", *(f"{a} - {b}" for a, b in pairs)]
     return markdown_table(head, lines, range(2, len(head))) + "\n\n✗ marks what is out of tolerance."
 
 
@@ -72,7 +79,7 @@ def _pair_table(table: Sequence[Row], *, reason: bool = False) -> str:
         "worst at",
         "rule",
         "unique",
-        "",
+        "within",
     ]
     body = []
     for row in table:
@@ -84,9 +91,9 @@ def _pair_table(table: Sequence[Row], *, reason: bool = False) -> str:
             size(row["max_abs"]),
             size(row["rms"]),
             size(row["max_scaled"]),
-            number(row["tolerance"]),
+            number(row["tolerance"], 2),
             _worst(row),
-            row["rule"] or "–",
+            row["rule"] or "-",
             "yes" if row["unique"] else "no",
             tick(row["ok"]),
         ]
@@ -97,17 +104,32 @@ def _pair_table(table: Sequence[Row], *, reason: bool = False) -> str:
 def _worst(row: Row) -> str:
     component = row.get("worst_component")
     if missing(component) or not component:
-        return "–"
+        return "-"
     return str(component) if missing(row["worst_t"]) else f"{component} @ {number(row['worst_t'])} s"
 
 
 def judge(results: Results) -> str:
-    """Residuals of each engine against the equations themselves."""
+    """Residuals of each engine against the equations themselves: residual by engine, then all of it."""
     table = rows(results.judge)
     if not table:
         return "Nothing was judged."
+    names = list(dict.fromkeys(row["engine"] for row in table))
+    body: dict[tuple[str, str], dict[str, str]] = {}
+    for row in table:
+        text = size(row["max_scaled"]) + ("" if row["ok"] else " ✗")
+        body.setdefault((row["residual"], row["unit"]), {})[row["engine"]] = text
+    lines = [
+        [residual.replace("_", " "), unit_text(unit), *(cells.get(name, "") for name in names)]
+        for (residual, unit), cells in body.items()
+    ]
+    head = ["residual, scaled", "unit", *names]
+    details = folded(f"All {len(table)} residuals", _judge_table(table), len(table))
+    return markdown_table(head, lines, range(2, len(head))) + "\n\n" + details
+
+
+def _judge_table(table: Sequence[Row]) -> str:
     reason = any(row.get("reason") for row in table)
-    head = ["engine", "residual", "unit", "max abs", "max scaled", "tolerance", "worst at", ""]
+    head = ["engine", "residual", "unit", "max abs", "max scaled", "tolerance", "worst at", "within"]
     body = []
     for row in table:
         line = [
@@ -116,7 +138,7 @@ def judge(results: Results) -> str:
             unit_text(row["unit"]),
             size(row["max_abs"]),
             size(row["max_scaled"]),
-            number(row["tolerance"]),
+            number(row["tolerance"], 2),
             _worst(row),
             tick(row["ok"]),
         ]
@@ -159,7 +181,7 @@ def engines(results: Results) -> str:
     body += [[name, "", f"✗ {failure.reason}"] for name, failure in results.failures.items()]
     notes = [f"- {name}: {cell(note)}" for name, s in results.solutions.items() for note in s.notes]
     return "\n\n".join(
-        [markdown_table(["engine", "version", ""], body), *(["\n".join(notes)] if notes else [])]
+        [markdown_table(["engine", "version", "status"], body), *(["\n".join(notes)] if notes else [])]
     )
 
 

@@ -1,4 +1,4 @@
-"""The sheet a figure is drawn on: places in inches, so that legends have strips of their own and cover nothing."""
+"""The sheet a figure is drawn on. Places are in inches; legends have strips of their own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator
-
 from screwgauge.svg import tidy
 
 # Okabe and Ito, told apart by colour-blind readers; their yellow is left out, too light for a line on white.
@@ -38,7 +37,7 @@ STYLE = {
 }
 LEFT, RIGHT, GAP, BOTTOM, LINE, TITLE = 0.85, 0.15, 0.22, 0.5, 0.25, 0.34  # inches
 UPPER, LOWER, LABEL = 2.3, 1.6, 0.24
-LETTER = 0.085  # width of a letter
+LETTER, SAMPLE = 0.075, 0.6  # widths in a legend: of a letter; of the line before the text, with gaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +46,12 @@ class Strip:
 
     handles: Sequence[Line2D]
 
-    @property
-    def longest(self) -> int:
-        return max(len(str(handle.get_label())) for handle in self.handles)
-
     def columns(self, width: float) -> int:
-        return max(1, min(len(self.handles), int((width - LEFT) / (self.longest * LETTER + 0.55))))
+        """As many as fit side by side."""
+        lengths = [len(str(handle.get_label())) for handle in self.handles]
+        if sum(lengths) * LETTER + len(lengths) * SAMPLE <= width - LEFT:
+            return len(lengths)
+        return max(1, min(len(lengths) - 1, int((width - LEFT) / (max(lengths) * LETTER + SAMPLE))))
 
     def height(self, width: float) -> float:
         return LINE * -(-len(self.handles) // self.columns(width))

@@ -9,7 +9,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-
 from screwgauge.formatting import Row, rows
 from screwgauge.results import Results
 from screwgauge.verdict import first_difference
@@ -59,3 +58,8 @@ def plain(value: Any) -> Any:
 def json_text(value: Any) -> str:
     """Indented JSON that every reader takes."""
     return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def summary_text(results: Results) -> str:
+    """The content of ``summary.json``."""
+    return json_text(summary(results))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 
 import numpy as np
-
 from screwgauge.formatting import Row, digits, number, rows, size, text_table, tick
 from screwgauge.results import Results
 from screwgauge.verdict import compared, verdict
@@ -14,7 +13,7 @@ COLUMNS = 100
 
 
 def format_terminal(results: Results) -> str:
-    """The run in a few lines: one per quantity and unit (its worst pair), one per judge residual (worst engine)."""
+    """The run in a few lines: the worst pair of each quantity and unit, the worst engine of each residual."""
     found = verdict(results)
     parts = [*textwrap.wrap(f"{found.word}: {found.sentence}", COLUMNS)]
     pairs = compared(results)
@@ -51,7 +50,7 @@ def _pairs(table: list[Row]) -> list[str]:
             f"{row['a']} - {row['b']}",
             size(row["max_scaled"]),
             _digits(row),
-            number(row["tolerance"]),
+            number(row["tolerance"], 2),
             tick(row["ok"]),
         )
         for row in _groups(table, "quantity", "unit")
@@ -68,7 +67,7 @@ def _judge(table: list[Row]) -> list[str]:
             str(row["engine"]),
             size(row["max_scaled"]),
             _digits(row),
-            number(row["tolerance"]),
+            number(row["tolerance"], 2),
             tick(row["ok"]),
         )
         for row in _groups(table, "residual", "unit")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from screwgauge.formatting import MAX_DIGITS, Row, digits, listed, missing, number, rows, size, unit_text
+from screwgauge.formatting import Row, digits, listed, missing, number, rows, size, unit_text
 from screwgauge.results import Results
 
 
@@ -14,11 +14,8 @@ class Verdict:
     """`status` decides the colour, `word` says the same without it."""
 
     status: Literal["agree", "differ", "failed"]
+    word: str
     sentence: str
-
-    @property
-    def word(self) -> str:
-        return {"agree": "✓ AGREE", "differ": "✗ DIFFER", "failed": "✗ FAILED"}[self.status]
 
 
 def compared(results: Results) -> list[Row]:
@@ -42,13 +39,15 @@ def first_difference(results: Results) -> Row | None:
 
 def verdict(results: Results) -> Verdict:
     """What a run found, worst news first."""
-    rest = _difference(results) or _fault(results)
+    difference, fault = _difference(results), _fault(results)
+    rest = " ".join(part for part in (difference, fault) if part)
     if results.failures:
         failed = [f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items()]
-        others = rest or _agreement(results)
         head = "An engine failed" if len(failed) == 1 else f"{len(failed)} engines failed"
-        return Verdict("failed", f"{head}: {'; '.join(failed)}. {others}".strip())
-    return Verdict("differ", rest) if rest else Verdict("agree", _agreement(results))
+        return Verdict("failed", "✗ FAILED", f"{head}: {'; '.join(failed)}. {rest or _agreement(results)}")
+    if rest:
+        return Verdict("differ", "✗ DIFFER" if difference else "✗ OUT OF TOLERANCE", rest)
+    return Verdict("agree", "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE", _agreement(results))
 
 
 def _difference(results: Results) -> str:
@@ -64,9 +63,9 @@ def _difference(results: Results) -> str:
         reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
     return (
-        f"{row['a']} and {row['b']} differ: first in {where}, by {size(row['max_abs'])} "
-        f"{unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, tolerance {number(row['tolerance'])}) "
-        f"at t = {number(row['worst_t'])} s.{more}"
+        f"{row['a']} and {row['b']} differ: first in {where}, "
+        f"by {size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
+        f"tolerance {number(row['tolerance'], 2)}) at t = {number(row['worst_t'])} s.{more}"
     )
 
 
@@ -81,7 +80,7 @@ def _fault(results: Results) -> str:
     )
     return (
         f"{row['engine']} breaks the equations: {row['residual']} residual {size(row['max_scaled'])} scaled "
-        f"(tolerance {number(row['tolerance'])}) {where}".rstrip()
+        f"(tolerance {number(row['tolerance'], 2)}) {where}".rstrip()
         + "."
     )
 
@@ -93,8 +92,8 @@ def _agreement(results: Results) -> str:
     if not pairs:
         judged = "its residuals are within tolerance" if len(results.judge) else "nothing was judged"
         return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
-    least = min((digits(row["max_scaled"]) for row in pairs), default=MAX_DIGITS)
+    least = min(pairs, key=lambda row: digits(row["max_scaled"]))
     return (
         f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
-        f"to {least:.1f} digits or more."
+        f"to {digits(least['max_scaled']):.1f} digits or more (fewest in {least['quantity']})."
     )

@@ -10,19 +10,16 @@ from pathlib import Path
 from uuid import uuid4
 
 import pandas as pd
-
+from screwgauge.compare import ERROR_COLUMNS
 from screwgauge.page import report_html
 from screwgauge.plots import make_plots
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import report_markdown
 from screwgauge.results import Results
 from screwgauge.solution import Timing
-from screwgauge.summary import json_text, summary
+from screwgauge.summary import json_text, summary_text
 from screwgauge.verdict import verdict
 
-ERROR_COLUMNS = (
-    "quantity component unit a b max_abs rms max_scaled scale worst_t rule unique tolerance ok".split()
-)
 TIMING_COLUMNS = list(Timing.__dataclass_fields__)
 SAMPLES = "samples.parquet"
 
@@ -42,17 +39,19 @@ def write_results(results: Results, out: Path, *, samples: bool = False) -> Path
     Raises:
         OutputError: The folder cannot be written, or pyarrow is missing for the samples.
     """
-    if samples and find_spec("pyarrow") is None:
-        raise OutputError(f"{SAMPLES} needs pyarrow, which is not installed", "", "run pip install pyarrow")
+    if samples:
+        _need_pyarrow()
     return write_files(out, _texts(results), frame=_samples(results) if samples else None)
 
 
-def require_writable(out: Path) -> None:
+def check_writable(out: Path, *, samples: bool = False) -> None:
     """Finds out before a long computation whether its output can be written; leaves nothing behind.
 
     Raises:
         OutputError: It cannot.
     """
+    if samples:
+        _need_pyarrow()
     made = [folder for folder in (out, *out.parents) if not folder.exists()]
     try:
         shutil.rmtree(_stage(out))
@@ -92,8 +91,13 @@ def write_files(out: Path, texts: dict[str, str], *, frame: pd.DataFrame | None 
     return out
 
 
+def _need_pyarrow() -> None:
+    if find_spec("pyarrow") is None:
+        raise OutputError(f"{SAMPLES} needs pyarrow, which is not installed", "", "run pip install pyarrow")
+
+
 def _stage(out: Path) -> Path:
-    """An empty folder on the same disk: inside `out` where that exists (it may be a mount), else beside it."""
+    """An empty folder on the same disk: in `out` where that exists (it may be a mount), else beside it."""
     out = out.absolute()
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file")
@@ -139,7 +143,7 @@ def _texts(results: Results) -> dict[str, str]:
         "errors.csv": errors.to_csv(index=False, na_rep="nan", lineterminator="\n"),
         "timings.csv": pd.DataFrame(timings, columns=TIMING_COLUMNS).to_csv(index=False, lineterminator="\n"),
         "environment.json": json_text(results.environment),
-        "summary.json": json_text(summary(results)),
+        "summary.json": summary_text(results),
     }
 
 

@@ -16,6 +16,14 @@ def mechanism_names() -> list[str]:
     return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; what can be no path at all, being too long, is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def mechanism_path(name: str | Path) -> Path:
     """Path of the description of a built-in mechanism, or the path itself.
 
@@ -24,7 +32,7 @@ def mechanism_path(name: str | Path) -> Path:
     """
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
-    if Path(name).suffix == ".toml" and Path(name).is_file():
+    if Path(name).suffix == ".toml" and is_file(Path(name)):
         return Path(name)
     raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML file"])
 
@@ -39,6 +47,6 @@ def load_mechanism(name: str | Path) -> Mechanism:
 
     def find(base: str) -> Path:
         beside = path.parent / base
-        return beside if beside.is_file() else mechanism_path(base)
+        return beside if is_file(beside) else mechanism_path(base)
 
     return read_mechanism(path, find)

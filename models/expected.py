@@ -1,6 +1,7 @@
 """What the description says a model file should read as, by plain matrices, joint after joint.
 
-It shares no kinematics with the solver, and walks the joints as the description declares them, not as a tree does.
+It shares no kinematics with the solver, and walks the joints as the description declares them, not as a tree
+does.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from screwgauge.models.layout import Closure, Link, lay_out
-from screwgauge.models.mjcf import site_names
 from screwgauge.models.readings import BodyReading, Reading, matrix, screw
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
@@ -28,7 +28,8 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, pose)
         screws.update(_screws(link, poses))
     actuators = {
-        name: joint.coordinates[0] for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+        name: joint.coordinates[0]
+        for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     }
     closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
     return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))
@@ -77,12 +78,13 @@ def _screws(link: Link, poses: dict[str, Array]) -> dict[str, Array]:
 
 
 def _closures(closure: Closure) -> list[tuple[str, tuple[str, Array, str, Array]]]:
-    """Names of the equality constraints and the points that they join."""
-    if closure.type == "weld":
-        return [(closure.joint, (closure.parent, closure.parent_frame.p, closure.child, closure.child_frame.p))]
-    count = len(site_names(closure))
+    """Names of the equality constraints and the frames that they join."""
+    parent, child = closure.parent, closure.child
+    if closure.type != "points":
+        frames = _matrix(closure.parent_frame), _matrix(closure.child_frame)
+        return [(closure.joint, (parent, frames[0], child, frames[1]))]
     points = zip(closure.parent_points, closure.child_points, strict=True)
     return [
-        (closure.joint if count == 1 else f"{closure.joint}.{i + 1}", (closure.parent, p, closure.child, r))
+        (f"{closure.joint}.{i + 1}", (parent, matrix(p, np.eye(3)), child, matrix(r, np.eye(3))))
         for i, (p, r) in enumerate(points)
     ]

@@ -48,7 +48,7 @@ def write_models(
     gravity: Sequence[float] | Array = GRAVITY,
     include: Set[str] = frozenset(),
 ) -> list[Path]:
-    """Writes the model files into a folder, all or none.
+    """Writes the model files into a folder. Each is moved there whole, after all of them could be written.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -64,6 +64,8 @@ def write_models(
                 os.replace(Path(folder) / name, out / name)
     except OSError as error:
         raise OutputError(
-            f"the model files cannot be written ({error.strerror})", str(out), "name a folder that can be written"
+            f"the model files cannot be written ({error.strerror})",
+            str(out),
+            "name a folder that can be written",
         ) from None
     return [out / name for name in texts]

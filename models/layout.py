@@ -13,8 +13,8 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint that
-#: closes a loop leads to a copy of its body, welded to the body itself.
+#: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint
+#: that closes a loop leads to a copy of its body, welded to the body itself.
 CUTS = ("minimal", "full")
 
 
@@ -143,7 +143,9 @@ def length_scale(mechanism: Mechanism) -> float:
     lengths = [1e-300]
     for joint in mechanism.joints:
         lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
-        lengths += [abs(float(home)) for (turns, _), home in zip(joint.freedoms, joint.home, strict=True) if not turns]
+        lengths += [
+            abs(float(home)) for (turns, _), home in zip(joint.freedoms, joint.home, strict=True) if not turns
+        ]
     return max(lengths) if max(lengths) > 1e-300 else 1.0
 
 
@@ -181,9 +183,9 @@ def _closure(joint: Joint, mechanism: Mechanism) -> Closure:
             joint.where or joint.name,
             "write it as R, P and S joints on bodies of their own, or use the full cut",
         )
-    frames = joint.parent_frame, joint.child_frame
-    points = [frame.p + arms @ frame.R.T for frame in frames]
-    return Closure(joint.name, kind, joint.parent, joint.child, *points, *frames)
+    near, far = joint.parent_frame, joint.child_frame
+    points = near.p + arms @ near.R.T, far.p + arms @ far.R.T
+    return Closure(joint.name, kind, joint.parent, joint.child, points[0], points[1], near, far)
 
 
 def _depth_first(branches: list[_Branch], mechanism: Mechanism) -> list[_Branch]:
@@ -211,5 +213,7 @@ def _check_names(branches: list[_Branch], mechanism: Mechanism) -> None:
     for name, count in names.items():
         if count > 1:
             raise DescriptionError(
-                f"the name '{name}' is needed for the models", mechanism.where or mechanism.name, "rename that body"
+                f"the name '{name}' is needed for the models",
+                mechanism.where or mechanism.name,
+                "rename that body",
             )

@@ -52,25 +52,40 @@ class LoopsFile:
     axial: tuple[str, Array] | None
 
 
+def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
+    """What the loops file of a cut mechanism says."""
+    tree = lay_out(mechanism, cut)
+    return LoopsFile(
+        mechanism=mechanism.name,
+        cut=cut,
+        bodies=tuple(body.name for body in mechanism.bodies),
+        tree=tree.coordinates,
+        joints=mechanism.joints,
+        closures=tree.closures,
+        independent=mechanism.independent,
+        axial=mechanism.axial,
+    )
+
+
 def write_loops(mechanism: Mechanism, cut: str) -> str:
     """The loops file (TOML) of a cut mechanism."""
-    tree = lay_out(mechanism, cut)
+    file = loops_of(mechanism, cut)
     lines = [
         "# What the URDF beside this file cannot say; written by screwgauge models.",
-        f"mechanism = {_text(mechanism.name)}",
-        f"cut = {_text(cut)}",
-        f"bodies = {_list([body.name for body in mechanism.bodies])}",
-        f"tree = {_list(tree.coordinates)}",
+        f"mechanism = {_text(file.mechanism)}",
+        f"cut = {_text(file.cut)}",
+        f"bodies = {_list(file.bodies)}",
+        f"tree = {_list(file.tree)}",
         "",
         "[independent]",
-        *(f"{_key(label)} = {_text(name)}" for label, name in mechanism.independent.items()),
+        *(f"{_key(label)} = {_text(name)}" for label, name in file.independent.items()),
     ]
-    if mechanism.axial:
-        joint, direction = mechanism.axial
-        lines += ["", "[spherical_axial]", f"joint = {_text(joint)}", f"direction = {_numbers(direction)}"]
-    for joint_ in mechanism.joints:
-        lines += ["", *_joint_lines(joint_)]
-    for closure in tree.closures:
+    if file.axial:
+        name, direction = file.axial
+        lines += ["", "[spherical_axial]", f"joint = {_text(name)}", f"direction = {_numbers(direction)}"]
+    for joint in file.joints:
+        lines += ["", *_joint_lines(joint)]
+    for closure in file.closures:
         lines += ["", *_closure_lines(closure)]
     return "\n".join(lines) + "\n"
 
@@ -89,7 +104,11 @@ def _joint_lines(joint: Joint) -> list[str]:
         lines.append(f"limits = {_numbers(joint.limits)}")
     if joint.actuated:
         lines.append("actuated = true")
-    return [*lines, f"parent_frame = {_frame(joint.parent_frame)}", f"child_frame = {_frame(joint.child_frame)}"]
+    return [
+        *lines,
+        f"parent_frame = {_frame(joint.parent_frame)}",
+        f"child_frame = {_frame(joint.child_frame)}",
+    ]
 
 
 def _closure_lines(closure: Closure) -> list[str]:
@@ -108,14 +127,16 @@ def _closure_lines(closure: Closure) -> list[str]:
 
 
 def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON strings are TOML strings but for DEL
+    return json.dumps(value, ensure_ascii=False).replace(
+        "\x7f", "\\u007f"
+    )  # JSON strings are TOML strings but for DEL
 
 
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
 
 
-def _list(values: tuple[str, ...] | list[str]) -> str:
+def _list(values: tuple[str, ...]) -> str:
     return "[" + ", ".join(map(_text, values)) + "]"
 
 
@@ -169,7 +190,9 @@ def read_loops(path: Path) -> LoopsFile:
 def _typed(table: Any, key: str, kind: type, where: str, default: Any = None) -> Any:
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
-        raise ModelFileError(f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
+        raise ModelFileError(
+            f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again"
+        )
     return value
 
 
@@ -199,7 +222,9 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
         for side in ("parent", "child")
     ]
     if len(points[0]) != len(points[1]) or len(points[0]) != (1 if kind == "point" else 2):
-        raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")
+        raise ModelFileError(
+            f"a closure of type {kind} has another number of points", where, "mend the lists"
+        )
     return Closure(name, kind, parent, child, points[0], points[1], joint.parent_frame, joint.child_frame)
 
 
@@ -225,7 +250,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
     bodies = (GROUND, *file.bodies)
     sides = [(side, joint.where) for joint in file.joints for side in (joint.parent, joint.child)]
     for closure in file.closures:
-        sides += [(closure.parent, where), (closure.child.split("@")[0], where)]
+        sides += [(closure.parent, where), (closure.child.removesuffix(f"@{closure.joint}"), where)]
     for side, place in sides:
         if side not in bodies:
             raise UnknownNameError("body", side, bodies, place)

@@ -30,7 +30,7 @@ def write_mjcf(
     Args:
         cut: ``minimal`` or ``full``.
         gravity: World axes [m/s^2]. Shape (3,).
-        include: Some of `PARTS`; nothing of the others is written, and their pipeline stages are switched off.
+        include: Some of `PARTS`; nothing of the others is written, and their stages are switched off.
 
     Raises:
         UnknownNameError: No such cut or part.
@@ -74,7 +74,7 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
-    # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would make of them.
+    # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would be.
     ET.SubElement(
         root,
         "compiler",
@@ -95,8 +95,8 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
     """Nested bodies, ground the fixed one that carries them all.
 
-    Pinocchio reads only the first body below worldbody, and only bodies with an inertial: so ground is one, of
-    no mass.
+    Pinocchio reads only the first body below worldbody, and only bodies with an inertial: so ground is one,
+    of no mass.
     """
     bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
     ET.SubElement(bodies[GROUND], "inertial", pos="0 0 0", mass="0", diaginertia="0 0 0")
@@ -121,7 +121,7 @@ def _place(element: ET.Element, frame: Frame) -> None:
 def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
     """One of the joints of a body, which MuJoCo applies in turn: each is carried by those before it.
 
-    near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, seen from the body frame.
+    near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, in the body frame.
     """
     frame = link.far_frame
     joint = ET.SubElement(element, "joint", name=freedom.coordinate)

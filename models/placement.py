@@ -33,8 +33,8 @@ def compose(first: Frame, second: Frame) -> Frame:
 def rpy(R: Array) -> Array:
     """Angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as URDF has them. Shape (3, 3) -> (3,).
 
-    Pitch and roll are read after yaw is taken off, so that the three together give `R` even where yaw and roll
-    turn about nearly the same axis.
+    Pitch and roll are read after yaw is taken off, so that the three together give `R` even where yaw and
+    roll turn about nearly the same axis.
     """
     yaw = math.atan2(R[1, 0], R[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
@@ -60,5 +60,5 @@ def quaternion(R: Array) -> Array:
     )
     outer = products + products.T + np.diag(squares)
     row = outer[int(np.argmax(squares))]
-    q = row / np.linalg.norm(row)
+    q: Array = row / np.linalg.norm(row)
     return -q if q[0] < 0.0 else q

@@ -1,7 +1,7 @@
 """What each library reads from a model file, in the terms of the description.
 
-A reading never follows a file's own layout: bodies are compared by name, in their own frames, and joints by the
-screws they turn about in the world, so that nothing depends on how a format splits joints and frames.
+A reading never follows a file's own layout: bodies are compared by name, in their own frames, and joints by
+the screws they turn about in the world, so that nothing depends on how a format splits joints and frames.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class Reading:
     Attributes:
         bodies: Every body with mass.
         screws: Coordinate -> unit screw [angular; linear at the world origin] at home. Shape (6,).
-        closures: Name -> (body, its point, body, its point) of a closure that the file has.
+        closures: Name -> (body, frame in it, body, frame in it) of a closure that the file has; the origins
+            (of a weld the frames) coincide. Frames have shape (4, 4).
         actuators: Name -> coordinate, of a file that has actuators.
         gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
     """
@@ -136,9 +137,9 @@ def read_pinocchio(path: Path, home: Mapping[str, float]) -> Reading:
         bodies[model.frames[i].name] = BodyReading(
             model.frames[int(near)].name, passed, float(Y.mass), np.array(Y.lever), np.array(Y.inertia), pose
         )
-    screws = {}
+    screws, J = {}, np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
     for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
-        column = data.J[:, joint.idx_v]  # [linear; angular]
+        column = J[:, joint.idx_v]  # [linear; angular]
         screws[name] = np.concatenate([column[3:], column[:3]])
     return Reading(bodies, screws)
 
@@ -146,12 +147,16 @@ def read_pinocchio(path: Path, home: Mapping[str, float]) -> Reading:
 def _pinocchio_inertias(model: Any) -> dict[int, Any]:
     """Frame number of each link with mass -> its inertia in the link's frame.
 
-    Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of
-    the fixed joint.
+    Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame
+    of the fixed joint.
     """
     import pinocchio
 
-    fixed = {i: f for i, f in enumerate(model.frames) if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass}
+    fixed = {
+        i: f
+        for i, f in enumerate(model.frames)
+        if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass
+    }
     inertias = {}
     for i, frame in enumerate(model.frames):
         if frame.type != pinocchio.FrameType.BODY or not frame.parentJoint:
@@ -160,12 +165,14 @@ def _pinocchio_inertias(model: Any) -> dict[int, Any]:
             Y = model.frames[frame.parentFrame].inertia
         else:
             Y = model.inertias[frame.parentJoint]
-            merged = [f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint]
+            merged = [
+                f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint
+            ]
             # What rounding leaves of a massless link must not pass for a body.
             if merged and Y.mass - sum(part.mass for part in merged) <= 1e-12 * Y.mass:
                 continue
             for part in merged:
-                Y = pinocchio.Inertia(Y.matrix() - part.matrix())
+                Y = Y - part
         if Y.mass:
             inertias[i] = Y
     return inertias
@@ -220,14 +227,17 @@ def _mujoco_closures(model: Any) -> dict[str, tuple[str, Array, str, Array]]:
     """Sites that the equality constraints join."""
     import mujoco
 
+    def frame(site: int) -> Array:
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, model.site_quat[site])
+        return matrix(model.site_pos[site], R.reshape(3, 3))
+
     closures = {}
     for i in range(model.neq):
-        if model.eq_objtype[i] != mujoco.mjtObj.mjOBJ_SITE:
-            continue
-        sites = model.eq_obj1id[i], model.eq_obj2id[i]
-        first, second = (model.body(model.site_bodyid[site]).name for site in sites)
-        p1, p2 = (model.site_pos[site].copy() for site in sites)
-        closures[model.equality(i).name] = (first, p1, second, p2)
+        if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+            site1, site2 = model.eq_obj1id[i], model.eq_obj2id[i]
+            body1, body2 = (model.body(model.site_bodyid[site]).name for site in (site1, site2))
+            closures[model.equality(i).name] = (body1, frame(site1), body2, frame(site2))
     return closures
 
 

@@ -1,4 +1,4 @@
-"""Writes URDF. A link's frame is the body frame of the description; crosses of composite joints are massless."""
+"""Writes URDF. A link's frame is the description's body frame; crosses of composite joints are massless."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.placement import inverse, number_text, rpy, vector_text
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 
-#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses two
-#: coordinates (cosine and sine) for the angle.
+#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
+#: two coordinates (cosine and sine) for the angle.
 WIDE = 1e3
 STRONG = 1e9
 
@@ -58,7 +58,9 @@ def frame_link(link: Link) -> str:
     return f"{link.original}@{link.joint.name}.frame"
 
 
-def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
+def _elementary(
+    robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool
+) -> None:
     kind = "revolute" if freedom.turns else "prismatic"
     joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
     _placement(joint, frame)

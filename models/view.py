@@ -31,7 +31,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """The body's joint points; a body with a single one is a rod that reaches as far beyond its centre of mass."""
+    """The body's joint points; a body with one is a rod that reaches as far beyond its centre of mass."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
@@ -54,8 +54,8 @@ def _geom(body: ET.Element, kind: str, radius: float, solid: bool) -> ET.Element
 def add_contact_pairs(root: ET.Element, tree: Tree) -> None:
     """Bodies that a joint holds together overlap there: they do not collide."""
     contact = ET.SubElement(root, "contact")
-    for joint in tree.mechanism.joints:
-        ET.SubElement(contact, "exclude", body1=joint.parent, body2=joint.child)
+    for first, second in sorted({(joint.parent, joint.child) for joint in tree.mechanism.joints}):
+        ET.SubElement(contact, "exclude", body1=first, body2=second)
 
 
 def add_sensors(root: ET.Element, tree: Tree) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -38,10 +39,13 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise DescriptionError("is not UTF-8 text", str(path), "give a TOML file") from None
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
+    except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
+        raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
 
 
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:
     """Refuses a table with unknown keys, or what is no table."""
+    known = list(known)
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write key = value entries")
     for key in table:
@@ -77,7 +81,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     data = _with_base(path, find, seen=())
     where = str(path)
     check_keys(data, _TOP, where)
-    name = _text(required(data, "name", where), f"{where}, name")
+    name = _name(required(data, "name", where), f"{where}, name")
     bodies = _table(data, "bodies", where)
     joints = _table(data, "joints", where)
     mechanism = Mechanism(
@@ -96,19 +100,26 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
 
 def _with_base(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...]) -> dict[str, Any]:
-    if path in seen:
+    if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
     data = read_toml(path)
     if "extends" not in data:
         return data
     base = find(_text(data.pop("extends"), f"{path}, extends"))
-    return merge(_with_base(base, find, (*seen, path)), data)
+    return merge(_with_base(base, find, (*seen, path.resolve())), data)
 
 
 def _text(value: Any, where: str) -> str:
     if not isinstance(value, str) or (value == "" and not where.endswith("source")):
         raise DescriptionError(f"{value!r} is not text", where, "write a name in quotes")
     return value
+
+
+def _name(value: Any, where: str) -> str:
+    """A name that can stand in file names, URDF and MJCF ('@' marks the parts that these add)."""
+    if not re.fullmatch(r"\w[\w.:+-]*", _text(value, where)):
+        raise DescriptionError(f"{value!r} is not a name", where, "use letters, digits and . _ - + : only")
+    return str(value)
 
 
 def _table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
@@ -119,6 +130,7 @@ def _table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
 
 
 def _body(name: str, table: Any, where: str) -> Body:
+    _name(name, where)
     check_keys(table, _BODY, where)
     mass = number(required(table, "mass", where), f"{where}.mass")
     com = vector(table.get("com", [0, 0, 0]), f"{where}.com")
@@ -135,10 +147,11 @@ def _body(name: str, table: Any, where: str) -> Body:
 
 def read_joint(name: str, table: Any, where: str) -> Joint:
     """Reads one entry of ``[joints]``, also of a loops file."""
+    _name(name, where)
     check_keys(table, _JOINT, where)
     kind = required(table, "kind", where)
-    if kind not in KINDS:
-        raise UnknownNameError("joint kind", str(kind), KINDS, where)
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise UnknownNameError("joint kind", kind, KINDS, where)
     n = len(KINDS[kind])
     raw_axes = required(table, "axes", where)
     n_axes = 1 if kind == "C" else n
@@ -156,7 +169,7 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
         parent=_text(required(table, "parent", where), f"{where}.parent"),
         child=_text(required(table, "child", where), f"{where}.child"),
         axes=np.array([unit_vector(axis, f"{where}.axes") for axis in raw_axes]),
-        coordinates=tuple(_text(item, f"{where}.coordinates") for item in coordinates),
+        coordinates=tuple(_name(item, f"{where}.coordinates") for item in coordinates),
         home=vector(table.get("home", [0] * n), f"{where}.home", n),
         limits=_limits(table.get("limits"), n, f"{where}.limits"),
         parent_frame=_frame(table.get("parent_frame", {}), f"{where}.parent_frame"),
@@ -211,6 +224,7 @@ def _check_names(mechanism: Mechanism, where: str) -> None:
         if mechanism.coordinates.count(name) > 1:
             raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")
     for label, name in mechanism.independent.items():
+        _name(label, f"{where}, independent")
         if name not in mechanism.coordinates:
             raise UnknownNameError("coordinate", str(name), mechanism.coordinates, f"{where}, independent.{label}")
     if len(set(mechanism.independent.values())) < len(mechanism.independent):

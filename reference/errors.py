@@ -16,8 +16,15 @@ class ScrewgaugeError(Exception):
     """
 
     def __init__(self, what: str, where: str, remedy: str) -> None:
+        what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)
         super().__init__(f"{where}: {what}; {remedy}." if where else f"{what}; {remedy}.")
         self.what, self.where, self.remedy = what, where, remedy
+
+
+def _one_line(text: str, most: int) -> str:
+    """Values are quoted in messages: however long they are and whatever they contain, it stays one line."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 class DescriptionError(ScrewgaugeError):
@@ -27,11 +34,28 @@ class DescriptionError(ScrewgaugeError):
 class UnknownNameError(ScrewgaugeError):
     """A scene, mechanism, engine, quantity or key that does not exist."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "") -> None:
         names = list(known)
-        near = get_close_matches(name, names, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else "choose one of these"
-        super().__init__(f"unknown {kind} '{name}'", where, f"{hint} Known: {', '.join(names)}")
+        near = get_close_matches(str(name)[:100], names, n=1)
+        hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: "
+        super().__init__(f"unknown {kind} '{name}'", where, hint + ", ".join(names))
+
+
+def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
+    """The names as a list, each of them known and at least one.
+
+    Raises:
+        ScrewgaugeError: It is no list, there is none, or one is not known.
+    """
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise DescriptionError(f"{names!r} is no list of names", where or f"{kind} names", "write a list")
+    wanted, choice = list(names), list(known)
+    for name in wanted:
+        if name not in choice:
+            raise UnknownNameError(kind, name, choice, where)
+    if not wanted:
+        raise DescriptionError(f"no {kind} is named", where, f"name at least one of: {', '.join(choice)}")
+    return wanted
 
 
 class ClosureError(ScrewgaugeError):

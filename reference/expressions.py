@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +22,11 @@ _BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Pow: operator.pow,
 }
 _FUNCTIONS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
+
+
+#: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
+LARGEST = 1e100
+_REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
 
 
 def _evaluate(node: ast.expr) -> float:
@@ -49,11 +55,15 @@ def number(value: Any, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("not a number")
-        result = _evaluate(ast.parse(str(value).strip(), mode="eval").body)
+        with warnings.catch_warnings():  # the parser warns of "1if"
+            warnings.simplefilter("ignore")
+            result = _evaluate(ast.parse(str(value).strip(), mode="eval").body)
         if not (isinstance(result, float) and math.isfinite(result)):
-            raise ValueError("not finite")
+            raise ValueError("not a finite real number")
+        if abs(result) > LARGEST:
+            raise ValueError(f"larger than {LARGEST:g}")
     except (ValueError, SyntaxError, ArithmeticError, TypeError, RecursionError, MemoryError) as error:
-        reason = error.args[0] if isinstance(error, ValueError) else type(error).__name__
+        reason = error.args[0] if type(error) is ValueError else _REASONS.get(type(error), "not an expression")
         raise DescriptionError(
             f"'{value}' cannot be read as a number ({reason})", where, 'write 0.5 or "3*sqrt(3)/10"'
         ) from None

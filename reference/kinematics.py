@@ -110,7 +110,7 @@ def lie_matrix(S: Array) -> Array:
 
 def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
     """Acceleration screw of the end of a serial chain, eq. (44): ``S beta + w^T S_L w``. Shape (n, 6)."""
-    return np.einsum("nxi,ni->nx", S, beta) + np.einsum("ni,nijx,nj->nx", w, lie_matrix(S), w)
+    return np.asarray(np.einsum("nxi,ni->nx", S, beta) + np.einsum("ni,nijx,nj->nx", w, lie_matrix(S), w))
 
 
 def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:

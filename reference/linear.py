@@ -58,4 +58,4 @@ def null_space(A: Array, tolerance: float = 1e-9) -> Array:
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:
     """Rank of one matrix, singular values below `tolerance` of the largest counting as zero."""
-    return A.shape[1] - null_space(A, tolerance).shape[1]
+    return int(A.shape[1] - null_space(A, tolerance).shape[1])

@@ -57,6 +57,8 @@ class Body:
         where = self.where or self.name
         if not self.mass > 0.0:
             raise DescriptionError(f"mass {self.mass:g} kg is not positive", where, "give a positive mass")
+        if not (np.isfinite(self.inertia).all() and np.isfinite([self.mass, *self.com]).all()):
+            raise DescriptionError("mass, com or inertia is not finite", where, "give finite numbers")
         moments = np.linalg.eigvalsh(self.inertia)
         slack = 1e-12 * max(float(np.trace(self.inertia)), 0.0)
         if moments[0] < -slack:

@@ -61,7 +61,8 @@ class Mobility:
         overconstraints: How many of them are redundant.
         actuation_redundancy: Actuators beyond what the freedoms need.
         names: Reaction components, then actuators.
-        unique: Whether each is determined by the motion alone, whatever rule fixes the redundancy.
+        unique: Whether each is determined by the motion alone, whatever rule fixes the redundant actuation.
+        determined: Whether each is determined once such a rule is chosen; a redundant constraint leaves some open.
     """
 
     bodies: int
@@ -74,6 +75,7 @@ class Mobility:
     actuation_redundancy: int
     names: tuple[str, ...]
     unique: tuple[bool, ...]
+    determined: tuple[bool, ...]
 
 
 def mobility(lay: Layout, at: Pose) -> Mobility:
@@ -86,6 +88,7 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     constraints = len(reactions.names)
     rank = linear.rank(c[:, :constraints])
     hidden = linear.null_space(c)  # forces that balance among themselves
+    internal = linear.null_space(c[:, :constraints])  # those that need no actuator
     freedoms = len(mechanism.coordinates) - (linear.rank(G) if G.size else 0)
     return Mobility(
         bodies=len(mechanism.bodies),
@@ -97,8 +100,14 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
         overconstraints=constraints - rank,
         actuation_redundancy=hidden.shape[1] - (constraints - rank),
         names=(*reactions.names, *mechanism.actuator_names),
-        unique=tuple(bool(row) for row in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9),
+        unique=_untouched(hidden),
+        determined=_untouched(internal) + (True,) * len(mechanism.actuators),
     )
+
+
+def _untouched(hidden: Array) -> tuple[bool, ...]:
+    """Which components no combination of hidden forces changes. Shape (m, k) -> m flags."""
+    return tuple(bool(flag) for flag in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9)
 
 
 def check_independent(lay: Layout, at: Pose) -> None:

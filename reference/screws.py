@@ -49,7 +49,7 @@ def lie_bracket(first: Array, second: Array) -> Array:
 
 def reciprocal_product(wrench: Array, twist: Array) -> Array:
     """Power of a wrench on a twist, eq. (8): force times linear plus moment times angular. Shape (...)."""
-    return np.sum(wrench[..., :3] * twist[..., 3:] + wrench[..., 3:] * twist[..., :3], axis=-1)
+    return np.asarray(np.sum(wrench[..., :3] * twist[..., 3:] + wrench[..., 3:] * twist[..., :3], axis=-1))
 
 
 def velocity_at(twist: Array, r: Array) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import cast
 
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import check_choice
 from screwgauge.solution import Engine
 
 #: Name -> module and function; imported only when used.
@@ -31,13 +31,9 @@ def check_engines(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     """The names, once each, in the order given.
 
     Raises:
-        UnknownNameError: One of them is no engine.
+        ScrewgaugeError: There is none, or one of them is no engine.
     """
-    wanted = list(dict.fromkeys(names))
-    for name in wanted:
-        if name not in ENGINES:
-            raise UnknownNameError("engine", str(name), ENGINES, where)
-    return tuple(wanted)
+    return tuple(dict.fromkeys(check_choice("engine", names, ENGINES, where)))
 
 
 def load_engine(name: str) -> Engine:

@@ -69,7 +69,7 @@ class PinocchioTree:
         while joint:
             joint = self.model.parents[joint]
             if joint in self.joints:
-                return self.bodies[self.joints.index(joint)]
+                return str(self.bodies[self.joints.index(joint)])
         return "ground"
 
     def poses(self, q: Array) -> BodyPoses:

@@ -10,7 +10,7 @@ import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics, screws
-from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.kinematics import Rates, accelerations, closure_system, positions, rates
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.linear import condition as condition_number
 from screwgauge.reference.mechanism import Mechanism
@@ -61,14 +61,17 @@ class _Work:
         with self.clock.stage("positions"):
             at = positions(lay, motion.y, motion.t)
         out["joint_position"] = at.q
-        with self.clock.stage("velocities"):
-            rate = rates(lay, at, motion.yd)
-        out["joint_velocity"] = rate.w
-        out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
-        if self.depth in "af":
-            self._dynamics(rate, motion.ydd, out)
+        A = None
+        if self.depth in "vaf":
+            with self.clock.stage("velocities"):
+                rate = rates(lay, at, motion.yd)
+            A = rate.A
+            out["joint_velocity"] = rate.w
+            out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
+            if self.depth in "af":
+                self._dynamics(rate, motion.ydd, out)
         with self.clock.stage("condition"):
-            condition = condition_number(rate.A)
+            condition = condition_number(closure_system(lay, at) if A is None else A)
         return {name: array for name, array in out.items() if name in wanted}, condition
 
     def _dynamics(self, rate: Rates, ydd: Array, out: dict[str, Array]) -> None:

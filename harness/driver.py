@@ -56,9 +56,9 @@ def run(
             else:
                 failures[name] = outcome
     progress("comparison", 0.0)
-    errors, pairs = compare(scene, solutions, failures, dict(zip(mobility.names, mobility.unique, strict=True)))
+    errors, pairs = compare(scene, solutions, failures, mobility)
     judged = [judge(scene, solution) for solution in solutions.values()]
-    facts = {key: value for key, value in asdict(mobility).items() if key not in ("names", "unique")}
+    facts = {key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")}
     return Results(
         scene=scene,
         solutions=solutions,

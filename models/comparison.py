@@ -1,0 +1,169 @@
+"""Compares a reading of a model file with the expected one, value by value, each on its own scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.models.layout import Closure, length_scale
+from screwgauge.models.loops import LoopsFile
+from screwgauge.models.readings import Reading
+from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+#: Of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
+#: chain of ten joints add about 2e-16 each.
+TOLERANCE = 1e-14
+#: MuJoCo keeps principal moments and axes; its diagonalisation leaves 1.1e-14 of the largest moment (the
+#: worst of 1200 random tensors, mujoco 4.0.0).
+INERTIA_TOLERANCE = 5e-14
+
+
+@dataclass(frozen=True, slots=True)
+class CheckRow:
+    """One comparison. `difference` is scaled as `tolerance` is; NaN where names are compared."""
+
+    file: str
+    reading: str
+    item: str
+    what: str
+    expected: str
+    found: str
+    difference: float
+    tolerance: float
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """The rows of one file and reading, in the making."""
+
+    file: str
+    reading: str
+    rows: list[CheckRow] = field(default_factory=list)
+
+    def names(self, item: str, what: str, expected: object, found: object) -> None:
+        same = expected == found
+        self._add(item, what, str(expected), str(found), math.nan, 0.0, same)
+
+    def numbers(
+        self,
+        item: str,
+        what: str,
+        expected: Array,
+        found: Array,
+        scale: float = 1.0,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        # written so that NaN is a difference, not agreement
+        difference = float(np.abs(expected - found).max()) / scale
+        ok = difference <= tolerance
+        self._add(item, what, _short(expected), _short(found), difference, tolerance, ok)
+
+    def _add(
+        self, item: str, what: str, expected: str, found: str, difference: float, tolerance: float, ok: bool
+    ) -> None:
+        self.rows.append(
+            CheckRow(self.file, self.reading, item, what, expected, found, difference, tolerance, ok)
+        )
+
+
+def _short(values: Array) -> str:
+    return " ".join(f"{value:.9g}" for value in np.ravel(values))
+
+
+def compare_readings(out: Comparison, expected: Reading, found: Reading, mechanism: Mechanism) -> None:
+    """Rows for all that the reading says."""
+    length = length_scale(mechanism)
+    out.names("", "body names", sorted(expected.bodies), sorted(found.bodies))
+    out.names("", "coordinate names", sorted(expected.screws), sorted(found.screws))
+    total = sum(body.mass for body in found.bodies.values())
+    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([total]), mechanism.mass)
+    _compare_bodies(out, expected, found, length)
+    for name in _common(expected.screws, found.screws):
+        scale = np.repeat([1.0, length], 3) if expected.screws[name][:3].any() else np.ones(6)
+        out.numbers(name, "joint axis at home", expected.screws[name] / scale, found.screws[name] / scale)
+    if found.gravity is None:
+        return
+    wanted = np.asarray(expected.gravity)
+    out.numbers("", "gravity", wanted, found.gravity, float(np.linalg.norm(wanted)) or 9.81)
+    out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
+    out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
+    for name in _common(expected.closures, found.closures):
+        body1, p1, body2, p2 = expected.closures[name]
+        other1, r1, other2, r2 = found.closures[name]
+        out.names(name, "closure bodies", (body1, body2), (other1, other2))
+        metres = np.array([1.0, 1.0, 1.0, length])
+        out.numbers(name, "closure frames", np.array([p1, p2]) / metres, np.array([r1, r2]) / metres)
+
+
+def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float) -> None:
+    for name in _common(expected.bodies, found.bodies):
+        want, have = expected.bodies[name], found.bodies[name]
+        out.names(name, "parent and joints", (want.near, *want.coordinates), (have.near, *have.coordinates))
+        out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass)
+        out.numbers(name, "centre of mass", want.com, have.com, length)
+        # a point has no moments; then the mass and the length of the mechanism say what is small
+        scale = float(np.abs(want.inertia).max()) or want.mass * length**2
+        out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
+        metres = np.array([1.0, 1.0, 1.0, length])
+        out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
+
+
+def _common(expected: Mapping[str, object], found: Mapping[str, object]) -> list[str]:
+    return [name for name in expected if name in found]
+
+
+def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
+    """Rows for all that a loops file says."""
+    length = length_scale(mechanism)
+    for what in ("mechanism", "cut", "bodies", "tree"):
+        out.names("", what, getattr(expected, what), getattr(found, what))
+    out.names("", "independent", dict(expected.independent), dict(found.independent))
+    joints = {joint.name: joint for joint in found.joints}
+    out.names("", "joint names", [joint.name for joint in expected.joints], list(joints))
+    for want in expected.joints:
+        if have := joints.get(want.name):
+            out.names(want.name, "joint", _joint_says(want), _joint_says(have))
+            if want.kind == have.kind:
+                out.numbers(
+                    want.name,
+                    "joint axes and frames",
+                    _joint_values(want, length),
+                    _joint_values(have, length),
+                )
+    closures = {closure.joint: closure for closure in found.closures}
+    out.names("", "closure names", [closure.joint for closure in expected.closures], list(closures))
+    for shut in expected.closures:
+        if other := closures.get(shut.joint):
+            out.names(shut.joint, "closure", _closure_says(shut), _closure_says(other))
+            if shut.type == other.type:
+                values = _closure_values(shut, length), _closure_values(other, length)
+                out.numbers(shut.joint, "closure points and frames", *values)
+
+
+def _joint_says(joint: Joint) -> tuple[object, ...]:
+    return joint.kind, joint.parent, joint.child, joint.coordinates, joint.actuated
+
+
+def _joint_values(joint: Joint, length: float) -> Array:
+    turns = [turn for turn, _ in joint.freedoms]
+    home = np.where(turns, joint.home, joint.home / length)
+    return np.concatenate([joint.axes.ravel(), home, *_frames(joint, length)])
+
+
+def _closure_says(closure: Closure) -> tuple[object, ...]:
+    return closure.type, closure.parent, closure.child
+
+
+def _closure_values(closure: Closure, length: float) -> Array:
+    points = [closure.parent_points.ravel() / length, closure.child_points.ravel() / length]
+    return np.concatenate([*points, *_frames(closure, length)])
+
+
+def _frames(item: Joint | Closure, length: float) -> list[Array]:
+    frames = item.parent_frame, item.child_frame
+    return [values for frame in frames for values in (frame.p / length, frame.R.ravel())]

@@ -1,0 +1,119 @@
+"""A wrong model, a wrong formula, a wrong gravity: each is noticed, and the first quantity that differs is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.generate import write_models
+from screwgauge.reference import screws
+from screwgauge.verdict import first_difference
+
+
+@pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])
+def scene(request):
+    scene = screwgauge.load_scene(request.param)
+    return scene.at(scene.motion.t[:2000:100])
+
+
+def edited(scene, folder: Path, suffix: str, change) -> Path:
+    """A model file of the scene's mechanism with one element changed."""
+    write_models(scene.mechanism, folder, gravity=scene.gravity)
+    path = folder / f"{scene.mechanism.name}{suffix}"
+    tree = ET.parse(path)
+    change(tree.getroot())
+    tree.write(path)
+    return path
+
+
+def found(results) -> tuple[int, str, set[str]]:
+    row = first_difference(results)
+    return results.exit_status, row["quantity"], {row["a"], row["b"]}
+
+
+def swap_inertia(root) -> None:
+    inertial = root.find(".//body[@name='leg2.lower']/inertial")
+    xx, yy, zz, *rest = inertial.get("fullinertia").split()
+    inertial.set("fullinertia", " ".join([zz, yy, xx, *rest]))
+
+
+def test_two_swapped_inertia_entries_in_the_mjcf(scene, tmp_path):
+    path = edited(scene, tmp_path, ".xml", swap_inertia)
+    status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
+    assert (status, quantity) == (1, "tree_force")
+    assert "mujoco" in engines
+
+
+def flip_axis(root) -> None:
+    axis = root.find("./joint[@name='leg3.q2']/axis")
+    axis.set("xyz", " ".join(str(-float(value)) for value in axis.get("xyz").split()))
+
+
+def test_a_flipped_axis_in_the_urdf(scene, tmp_path):
+    path = edited(scene, tmp_path, ".urdf", flip_axis)
+    results = screwgauge.run(replace(scene, models={"pinocchio": path}))
+    status, quantity, engines = found(results)
+    assert (status, quantity) == (1, "joint_position")
+    assert "pinocchio" in engines
+    bad = results.errors[(results.errors["quantity"] == "joint_position") & ~results.errors["ok"]]
+    assert set(bad["component"]) == {"leg3.q2"}
+
+
+def no_gravity(root) -> None:
+    root.find("./option").set("gravity", "0 0 0")
+
+
+def test_gravity_off_in_one_engine(scene, tmp_path):
+    path = edited(scene, tmp_path, ".xml", no_gravity)
+    status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
+    assert (status, quantity) == (1, "tree_force")
+    assert "mujoco" in engines
+
+
+def shift_anchor(root) -> None:
+    site = root.find(".//site[@name='leg2.wrist@child']")
+    x, y, z = (float(value) for value in site.get("pos").split())
+    site.set("pos", f"{x} {y} {z + 1e-6}")
+
+
+def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
+    path = edited(scene, tmp_path, ".xml", shift_anchor)
+    results = screwgauge.run(replace(scene, models={"mujoco": path}))
+    assert found(results)[:2] == (1, "joint_position")
+    closure = results.judge[(results.judge["residual"] == "loop_closure") & (results.judge["unit"] == "m")]
+    worst = closure.set_index("engine").loc["mujoco"]
+    assert worst["worst_component"].startswith("leg2.wrist")
+    assert worst["max_abs"] == pytest.approx(1e-6, rel=0.5)
+
+
+def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
+    """Only a fast motion tells: the paper's own case is nearly static."""
+    right = screws.lie_bracket
+    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
+    scene = screwgauge.load_scene("3ups-upu-s-fast")
+    results = screwgauge.run(scene.at(scene.motion.t[:2000:100]))
+    status, quantity, engines = found(results)
+    assert (status, quantity) == (1, "joint_acceleration")
+    assert "screw" in engines
+    bad = results.judge[~results.judge["ok"]]
+    assert set(bad["engine"]) == {"screw"}
+    assert "loop_acceleration" in set(bad["residual"])
+
+
+def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
+    """Eq. (36) as printed, with r the point at O: its first row is a velocity and dimensionally no angular rate."""
+
+    def printed(first, second):
+        w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]
+        row = np.cross(w1, v2) - np.cross(w2, v1)
+        return np.concatenate([row, row], axis=-1)
+
+    monkeypatch.setattr(screws, "lie_bracket", printed)
+    scene = screwgauge.load_scene("3ups-upu-s-fast")
+    results = screwgauge.run(scene.at(scene.motion.t[:2000:100]), engines=["screw"])
+    assert results.exit_status == 1

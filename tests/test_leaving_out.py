@@ -1,0 +1,50 @@
+"""Nothing heavy is imported, and nothing computed, that was not asked for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import screwgauge
+
+
+def modules_after(code: str) -> set[str]:
+    """Names of the modules that a fresh Python has loaded after running `code`."""
+    script = f"{code}\nimport sys\nprint('\\n' + ' '.join(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_screw_alone_imports_no_engine():
+    code = (
+        "import screwgauge\n"
+        "scene = screwgauge.load_scene('3ups-upu-s').at([0.0, 1.0])\n"
+        "assert screwgauge.run(scene, engines=['screw']).ok"
+    )
+    assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "matplotlib"}
+
+
+def test_screw_alone_on_the_command_line_imports_no_engine(tmp_path):
+    code = (
+        "import screwgauge.cli\n"
+        f"screwgauge.cli.main(['run', '--engines', 'screw', '--quantities', 'joint_position', '--out', {str(tmp_path)!r}])"
+    )
+    assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy"}
+
+
+def test_help_imports_not_even_numpy():
+    code = "import screwgauge.cli\ntry:\n    screwgauge.cli.main(['--help'])\nexcept SystemExit: pass"
+    assert not modules_after(code) & {"numpy", "pandas", "matplotlib", "pinocchio", "mujoco"}
+
+
+@pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
+@pytest.mark.parametrize("quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"])
+def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
+    scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.0, 0.1])
+    alone = screwgauge.run(scene, engines=[engine], quantities=[quantity]).solutions[engine]
+    everything = screwgauge.run(scene, engines=[engine]).solutions[engine]
+    assert set(alone.values) == {quantity}
+    assert (alone.values[quantity].array == everything.values[quantity].array).all()
+    assert len(alone.timings) < len(everything.timings)

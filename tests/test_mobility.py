@@ -1,0 +1,108 @@
+"""Section 2.2 of the paper: reciprocal screws, freedoms, redundancy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from screwgauge.reference import linear
+from screwgauge.reference.graph import serial_chains
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mobility import (
+    chain_constraints,
+    exchange,
+    mobility,
+    output_constraints,
+    output_freedoms,
+    reciprocal_screws,
+)
+from screwgauge.reference.pose import chain_screws, layout, pose
+
+R, L, THETA = 0.8, 0.6, np.pi / 6
+ROUNDING = 1e-13
+
+
+@pytest.fixture
+def home(paper):
+    lay = layout(paper)
+    return lay, pose(lay, paper.home[None])
+
+
+def spans_the_same(found, expected) -> bool:
+    return linear.rank(np.hstack([found, expected])) == linear.rank(found) == linear.rank(expected)
+
+
+def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
+    lay, at = home
+    s, c = np.sin(THETA), np.cos(THETA)
+    expected = np.array(
+        [
+            [1, 0, 0, 0, 0, 0],
+            [0, 1, 0, 0, 0, R],
+            [0, 0, 0, -s, 0, c],
+            [c, 0, s, 0, -R * s + L, 0],
+            [0, 1, 0, -L * c, 0, R - L * s],
+        ]
+    ).T
+    assert np.abs(chain_screws(lay, serial_chains(lay.mechanism)[0], at)[0] - expected).max() < ROUNDING
+
+
+def test_upu_chain_constrains_by_the_force_of_eq_9(home):
+    lay, at = home
+    (found,) = chain_constraints(lay, at)[0].T
+    assert found / found[1] == pytest.approx([0, 1, 0, 0, 0, R - L / np.sin(THETA)], abs=ROUNDING)
+
+
+def test_ups_chains_constrain_nothing_eq_10(home):
+    assert [c.shape[1] for c in chain_constraints(*home)] == [1, 0, 0, 0, 3]
+
+
+def test_s_chain_constrains_by_three_forces_through_o_eq_11(home):
+    assert spans_the_same(chain_constraints(*home)[4], np.eye(6)[:, :3])
+
+
+def test_platform_constraints_are_those_of_eq_12(home):
+    expected = np.eye(6)[:, :4].copy()
+    expected[:, 3] = [0, 1, 0, 0, 0, R - L / np.sin(THETA)]
+    assert spans_the_same(output_constraints(*home), expected)
+
+
+def test_platform_turns_about_x_and_y_at_home_eq_14(home):
+    assert spans_the_same(output_freedoms(*home), np.eye(6)[:, :2])
+
+
+def test_second_free_axis_turns_with_the_platform(paper):
+    """Erratum: eq. (14) holds at a = 0 only; the second free axis is (0, cos a, sin a)."""
+    lay = layout(paper)
+    a = 0.3
+    at = positions(lay, np.array([[a, 0.1]]), np.zeros(1))
+    expected = np.zeros((6, 2))
+    expected[0, 0], expected[1:3, 1] = 1.0, [np.cos(a), np.sin(a)]
+    assert spans_the_same(output_freedoms(lay, at), expected)
+
+
+def test_reciprocal_screws_do_no_work_at_any_pose(paper):
+    lay = layout(paper)
+    at = positions(lay, np.array([[0.25, -0.1]]), np.zeros(1))
+    for chain in serial_chains(paper):
+        S = chain_screws(lay, chain, at)[0]
+        wrenches = reciprocal_screws(S)
+        assert np.abs(exchange(S).T @ wrenches).max(initial=0.0) < ROUNDING
+        assert wrenches.shape[1] == 6 - linear.rank(S)
+
+
+def test_counts_of_the_paper(paper):
+    lay = layout(paper)
+    found = mobility(lay, positions(lay, np.array([[0.2, 0.1]]), np.zeros(1)))
+    assert (found.bodies, found.joint_freedoms, found.kutzbach, found.mobility) == (9, 26, 2, 2)
+    assert (found.constraints, found.constraint_rank, found.overconstraints) == (52, 52, 0)
+    assert found.actuation_redundancy == 2
+
+
+def test_actuator_forces_are_not_unique_but_some_reactions_are(paper):
+    lay = layout(paper)
+    found = mobility(lay, positions(lay, np.array([[0.2, 0.1]]), np.zeros(1)))
+    unique = dict(zip(found.names, found.unique, strict=True))
+    assert not any(unique[name] for name in paper.actuator_names)
+    assert not unique["s.fz"]
+    assert unique["leg2.slide.mz"]

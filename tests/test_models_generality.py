@@ -1,0 +1,303 @@
+"""Nothing in the writers knows the paper's mechanism: other joints, other directions, other names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.models.check import check_models, check_table, installed_readers
+from screwgauge.models.expected import home_poses, joint_transform
+from screwgauge.models.generate import write_models
+from screwgauge.models.layout import lay_out
+from screwgauge.models.loops import read_loops
+from screwgauge.models.mjcf import write_mjcf
+from screwgauge.models.readings import read_mujoco, read_pinocchio
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+CLOSED = 1e-15  # a handful of placements, each rounded to 1.1e-16 m or rad
+
+FOUR_BAR = """
+name = "four-bar" # a parallelogram, leaning by pi/6; its last joint is declared towards ground
+[independent]
+phi = "motor"
+[bodies.crank]
+mass = 0.3
+com = [0, 0, 0.15]
+inertia = { xx = 2.25e-3, yy = 2.25e-3, zz = 1e-5 }
+[bodies.coupler]
+mass = 0.5
+com = [0.25, 0.01, 0]
+inertia = { xx = 2e-5, yy = 1.04e-2, zz = 1.04e-2, xy = 1e-4 }
+[bodies.rocker]
+mass = 0.4
+com = [0, 0, 0.15]
+inertia = { xx = 3e-3, yy = 3e-3, zz = 1e-5 }
+[joints.motor]
+kind = "R"
+parent = "ground"
+child = "crank"
+axes = [[0, 1, 0]]
+home = ["pi/6"]
+actuated = true
+[joints.elbow]
+kind = "R"
+parent = "crank"
+child = "coupler"
+axes = [[0, 1, 0]]
+home = ["-pi/6"]
+parent_frame = { position = [0, 0, 0.3] }
+[joints.knee]
+kind = "R"
+parent = "coupler"
+child = "rocker"
+axes = [[0, 1, 0]]
+home = ["pi/6"]
+parent_frame = { position = [0.5, 0, 0] }
+child_frame = { position = [0, 0, 0.3] }
+[joints.foot]
+kind = "R"
+parent = "rocker"
+child = "ground"
+axes = [[0, 1, 0]]
+home = ["-pi/6"]
+child_frame = { position = [0.5, 0, 0] }
+"""
+
+# U and P declared from the outer body inwards, C outwards, all frames askew.
+REVERSED = """
+name = "reversed"
+[independent]
+turn = "u.q1"
+[bodies.inner]
+mass = 1.5
+com = [0.02, -0.03, 0.1]
+inertia = { xx = 0.03, yy = 0.04, zz = 0.05, xy = 0.003, xz = -0.002, yz = 0.001 }
+[bodies.middle]
+mass = 0.7
+com = [-0.01, 0.04, 0.2]
+inertia = { xx = 0.02, yy = 0.03, zz = 0.025, xy = -0.001, xz = 0.002, yz = 0.0015 }
+[bodies.tip]
+mass = 0.9
+com = [0.05, 0.06, -0.07]
+inertia = { xx = 0.011, yy = 0.012, zz = 0.013, xy = 0.0002, xz = 0.0003, yz = -0.0004 }
+[joints.u]
+kind = "U"
+parent = "inner"
+child = "ground"
+axes = [[1, 0, 0], [0, 0.6, 0.8]]
+home = [0.3, -0.7]
+parent_frame = { position = [0.1, 0.2, -0.3], rotation = { axis = [0.6, 0, 0.8], angle = 0.9 } }
+child_frame = { position = [-0.2, 0.5, 0.1], rotation = { axis = [0, 0.6, 0.8], angle = -1.1 } }
+[joints.c]
+kind = "C"
+parent = "inner"
+child = "middle"
+axes = [[0, 0.8, -0.6]]
+home = [0.4, 0.25]
+parent_frame = { position = [0.3, 0, 0.2], rotation = { axis = [1, 0, 0], angle = 0.5 } }
+child_frame = { position = [0, 0.1, 0.2], rotation = { axis = [0, 0, 1], angle = 2.5 } }
+[joints.p]
+kind = "P"
+parent = "tip"
+child = "middle"
+axes = [[0.6, 0.8, 0]]
+home = [-0.35]
+parent_frame = { position = [0.1, 0, 0.1], rotation = { axis = [0, 1, 0], angle = 1.3 } }
+child_frame = { position = [0, -0.2, 0.1] }
+"""
+
+BALL = """
+[joints.ball]
+kind = "S"
+parent = "tip"
+child = "ground"
+axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+home = [0.2, -0.4, 0.6]
+parent_frame = { position = [0.2, 0.1, 0.3], rotation = { axis = [0.8, 0.6, 0], angle = 0.4 } }
+"""
+
+
+@pytest.fixture
+def four_bar(write) -> Mechanism:
+    return load_mechanism(write("four-bar.toml", FOUR_BAR))
+
+
+@pytest.fixture
+def reversed_chain(write) -> Mechanism:
+    return load_mechanism(write("reversed.toml", REVERSED))
+
+
+@pytest.fixture
+def reversed_loop(write) -> Mechanism:
+    """The chain with a ball between its tip and ground, placed in ground so that the loop closes at home."""
+    mechanism = load_mechanism(write("loop.toml", REVERSED + BALL))
+    ball = mechanism.joint("ball")
+    T = home_poses(mechanism)["tip"] @ joint_transform(ball, ball.home)
+    closed = replace(ball, child_frame=Frame(p=T[:3, 3], R=T[:3, :3]))
+    return replace(mechanism, joints=(*mechanism.joints[:-1], closed))
+
+
+def closing_errors(mechanism: Mechanism) -> dict[str, float]:
+    """How far each joint's two bodies are from where it wants them at home."""
+    poses = home_poses(mechanism)
+    return {
+        joint.name: float(
+            np.abs(poses[joint.parent] @ joint_transform(joint, joint.home) - poses[joint.child]).max()
+        )
+        for joint in mechanism.joints
+    }
+
+
+def check(mechanism: Mechanism, folder: Path) -> None:
+    write_models(mechanism, folder)
+    rows = check_models(mechanism, folder)
+    assert {row.reading for row in rows} == set(installed_readers())
+    assert all(row.ok for row in rows), check_table(rows)
+
+
+@pytest.mark.parametrize("name", mechanism_names())
+def test_built_in_mechanisms_close_at_home(name: str) -> None:
+    errors = closing_errors(load_mechanism(name))
+    assert max(errors.values()) <= CLOSED, errors
+
+
+def test_four_bar_is_cut_at_a_hinge_as_two_points(four_bar: Mechanism, tmp_path: Path) -> None:
+    assert max(closing_errors(four_bar).values()) <= CLOSED
+    check(four_bar, tmp_path / "out")
+    (closure,) = read_loops(tmp_path / "out" / "four-bar.loops.toml").closures
+    assert (closure.joint, closure.type, closure.parent, closure.child) == (
+        "foot",
+        "points",
+        "rocker",
+        GROUND,
+    )
+    np.testing.assert_array_equal(
+        closure.parent_points, [[0, 0.25, 0], [0, -0.25, 0]]
+    )  # half the longest length
+    np.testing.assert_array_equal(closure.child_points, [[0.5, 0.25, 0], [0.5, -0.25, 0]])
+
+
+@pytest.mark.parametrize("cut", ["minimal", "full"])
+def test_four_bar_closures_leave_one_freedom(four_bar: Mechanism, cut: str) -> None:
+    """A hinge loop keeps its freedom: nv - rank of the closure rows is the mobility."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(write_mjcf(four_bar, cut))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    J = data.efc_J.reshape(-1, model.nv)
+    assert J.shape == (6, 3 if cut == "minimal" else 4)
+    assert model.nv - np.linalg.matrix_rank(J, tol=1e-9) == 1
+    assert np.abs(data.efc_pos).max() <= CLOSED
+
+
+def test_copy_of_the_parent_where_the_child_is_ground(four_bar: Mechanism) -> None:
+    copy = lay_out(four_bar, "full").links[-1]
+    assert (copy.name, copy.near, copy.reverse) == ("rocker@foot", GROUND, True)
+    assert copy.body.mass == 0.2
+
+
+def test_reversed_joints_keep_names_and_values(reversed_chain: Mechanism, tmp_path: Path) -> None:
+    tree = lay_out(reversed_chain, "minimal")
+    assert tree.coordinates == ("u.q2", "u.q1", "c.q1", "c.q2", "p")
+    assert [link.reverse for link in tree.links] == [True, False, True]
+    assert not tree.closures
+    check(reversed_chain, tmp_path / "out")
+
+
+def test_reversed_cut_joint(reversed_loop: Mechanism, tmp_path: Path) -> None:
+    assert max(closing_errors(reversed_loop).values()) <= CLOSED
+    check(reversed_loop, tmp_path / "out")
+    closure = read_loops(tmp_path / "out" / "reversed-full.loops.toml").closures[0]
+    assert (closure.type, closure.parent, closure.child) == ("weld", "tip", "tip@ball")
+
+
+@pytest.mark.parametrize("cut", ["minimal", "full"])
+def test_engines_agree_on_a_reversed_chain_away_from_home(
+    reversed_loop: Mechanism, tmp_path: Path, cut: str
+) -> None:
+    """The coordinates mean the same in URDF, MJCF and description at any value."""
+    write_models(reversed_loop, tmp_path)
+    stem = "reversed" if cut == "minimal" else "reversed-full"
+    values = dict(zip(reversed_loop.coordinates, np.random.default_rng(5).uniform(-1, 1, 8), strict=True))
+    moved = replace(
+        reversed_loop,
+        joints=tuple(
+            replace(joint, home=np.array([values[name] for name in joint.coordinates]))
+            for joint in reversed_loop.joints
+        ),
+    )
+    expected = home_poses(replace(moved, joints=moved.joints[:-1]))
+    if cut == "full":  # there the loop is open: the copy hangs on the ball
+        expected["tip@ball"] = np.linalg.inv(joint_transform(moved.joints[-1], moved.joints[-1].home))
+    for reading in (
+        read_pinocchio(tmp_path / f"{stem}.urdf", values),
+        read_mujoco(tmp_path / f"{stem}.xml", values),
+    ):
+        assert set(reading.bodies) == set(expected) - {GROUND}
+        for name, body in reading.bodies.items():
+            np.testing.assert_allclose(body.pose, expected[name], atol=1e-14)
+
+
+def test_a_joint_that_points_cannot_hold_is_refused(write) -> None:
+    """With one more slide to ground, the C joint is what the smallest tree leaves out."""
+    rail = '[joints.rail]\nkind = "P"\nparent = "ground"\nchild = "tip"\naxes = [[1, 0, 0]]\n'
+    mechanism = load_mechanism(write("rail.toml", REVERSED + rail))
+    with pytest.raises(
+        DescriptionError, match=r"joints\.c: a C joint .* cannot be cut as points; .* the full cut"
+    ):
+        lay_out(mechanism, "minimal")
+    assert [closure.joint for closure in lay_out(mechanism, "full").closures] == ["c"]
+
+
+def test_a_name_that_the_models_need_is_refused(four_bar: Mechanism) -> None:
+    body = replace(four_bar.body("coupler"), name="rocker@foot")
+    joints = tuple(
+        replace(
+            joint,
+            parent=joint.parent.replace("coupler", "rocker@foot"),
+            child=joint.child.replace("coupler", "rocker@foot"),
+        )
+        for joint in four_bar.joints
+    )
+    bodies = (four_bar.bodies[0], body, four_bar.bodies[2])
+    with pytest.raises(DescriptionError, match=r"'rocker@foot' is needed for the models"):
+        lay_out(replace(four_bar, bodies=bodies, joints=joints), "full")
+
+
+def _chain_pose(joints: list[Joint], q: Array) -> Array:
+    T, used = np.eye(4), 0
+    for joint in joints:
+        n = len(joint.coordinates)
+        T, used = T @ joint_transform(joint, q[used : used + n]), used + n
+    return T
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"), [("3ups-upu-s", 0.0, 1e-14), ("3ups-upu-s-offset", 1e-3, 0.1)]
+)
+def test_third_rotation_is_zero_only_without_offset(name: str, least: float, most: float) -> None:
+    """Leg 1 and the S joint at O reach the same pose: Newton for leg 1 and c at given (a, b)."""
+    mechanism = load_mechanism(name)
+    leg, ball = (
+        [mechanism.joint(f"leg1.{role}") for role in ("base", "slide", "wrist")],
+        [mechanism.joint("s")],
+    )
+
+    def gap(x: Array) -> Array:
+        difference = _chain_pose(leg, x[:5]) - _chain_pose(ball, np.array([0.15, -0.1, x[5]]))
+        return difference[:3].ravel()
+
+    x = np.concatenate([*(joint.home for joint in leg), [0.0]])
+    for _ in range(20):
+        h = 1e-6
+        J = np.stack([(gap(x + h * e) - gap(x - h * e)) / (2 * h) for e in np.eye(6)], axis=1)
+        x = x - np.linalg.lstsq(J, gap(x), rcond=None)[0]
+    assert np.abs(gap(x)).max() < 1e-14
+    assert least <= abs(x[5]) <= most, x[5]

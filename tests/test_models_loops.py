@@ -1,0 +1,78 @@
+"""The loops file reads back as it was written, and says what is wrong with an edited one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.models.loops import loops_of, read_loops, write_loops
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import Mechanism
+
+
+@pytest.mark.parametrize("cut", ["minimal", "full"])
+@pytest.mark.parametrize("name", mechanism_names())
+def test_round_trip(name: str, cut: str, write) -> None:
+    mechanism = load_mechanism(name)
+    want = loops_of(mechanism, cut)
+    have = read_loops(write("a.loops.toml", write_loops(mechanism, cut)))
+    for key in ("mechanism", "cut", "bodies", "tree", "independent"):
+        assert getattr(have, key) == getattr(want, key)
+    for first, second in zip(want.joints, have.joints, strict=True):
+        for key in ("name", "kind", "parent", "child", "coordinates", "actuated"):
+            assert getattr(first, key) == getattr(second, key)
+        for key in ("home", "limits", "axes"):
+            np.testing.assert_array_equal(getattr(second, key), getattr(first, key))
+    for first, second in zip((*want.joints, *want.closures), (*have.joints, *have.closures), strict=True):
+        for side in ("parent_frame", "child_frame"):
+            np.testing.assert_array_equal(getattr(second, side).p, getattr(first, side).p)
+            np.testing.assert_array_equal(getattr(second, side).R, getattr(first, side).R)
+    for first, second in zip(want.closures, have.closures, strict=True):
+        assert (first.joint, first.type, first.parent, first.child) == (
+            second.joint,
+            second.type,
+            second.parent,
+            second.child,
+        )
+        np.testing.assert_array_equal(second.parent_points, first.parent_points)
+        np.testing.assert_array_equal(second.child_points, first.child_points)
+    assert have.axial is not None
+    assert want.axial is not None
+    assert have.axial[0] == want.axial[0]
+    np.testing.assert_array_equal(have.axial[1], want.axial[1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('cut = "minimal"', 'cut = "minimum"', "unknown cut 'minimum'.*did you mean 'minimal'"),
+        ('cut = "minimal"', "", "'cut' is missing"),
+        ('cut = "minimal"', 'cut = "minimal"\nspeed = 3', "unknown key 'speed'"),
+        ("cut =", "cut", "TOML syntax error"),
+        ('type = "point"', 'type = "pin"', r"closures\[0\].*unknown closure type 'pin'"),
+        (
+            'joint = "leg2.wrist"',
+            'joint = "leg2.rist"',
+            "unknown joint 'leg2.rist'.*did you mean 'leg2.wrist'",
+        ),
+        ('child = "platform"\nchild_p', 'child = "platfrom"\nchild_p', "unknown body 'platfrom'"),
+        ("parent_points = [[0, 0, 0]]", "parent_points = []", "another number of points"),
+        ("parent_points = [[0, 0, 0]]", "parent_points = [[0, 0]]", "not a list of 3 numbers"),
+        ('tree = ["leg1.q1"', 'tree = ["leg1.q9"', "unknown coordinate 'leg1.q9'"),
+        ("tree = [", "tree = [3, ", "3 is not a name"),
+        ('a = "s.q1"', 'a = "s.q7"', "unknown coordinate 's.q7'"),
+        ("matrix = [[1, 0, 0]", "matrix = [[1, 0.1, 0]", "is not a rotation"),
+        ("matrix = [[1, 0, 0]", "matrix = [[-1, 0, 0]", "is not a rotation"),
+    ],
+)
+def test_an_edited_file_is_named(paper: Mechanism, write, old: str, new: str, complaint: str) -> None:
+    text = write_loops(paper, "minimal")
+    assert old in text
+    with pytest.raises(ModelFileError, match=f"(?s)edited.loops.toml.*{complaint}"):
+        read_loops(write("edited.loops.toml", text.replace(old, new, 1)))
+
+
+def test_a_missing_file_is_named(tmp_path) -> None:
+    with pytest.raises(ModelFileError, match=r"nowhere.toml: cannot be read .*; check the path"):
+        read_loops(tmp_path / "nowhere.toml")

@@ -1,0 +1,90 @@
+"""Screws obey their algebra, whatever the mechanism."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from screwgauge.reference import screws
+from screwgauge.reference.kinematics import chain_acceleration, lie_matrix
+from screwgauge.reference.rotations import rotation, skew, triad_angles, vee
+
+ROUNDING = 1e-13
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20230319)
+
+
+def test_revolute_screw_leaves_its_axis_at_rest(rng):
+    e, r = np.array([0.6, 0.0, 0.8]), rng.normal(size=3)
+    S = screws.revolute(e, r)
+    assert np.abs(screws.velocity_at(S, r + 2.5 * e)).max() < ROUNDING
+
+
+def test_lie_bracket_satisfies_jacobi_and_antisymmetry(rng):
+    a, b, c = rng.normal(size=(3, 6))
+    bracket = screws.lie_bracket
+    assert np.abs(bracket(a, b) + bracket(b, a)).max() < ROUNDING
+    cycle = bracket(a, bracket(b, c)) + bracket(b, bracket(c, a)) + bracket(c, bracket(a, b))
+    assert np.abs(cycle).max() < ROUNDING
+
+
+def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
+    """d/dt Ad(exp(V t)) S = [V, S] at t = 0, by a central difference."""
+    axis = np.array([0.0, 0.6, 0.8])
+    V, e, r, h = screws.revolute(axis, rng.normal(size=3)), np.array([1.0, 0.0, 0.0]), rng.normal(size=3), 1e-5
+    at = np.cross(axis, V[3:])  # a point of the axis of V
+
+    def carried(t: float) -> np.ndarray:
+        R = rotation(axis, np.array(t))
+        return screws.revolute(R @ e, at + R @ (r - at))
+
+    assert np.abs((carried(h) - carried(-h)) / (2 * h) - screws.lie_bracket(V, carried(0.0))).max() < 1e-9
+
+
+def test_reciprocal_product_is_power_at_any_point(rng):
+    f, m, r, twist = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3), rng.normal(size=6)
+    wrench = screws.force(f, r) + screws.couple(m)
+    power = f @ screws.velocity_at(twist, r) + m @ twist[:3]
+    assert screws.reciprocal_product(wrench, twist) == pytest.approx(power, abs=ROUNDING)
+
+
+def test_acceleration_of_a_chain_is_the_derivative_of_its_twist(rng):
+    """Eqs. (44) and (48): two revolute axes, the second carried by the first."""
+    first, second = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.8, 0.0])
+    arm, w, beta, h = rng.normal(size=3), rng.normal(size=2), rng.normal(size=2), 1e-5
+
+    def screw_matrix(t: float) -> np.ndarray:
+        q = w * t + 0.5 * beta * t * t
+        R = rotation(first, q[0])
+        return np.stack([screws.revolute(first, np.zeros(3)), screws.revolute(R @ second, R @ arm)], axis=1)
+
+    def twist(t: float) -> np.ndarray:
+        return screw_matrix(t) @ (w + beta * t)
+
+    expected = (twist(h) - twist(-h)) / (2 * h)
+    found = chain_acceleration(screw_matrix(0.0)[None], w[None], beta[None])[0]
+    assert np.abs(found - expected).max() < 1e-8
+
+
+def test_lie_matrix_is_strictly_upper_triangular(rng):
+    S_L = lie_matrix(rng.normal(size=(2, 6, 4)))
+    lower = np.tril_indices(4)
+    assert not S_L[:, lower[0], lower[1]].any()
+    assert S_L[:, 0, 1].any()
+
+
+def test_vee_undoes_skew(rng):
+    v = rng.normal(size=(5, 3))
+    assert np.array_equal(vee(skew(v)), v)
+
+
+@pytest.mark.parametrize("handed", [1.0, -1.0])
+def test_triad_angles_undo_three_rotations(rng, handed):
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    axes[2] *= handed * np.sign(np.linalg.det(axes))
+    angles = rng.uniform(-1.5, 1.5, size=(20, 3))
+    R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1]) @ rotation(axes[2], angles[:, 2])
+    assert np.abs(triad_angles(R, axes) - angles).max() < 1e-12
