@@ -26,8 +26,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(options.command(options))
     except ScrewgaugeError as error:
         if options.debug:
-            raise
-        print(f"screwgauge: {error}", file=sys.stderr)
+            import traceback
+
+            traceback.print_exc()
+        else:
+            print(f"screwgauge: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of a pipe has gone
         sys.stderr.close()
@@ -106,10 +109,10 @@ def _models(options: argparse.Namespace) -> int:
         print(path)
     if not options.check:
         return 0
-    from screwgauge.models.check import check_models, format_rows
+    from screwgauge.models.check import check_models, check_table
 
     rows = check_models(mechanism, out)
-    print(format_rows(rows))
+    print(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 

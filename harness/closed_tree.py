@@ -18,7 +18,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
 from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import actuator_names
+from screwgauge.reference.mechanism import GROUND, actuator_names
 from screwgauge.reference.rotations import Array
 from screwgauge.rules import axial_forces, singular_note
 from screwgauge.solution import Motion, Problem, Solution
@@ -36,11 +36,28 @@ def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
     return replace(solution, notes=notes, tolerances=work.tolerances)
 
 
+def _check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
+    """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
+    closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
+    differences = (
+        ("has no body", {*file.bodies, *closed, *loaded} - {GROUND, *tree.bodies}),
+        ("has no joint coordinate", set(file.tree) - set(tree.coordinates)),
+        ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
+        ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),
+        ("closes an unknown joint", {c.joint for c in tree.closures} - {j.name for j in file.joints}),
+    )
+    for what, names in differences:
+        if names:
+            where = f"model of {tree.engine}"
+            raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
+
+
 class _Work:
     """What stays the same from part to part, and where the path of poses has got to."""
 
     def __init__(self, problem: Problem, tree: Tree, file: LoopsFile) -> None:
         self.problem, self.tree, self.file, self.clock = problem, tree, file, Clock()
+        _check_names(tree, file, [load.body for load in problem.loads])
         self.loops: Loops = make_loops(tree, file)
         self.depth = stages(problem.quantities)
         self.setting = f"{file.cut} cut, rule {problem.rule}"
@@ -52,11 +69,6 @@ class _Work:
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.rule_condition: list[float] = []
         self.tolerances: dict[str, float] = {}
-        missing = set(file.bodies) - set(tree.bodies)
-        if missing:
-            raise ModelFileError(
-                f"has no body '{min(missing)}'", f"model of {tree.engine}", "keep the names of the description"
-            )
 
     def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
         motion, out = self.problem.motion.part(rows), {}

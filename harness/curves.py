@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from screwgauge.reference.rotations import Array
 
 Index = NDArray[np.intp]
@@ -86,7 +87,8 @@ def bin_maxima(t: Array, v: Array, bins: int = BINS) -> tuple[Array, Array]:
 def envelope(a: Array, b: Array) -> Array:
     """Largest difference over the components; NaN as soon as one side is not a number. (n, k) -> (n,)."""
     difference = np.abs(a - b)
-    return np.where(np.isfinite(difference), difference, np.nan).max(axis=1)
+    largest: Array = np.where(np.isfinite(difference), difference, np.nan).max(axis=1)
+    return largest
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> Index:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
+
 from screwgauge.curves import bin_maxima, sparse, thin
 from screwgauge.figures import select, short_labels
 from screwgauge.formatting import number
@@ -84,7 +85,8 @@ def draw_differences(
     """Envelopes of the differences, one line a pair; grey lines for the tolerance and for zero."""
     for i, line in enumerate(lines):
         at, peak = bin_maxima(t, line)
-        ax.plot(at, np.where(peak < floor, floor, peak), **pair_look(i), marker="o" if len(t) < 2 else None)
+        look = {**mark(i + 1, 1), **pair_look(i)} if len(t) < 2 else pair_look(i)
+        ax.plot(at, np.where(peak < floor, floor, peak), **look)
     if tolerance:
         ax.axhline(tolerance, **TOLERANCE)
     if zero:

@@ -16,9 +16,12 @@ from screwgauge.judge import COLUMNS, judge
 from screwgauge.models.generate import write_models
 from screwgauge.preflight import check_scene
 from screwgauge.quantities import check_quantities
+from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
+
+_PACKAGES = {"pinocchio": "pin"}  # distributions that are not called like their module
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
@@ -78,13 +81,23 @@ def _solve(
     progress(name, 0.0)
     try:
         engine = load_engine(name)
-        solution = engine(_problem(scene, name, quantities, folder, progress))
+        solution = replace(engine(_problem(scene, name, quantities, folder, progress)), engine=name)
+        _check_length(solution, len(scene.motion))
     except ImportError as error:
-        return Failure(name, f"not installed ({error}); pip install {error.name or name}")
+        package = (error.name or name).split(".")[0]
+        return Failure(name, f"not installed ({error}); pip install {_PACKAGES.get(package, package)}")
     except Exception as error:
-        text = " ".join(str(error).split())
+        if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
+            raise  # the user's own file is bad input
+        text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
         return Failure(name, f"{type(error).__name__}: {text}")
-    return replace(solution, engine=name)
+    return solution
+
+
+def _check_length(solution: Solution, n: int) -> None:
+    for quantity, values in solution.values.items():
+        if len(values.array) != n:
+            raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
 
 
 def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:

@@ -57,8 +57,8 @@ def _cores() -> int:
 
 
 def _blas() -> str:
-    config = np.show_config(mode="dicts") or {}
-    blas = dict(config).get("Build Dependencies", {}).get("blas", {})
+    config: dict[str, Any] = dict(np.show_config(mode="dicts") or {})
+    blas = config.get("Build Dependencies", {}).get("blas", {})
     return f"{blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
 
 

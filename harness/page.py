@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape, unescape
 
 import markdown
+
 from screwgauge.plots import Plot
 from screwgauge.svg import inline
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+
 from screwgauge.condition import draw_condition
 from screwgauge.curves import bin_maxima, envelope
 from screwgauge.drawing import (
@@ -77,7 +78,7 @@ def _figure(figure: Figure, results: Results) -> str:
     for ax, panel_lines in zip(sheet.lower, lines, strict=False):
         draw_differences(ax, panel_lines, t, tolerance, floor, zero)
     if sheet.lower:
-        log_scale(sheet.lower[0], floor, top)
+        log_scale(sheet.lower[0], floor / 10 if zero else floor, top)
         sheet.lower[0].set_ylabel(f"difference [{unit_text(figure.unit)}]")
     return sheet.svg()
 

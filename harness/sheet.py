@@ -11,7 +11,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
+
 from screwgauge.svg import tidy
 
 # Okabe and Ito, told apart by colour-blind readers; their yellow is left out, too light for a line on white.
@@ -37,7 +38,7 @@ STYLE = {
 }
 LEFT, RIGHT, GAP, BOTTOM, LINE, TITLE = 0.85, 0.15, 0.22, 0.5, 0.25, 0.34  # inches
 UPPER, LOWER, LABEL = 2.3, 1.6, 0.24
-LETTER, SAMPLE = 0.075, 0.6  # widths in a legend: of a letter; of the line before the text, with gaps
+LETTER, SAMPLE = 0.068, 0.52  # widths in a legend: of a letter; of the line before the text, with gaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +131,7 @@ class Sheet:
             axes.append(self.canvas.add_axes(box, sharey=axes[0] if axes else None))
             axes[-1].tick_params(labelleft=i == 0, length=3)
             axes[-1].margins(x=0.02)
+            axes[-1].xaxis.set_major_locator(MaxNLocator(5 if wide > 2.3 else 3, steps=[1, 2, 5, 10]))
         return axes
 
     def svg(self) -> str:

@@ -88,7 +88,7 @@ class Values:
     array: Array
 
     def __post_init__(self) -> None:
-        if self.array.ndim != 2 or self.array.shape[1] != len(self.components) != len(self.units):
+        if self.array.ndim != 2 or not self.array.shape[1] == len(self.components) == len(self.units):
             raise ValueError(f"{self.array.shape} values for {len(self.components)} components")
         self.array.setflags(write=False)
 

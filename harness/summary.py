@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+
 from screwgauge.formatting import Row, rows
 from screwgauge.results import Results
 from screwgauge.verdict import first_difference
@@ -19,7 +20,7 @@ JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance"
 
 def summary(results: Results) -> dict[str, Any]:
     """The summary as plain Python values: no NaN, no numpy."""
-    return plain(
+    found: dict[str, Any] = plain(
         {
             "scene": results.scene.name,
             "ok": results.ok,
@@ -32,6 +33,7 @@ def summary(results: Results) -> dict[str, Any]:
             "environment": results.environment,
         }
     )
+    return found
 
 
 def _pair(row: Row) -> Row:

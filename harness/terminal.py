@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 
 import numpy as np
+
 from screwgauge.formatting import Row, digits, number, rows, size, text_table, tick
 from screwgauge.results import Results
 from screwgauge.verdict import compared, verdict

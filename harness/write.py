@@ -10,6 +10,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import pandas as pd
+
 from screwgauge.compare import ERROR_COLUMNS
 from screwgauge.page import report_html
 from screwgauge.plots import make_plots

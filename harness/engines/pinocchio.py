@@ -6,6 +6,9 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +33,34 @@ def solve(problem: Problem) -> Solution:
     return solve_tree(problem, PinocchioTree(problem.model, file, problem.gravity), file)
 
 
+def _load(urdf: Path) -> pin.Model:
+    """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
+    sys.stderr.flush()
+    stderr = os.dup(2)
+    reason = ""
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            model = pin.buildModelFromUrdf(str(urdf))
+        except (ValueError, RuntimeError) as error:
+            reason = str(error)
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        said.seek(0)
+        lines = said.read().decode(errors="replace").splitlines()
+    reason = next((line for line in lines if line.startswith("Error:")), reason)
+    if reason:
+        reason = reason.removeprefix("Error:").strip().rstrip(".")
+        raise ModelFileError(f"Pinocchio cannot load it ({reason})", str(urdf), "correct the URDF")
+    return model
+
+
 class PinocchioTree:
     """A loaded URDF. See `screwgauge.tree.Tree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile, gravity: Array | None) -> None:
-        try:
-            self.model = pin.buildModelFromUrdf(str(urdf))
-        except (ValueError, RuntimeError) as error:
-            raise ModelFileError(f"Pinocchio cannot load it ({error})", str(urdf), "correct the URDF") from None
+        self.model = _load(urdf)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
         if gravity is not None:

@@ -10,6 +10,7 @@ import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics, screws
+from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.kinematics import Rates, accelerations, closure_system, positions, rates
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.linear import condition as condition_number
@@ -24,6 +25,15 @@ from screwgauge.solution import Problem, Solution
 def solve(problem: Problem) -> Solution:
     """Positions, rates, accelerations and forces of a mechanism described by TOML."""
     mechanism = load_mechanism(problem.model)
+    if len(mechanism.independent) != problem.motion.y.shape[1]:
+        raise ModelFileError(
+            f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}",
+            str(problem.model),
+            "name a description of the same mechanism",
+        )
+    for load in problem.loads:
+        if load.body not in mechanism.body_index:
+            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
     work = _Work(problem, layout(mechanism))
     solution = assemble(
         "screw",

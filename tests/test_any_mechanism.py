@@ -1,0 +1,74 @@
+"""Mechanisms other than the paper's: any graph of R, P, U, S and C joints, either way round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.solution import Motion
+
+DATA = Path(__file__).with_name("data")
+ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+
+
+@pytest.fixture(scope="module", params=["four-bar", "slider-crank", "rscr"])
+def results(request):
+    return screwgauge.run(screwgauge.load_scene(DATA / f"{request.param}-scene.toml"), engines=ENGINES)
+
+
+def test_all_engines_agree_and_satisfy_the_judge(results):
+    assert not results.failures
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+
+
+def test_redundant_constraints_are_counted_and_what_they_leave_open_is_not_compared():
+    results = screwgauge.run(screwgauge.load_scene(DATA / "four-bar-scene.toml"), engines=ENGINES[:2])
+    assert results.mobility["kutzbach"] == -2
+    assert results.mobility["mobility"] == 1
+    assert results.mobility["overconstraints"] == 3
+    rows = results.errors[results.errors["quantity"] == "reaction"].set_index("component")
+    assert rows.loc["b.mx", "rule"] == "undetermined"
+    assert rows.loc["b.fx", "rule"] == "min_norm"
+    assert rows.loc["b.fx", "unique"]
+
+
+def test_a_mechanism_without_loops_with_a_thin_rod_and_a_point():
+    scene = screwgauge.load_scene(DATA / "pendulum-scene.toml")
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"])
+    assert results.ok
+    t = scene.motion.t
+    a = results.values("joint_position")[:, 0]
+    assert a == pytest.approx(7 * t - 3 * t**2, abs=1e-12)  # more than a turn
+    assert a.max() > np.pi
+
+
+def test_a_hanging_pendulum_carries_its_weight():
+    scene = screwgauge.load_scene(DATA / "pendulum-scene.toml").at([0.0])
+    still = replace(scene, motion=Motion(np.zeros(1), np.array([[0.3, 0.0]]), np.zeros((1, 2)), np.zeros((1, 2))))
+    results = screwgauge.run(still, engines=["screw", "pinocchio"])
+    assert results.values("generalized_force")[0] == pytest.approx([9.81 * np.sin(0.3) * 2.5, 0.0], abs=1e-13)
+    reactions = dict(zip(results.components("reaction"), results.values("reaction")[0], strict=True))
+    assert reactions["a.fz"] == pytest.approx(2 * 9.81, abs=1e-13)
+
+
+def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash():
+    results = screwgauge.run(screwgauge.load_scene(DATA / "pendulum-scene.toml"), engines=["screw", "mujoco"])
+    assert results.exit_status == 3
+    assert "inertia must have positive eigenvalues" in results.failures["mujoco"].reason
+    assert "/" not in results.failures["mujoco"].reason.split(":")[1]
+
+
+def test_angles_of_the_four_bar_satisfy_its_loop_equations():
+    results = screwgauge.run(
+        screwgauge.load_scene(DATA / "four-bar-scene.toml"), engines=["screw"], quantities=["joint_position"]
+    )
+    columns = dict(zip(results.components("joint_position"), results.values("joint_position").T, strict=True))
+    crank, coupler = columns["a"], columns["a"] + columns["b"]
+    rocker = coupler + columns["c"]
+    x = 0.3 * np.cos(crank) + 0.6 * np.cos(coupler) - 0.3 * np.cos(rocker)
+    y = 0.3 * np.sin(crank) + 0.6 * np.sin(coupler) - 0.3 * np.sin(rocker)
+    assert np.abs([x - 0.6, y]).max() < 1e-13
