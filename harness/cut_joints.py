@@ -62,7 +62,9 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """
     if joint.kind not in "RUS":
         raise ModelFileError(
-            f"a {joint.kind} joint cannot be read when it is cut", f"joint '{joint.name}'", "cut another joint"
+            f"a {joint.kind} joint cannot be read when it is cut",
+            f"joint '{joint.name}'",
+            "cut another joint",
         )
     axes = _triad(joint.axes)
     R = R_parent @ joint.parent_frame.R

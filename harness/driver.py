@@ -61,7 +61,9 @@ def run(
     progress("comparison", 0.0)
     errors, pairs = compare(scene, solutions, failures, mobility)
     judged = [judge(scene, solution) for solution in solutions.values()]
-    facts = {key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")}
+    facts = {
+        key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")
+    }
     return Results(
         scene=scene,
         solutions=solutions,

@@ -78,10 +78,11 @@ def _fault(results: Results) -> str:
     where = (
         f"at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     )
+    residual = str(row["residual"]).replace("_", " ")
     return (
-        f"{row['engine']} breaks the equations: {row['residual']} residual {size(row['max_scaled'])} scaled "
-        f"(tolerance {number(row['tolerance'], 2)}) {where}".rstrip()
-        + "."
+        f"The judge faults {row['engine']}: {residual} residual "
+        f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
+        f"tolerance {number(row['tolerance'], 2)}){where}."
     )
 
 

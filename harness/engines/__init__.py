@@ -48,6 +48,9 @@ def load_engine(name: str) -> Engine:
 
 def model_suffix(name: str) -> str:
     """Ending of the generated file that the engine reads; a new engine reads the description."""
-    return {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf", "mujoco-full": "-full.xml"}.get(
-        name, ".toml"
-    )
+    return {
+        "pinocchio": ".urdf",
+        "mujoco": ".xml",
+        "pinocchio-full": "-full.urdf",
+        "mujoco-full": "-full.xml",
+    }.get(name, ".toml")

@@ -68,7 +68,9 @@ class MujocoTree:
         for e in range(self.model.neq):
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError(
-                    "an equality constraint joins no sites", f"constraint {e} of {file.mechanism}", "use site1, site2"
+                    "an equality constraint joins no sites",
+                    f"constraint {e} of {file.mechanism}",
+                    "use site1, site2",
                 )
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
@@ -85,7 +87,9 @@ class MujocoTree:
             R = np.empty(9)
             mujoco.mju_quat2Mat(R, model.site_quat[site])
             frames.append(Frame(model.site_pos[site].copy(), R.reshape(3, 3)))
-        return Closure(joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames)
+        return Closure(
+            joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames
+        )
 
     def _name(self, body: int) -> str:
         return str(self.model.body(body).name) if body and self.model.body(body).name else "ground"
@@ -187,7 +191,10 @@ class MujocoTree:
             for k, body in enumerate(self.ids, 1):  # applied at the centre of mass
                 arm = data.xipos[body] - data.xpos[body]
                 force, moment = wrench[i, k, :3], wrench[i, k, 3:]
-                data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:] = force, moment - np.cross(arm, force)
+                data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:] = (
+                    force,
+                    moment - np.cross(arm, force),
+                )
             mujoco.mj_rnePostConstraint(model, data)
             for k, body in enumerate(self.ids, 1):
                 moment, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]

@@ -33,7 +33,9 @@ def solve(problem: Problem) -> Solution:
         )
     for load in problem.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
+            raise ModelFileError(
+                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
+            )
     work = _Work(problem, layout(mechanism))
     solution = assemble(
         "screw",
@@ -108,7 +110,9 @@ class _Work:
         moved = np.einsum("bi,nbx->nix", self.lay.path[1:], wrench)
         return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
 
-    def _forces(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]) -> None:
+    def _forces(
+        self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]
+    ) -> None:
         lay, problem = self.lay, self.problem
         Q = dynamics.generalized_force(lay, rate, motion, F, T)
         out["generalized_force"] = Q
