@@ -75,9 +75,8 @@ def _fault(results: Results) -> str:
     if not bad:
         return ""
     row = bad[0]
-    where = (
-        f"at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
-    )
+    named = bool(row.get("worst_component"))
+    where = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if named else ""
     residual = str(row["residual"]).replace("_", " ")
     return (
         f"The judge faults {row['engine']}: {residual} residual "

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -235,7 +236,9 @@ def test_verdict_of_agreement_counts_digits(make: Make) -> None:
 
 
 def test_verdict_names_the_judge_too(make: Make) -> None:
-    assert "judge faults alpha: loop closure residual" in verdict(make(judge_ok=False)).sentence
+    alone = verdict(make(judge_ok=False)).sentence
+    assert "judge faults alpha: loop closure residual" in alone
+    assert alone.endswith("tolerance 1e-11) at leg2.wrist, t = 0.5 s.")
     both = verdict(make(1e-8, judge_ok=False)).sentence
     assert "differ: first in" in both
     assert "judge faults" in both
@@ -365,6 +368,14 @@ def test_samples_hold_every_value(make: Make, tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         frame["beta/joint_velocity/leg2.q1"], results.values("joint_velocity", "beta")[:, 2]
     )
+
+
+def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Make, tmp_path: Path) -> None:
+    results = make()
+    out = replace(results, errors=results.errors.iloc[:0]).write(tmp_path / "out")
+    picture = (out / "plots" / "01-joint-position.svg").read_text(encoding="utf-8")
+    assert "Not comparable with alpha here, so without curves: beta." in picture
+    assert "difference" not in picture
 
 
 def test_a_single_sample_can_be_reported(make: Make, tmp_path: Path) -> None:

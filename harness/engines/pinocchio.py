@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.closed_tree import solve_tree
+from screwgauge.closing.closed_tree import solve_tree
+from screwgauge.closing.tree import BodyPoses
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
-from screwgauge.tree import BodyPoses
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
@@ -57,7 +57,7 @@ def _load(urdf: Path) -> pin.Model:
 
 
 class PinocchioTree:
-    """A loaded URDF. See `screwgauge.tree.Tree` for shapes."""
+    """A loaded URDF. See `screwgauge.closing.tree.Tree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile, gravity: Array | None) -> None:
         self.model = _load(urdf)

@@ -8,6 +8,7 @@ import numpy as np
 
 import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
+from screwgauge.closing.rules import singular_note
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics, screws
 from screwgauge.reference.errors import ModelFileError
@@ -18,7 +19,6 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
-from screwgauge.rules import singular_note
 from screwgauge.solution import Problem, Solution
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.closure import Loops
+from screwgauge.closing.closure import Loops
+from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array
-from screwgauge.tree import BodyPoses, Tree
 
 
 def joint_reactions(

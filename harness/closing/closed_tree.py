@@ -11,8 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
-from screwgauge.closure import Loops, make_loops
-from screwgauge.cut_joints import Chart
+from screwgauge.closing.closure import Loops, make_loops
+from screwgauge.closing.cut_joints import Chart
+from screwgauge.closing.rules import axial_forces, singular_note
+from screwgauge.closing.transmission import joint_reactions
+from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
@@ -20,10 +23,7 @@ from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND, actuator_names
 from screwgauge.reference.rotations import Array
-from screwgauge.rules import axial_forces, singular_note
 from screwgauge.solution import Motion, Problem, Solution
-from screwgauge.transmission import joint_reactions
-from screwgauge.tree import BodyPoses, Tree
 
 
 def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:

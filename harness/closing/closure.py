@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.cut_joints import Chart, read_chart
+from screwgauge.closing.cut_joints import Chart, read_chart
+from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array, vee
-from screwgauge.tree import BodyPoses, Tree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
