@@ -102,7 +102,9 @@ def _check_regular(
 
 
 def _describe(lay: Layout, y: Array) -> str:
-    return ", ".join(f"{label} = {value:.6g}" for label, value in zip(lay.mechanism.independent, y, strict=True))
+    return ", ".join(
+        f"{label} = {value:.6g}" for label, value in zip(lay.mechanism.independent, y, strict=True)
+    )
 
 
 def _mobility(lay: Layout, scene: Scene) -> Mobility:
