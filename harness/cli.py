@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,12 +33,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             print(f"screwgauge: {error}", file=sys.stderr)
         return 2
-    except BrokenPipeError:  # the reader of a pipe has gone
-        sys.stderr.close()
-        return 0
     except KeyboardInterrupt:
         print("screwgauge: interrupted; nothing was written.", file=sys.stderr)
         return 130
+
+
+def _say(text: str) -> None:
+    """Prints; a reader of the pipe who has gone changes nothing about the exit status."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -103,7 +109,7 @@ def _names(text: str | None) -> list[str] | None:
 def _list(options: argparse.Namespace) -> int:
     from screwgauge.listing import listing
 
-    print(listing(options.what))
+    _say(listing(options.what))
     return 0
 
 
@@ -116,13 +122,13 @@ def _models(options: argparse.Namespace) -> int:
     check_home(mechanism)
     out = options.out or Path("screwgauge-out") / mechanism.name
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
-        print(path)
+        _say(path)
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table
 
     rows = check_models(mechanism, out)
-    print(check_table(rows))
+    _say(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -142,10 +148,10 @@ def _run(options: argparse.Namespace) -> int:
         line.show("report", 0.0)
         results.write(out, samples=options.samples)
     if options.json:
-        print(summary_text(results))
+        _say(summary_text(results))
     else:
-        print(format_terminal(results))
-        print(f"\nreport: {out / 'report.html'}")
+        _say(format_terminal(results))
+        _say(f"\nreport: {out / 'report.html'}")
     return results.exit_status
 
 

@@ -14,7 +14,7 @@ from screwgauge.engines import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
 from screwgauge.judge import COLUMNS, judge
 from screwgauge.models.generate import stem, write_models
-from screwgauge.preflight import check_scene
+from screwgauge.preflight import check_actuation, check_scene
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mobility import Mobility
@@ -49,6 +49,7 @@ def run(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     progress("preflight", 0.0)
     mobility = check_scene(scene)
+    check_actuation(scene, mobility, wanted)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

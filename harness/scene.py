@@ -202,7 +202,7 @@ def _grid(table: Any, sampled: Array | None, where: str) -> Array:
     step = _positive(required(table, "step", where), f"{where}.step")
     _check_count(duration / step, where)
     # multiples of the step; a duration that is no whole number of steps ends at the last one before it
-    return np.arange(int(duration / step * (1 + 1e-12)) + 1) * step
+    return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
 def _load(table: Any, mechanism: Mechanism, where: str) -> Load:
