@@ -45,7 +45,11 @@ def component_names(
         actuators: Names of the actuators, in the order of the actuated joints.
         reactions: Names and units of the reaction components.
     """
-    unit = {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+    unit = {
+        c: "rad" if turn else "m"
+        for j in joints
+        for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)
+    }
     q = tuple(unit)
     xyz = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
 

@@ -65,7 +65,9 @@ def _parser() -> argparse.ArgumentParser:
         "--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors"
     )
     models.add_argument(
-        "--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description"
+        "--check",
+        action="store_true",
+        help="compare what yourdfpy, Pinocchio and MuJoCo read with the description",
     )
     models.set_defaults(command=_models)
 
@@ -76,11 +78,19 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXIT_STATUS,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    run.add_argument("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
+    run.add_argument(
+        "scene",
+        nargs="?",
+        default=DEFAULT_SCENE,
+        metavar="SCENE",
+        help="built-in name or path of a TOML file",
+    )
     run.add_argument("--engines", metavar="A,B", help="default: those of the scene")
     run.add_argument("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     run.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
-    run.add_argument("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
+    run.add_argument(
+        "--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)"
+    )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
     return parser
@@ -117,8 +127,8 @@ def _models(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from screwgauge.progress import Line
     from screwgauge.driver import run
+    from screwgauge.progress import Line
     from screwgauge.scene import load_scene
     from screwgauge.summary import summary_text
     from screwgauge.terminal import format_terminal

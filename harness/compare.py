@@ -121,7 +121,10 @@ def _pair(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     worst = rows[int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))]
     lost = not np.isfinite(worst["max_scaled"])
     return {
-        **{key: worst[key] for key in ("quantity", "a", "b", "unit", "max_abs", "max_scaled", "worst_t", "rule")},
+        **{
+            key: worst[key]
+            for key in ("quantity", "a", "b", "unit", "max_abs", "max_scaled", "worst_t", "rule")
+        },
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
         "worst_component": worst["component"],
         "unique": all(row["unique"] for row in rows),
@@ -152,4 +155,13 @@ def _nothing(scene: Scene, quantity: str, a: str, b: str, reason: str) -> dict[s
     lost = dict.fromkeys(("max_abs", "rms", "max_scaled", "worst_t"), float("nan"))
     empty = {"unit": "", "worst_component": "", "rule": "", "unique": True}
     tolerance = scene.tolerance(quantity)
-    return {**lost, **empty, "quantity": quantity, "a": a, "b": b, "tolerance": tolerance, "ok": False, "reason": reason}
+    return {
+        **lost,
+        **empty,
+        "quantity": quantity,
+        "a": a,
+        "b": b,
+        "tolerance": tolerance,
+        "ok": False,
+        "reason": reason,
+    }

@@ -10,10 +10,10 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.compare import compare
-from screwgauge.engines import check_engines, load_engine, model_suffix
+from screwgauge.engines import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
 from screwgauge.judge import COLUMNS, judge
-from screwgauge.models.generate import write_models
+from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_scene
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
@@ -61,7 +61,9 @@ def run(
     progress("comparison", 0.0)
     errors, pairs = compare(scene, solutions, failures, mobility)
     judged = [judge(scene, solution) for solution in solutions.values()]
-    facts = {key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")}
+    facts = {
+        key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")
+    }
     return Results(
         scene=scene,
         solutions=solutions,
@@ -101,17 +103,16 @@ def _check_length(solution: Solution, n: int) -> None:
 
 
 def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:
-    suffix = model_suffix(name)
     own = scene.models.get(name)
-    if suffix == ".toml":
-        model, loops = own or scene.mechanism_file, None
-    else:
-        model = own or folder / f"{scene.mechanism.name}{suffix}"
-        generated = folder / f"{scene.mechanism.name}{Path(suffix).stem if '-' in suffix else ''}.loops.toml"
+    model, loops, keeps_gravity = own or scene.mechanism_file, None, False
+    if name in GENERATED:
+        cut, ending = GENERATED[name]
+        generated = stem(scene.mechanism.name, cut)
+        model = own or folder / f"{generated}{ending}"
         beside = model.with_suffix(".loops.toml")
-        loops = beside if beside.is_file() else generated
-    # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-    keeps_gravity = own is not None and suffix.endswith(".xml")
+        loops = beside if beside.is_file() else folder / f"{generated}.loops.toml"
+        # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
+        keeps_gravity = own is not None and ending == ".xml"
     return Problem(
         model=model,
         loops=loops,

@@ -35,7 +35,9 @@ class Residual:
 
 def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.DataFrame:
     """All residuals that the computed quantities allow. One row per residual and unit."""
-    rows = [_row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)]
+    rows = [
+        _row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)
+    ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -78,7 +80,9 @@ def _loops(scene: Scene, solution: Solution, bodies: list[Moving], closed: list[
         values = solution.values[quantity]
         parts: dict[str, list[tuple[str, Array]]] = {unit: [] for unit in units}
         for joint, via in zip(cuts, closed, strict=True):
-            for unit, gap in zip(units, _gap(bodies[mechanism.body_index[joint.child]], via, order), strict=True):
+            for unit, gap in zip(
+                units, _gap(bodies[mechanism.body_index[joint.child]], via, order), strict=True
+            ):
                 parts[unit] += [(f"{joint.name}.{axis}", gap[:, k]) for k, axis in enumerate("xyz")]
         for k, (label, coordinate) in enumerate(mechanism.independent.items()):
             column = values.components.index(coordinate)
@@ -111,7 +115,9 @@ def _gap(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
     return via.b - tree.b, via.a - tree.a
 
 
-def _required(scene: Scene, solution: Solution, bodies: list[Moving]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def _required(
+    scene: Scene, solution: Solution, bodies: list[Moving]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Force and moment about the centre of mass that joints must exert, and the largest term in each.
 
     From the engine's own body motions; only the attitudes come from its joint coordinates.
@@ -139,7 +145,9 @@ def _required(scene: Scene, solution: Solution, bodies: list[Moving]) -> tuple[t
                 if load.point is not None:
                     terms_T.append(-np.cross(R @ (load.point - body.com), load.force))
         F[:, i], T[:, i] = sum(terms_F), sum(terms_T)
-        sizes_F[i], sizes_T[i] = (max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T))
+        sizes_F[i], sizes_T[i] = (
+            max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T)
+        )
     return (F, T), (sizes_F, sizes_T)
 
 
@@ -189,14 +197,18 @@ def _exerted(
     found = []
     for k, name in enumerate(parts.names):
         value = reaction.array[:, [reaction.components.index(name)]]
-        found.append((parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k]))
+        found.append(
+            (parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k])
+        )
     for k, joint in enumerate(mechanism.actuators):
         moving = bodies[mechanism.body_index[joint.child]]
         direction = moving.R @ (joint.child_frame.R @ joint.axes[0])
         value, none = direction * driving.array[:, [k]], np.zeros_like(direction)
         point = moving.p + moving.R @ joint.child_frame.p
         turns = joint.kind == "R"
-        found.append((mechanism.joints.index(joint), none if turns else value, value if turns else none, point))
+        found.append(
+            (mechanism.joints.index(joint), none if turns else value, value if turns else none, point)
+        )
     return found
 
 

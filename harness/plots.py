@@ -59,21 +59,22 @@ def _figure(figure: Figure, results: Results) -> str:
     panels = [make_panel(label, patterns, figure.unit, first) for label, patterns in figure.panels]
     arrays = {engine: _aligned(has, first.components) for engine, has in values.items()}
     keys = list(dict.fromkeys(name for panel in panels for name in panel.names))
-    pairs = list(combinations(arrays, 2))
+    pairs = [pair for pair in combinations(arrays, 2) if pair in _compared(figure, results)]
+    drawn, others = _drawn(arrays, pairs)
     lines = [[envelope(arrays[a][:, p.columns], arrays[b][:, p.columns]) for a, b in pairs] for p in panels]
     tolerance = _tolerance(figure, results) if pairs else None
     floor, top, zero = _bounds([line for panel in lines for line in panel], tolerance)
     sheet = Sheet(
         figure.title,
         [panel.label for panel in panels],
-        [Strip(component_handles(keys)), Strip(engine_handles(list(arrays), len(t)))],
-        notes=[*_left_out(panels), *_gaps(arrays, panels, t)],
+        [Strip(component_handles(keys)), Strip(engine_handles(list(drawn), len(t)))],
+        notes=[*others, *_left_out(panels), *_gaps(arrays, panels, t)],
         lower_strips=[Strip(difference_handles(pairs, tolerance, zero))] if pairs else (),
         lower=bool(pairs),
     )
-    height = _height([arrays[e][:, p.drawn] for p in panels for e in arrays])
+    height = _height([array[:, p.drawn] for p in panels for array in drawn.values()])
     for ax, panel in zip(sheet.upper, panels, strict=True):
-        draw_curves(ax, panel, arrays, keys, t, height)
+        draw_curves(ax, panel, drawn, keys, t, height)
     sheet.upper[0].set_ylabel(f"{figure.quantity.replace('_', ' ')} [{unit_text(figure.unit)}]")
     for ax, panel_lines in zip(sheet.lower, lines, strict=False):
         draw_differences(ax, panel_lines, t, tolerance, floor, zero)
@@ -81,6 +82,27 @@ def _figure(figure: Figure, results: Results) -> str:
         log_scale(sheet.lower[0], floor / 10 if zero else floor, top)
         sheet.lower[0].set_ylabel(f"difference [{unit_text(figure.unit)}]")
     return sheet.svg()
+
+
+def _compared(figure: Figure, results: Results) -> set[tuple[str, str]]:
+    """Pairs of engines that were compared in the quantity of the figure."""
+    table = results.errors
+    here = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
+    return set(zip(here["a"], here["b"], strict=True))
+
+
+def _drawn(
+    arrays: Mapping[str, Array], pairs: Sequence[tuple[str, str]]
+) -> tuple[dict[str, Array], list[str]]:
+    """Engines to draw over each other, and a note on those that mean something else by these names.
+
+    Joint forces of an open tree, for one, differ from cut to cut.
+    """
+    first = next(iter(arrays))
+    drawn = {e: array for e, array in arrays.items() if e == first or {(first, e), (e, first)} & set(pairs)}
+    others = [engine for engine in arrays if engine not in drawn]
+    note = f"Not comparable with {first} here, so without curves: {', '.join(others)}."
+    return drawn, [note] if others else []
 
 
 def _aligned(values: Values, components: Sequence[str]) -> Array:

@@ -60,7 +60,7 @@ class Results:
 
     def quantity(self, quantity: str, engine: str | None = None) -> Values:
         """Values of one quantity with their names and units; the first engine that has it by default."""
-        engines = [engine] if engine else [name for name in self.solutions]
+        engines = [engine] if engine else list(self.solutions)
         for name in engines:
             if name not in self.solutions:
                 raise UnknownNameError("engine", name, self.solutions)

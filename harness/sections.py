@@ -33,10 +33,10 @@ def overview(results: Results) -> str:
         return "Fewer than two engines ran: there are no pairs, only the judge's residuals below."
     pairs = list(dict.fromkeys((row["a"], row["b"]) for row in table))
     body: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
-    needed: dict[tuple[str, str], float] = {}
+    needed: dict[tuple[str, str], set[str]] = {}
     for row in table:
         key = row["quantity"], row["unit"]
-        needed[key] = max(needed.get(key, 0.0), digits(row["tolerance"]))
+        needed.setdefault(key, set()).add(f"{digits(row['tolerance']):.1f}")
         value = digits(row["max_scaled"])
         text = "no number" if np.isnan(value) else f"{value:.1f}"
         mark = "" if row["ok"] else " ✗"
@@ -45,7 +45,7 @@ def overview(results: Results) -> str:
         [
             key[0].replace("_", " "),
             unit_text(key[1]),
-            f"{needed[key]:.1f}",
+            " to ".join(sorted(needed[key], key=float)[:: max(1, len(needed[key]) - 1)]),
             *(cells.get(pair, "") for pair in pairs),
         ]
         for key, cells in body.items()
@@ -113,7 +113,7 @@ def judge(results: Results) -> str:
     """Residuals of each engine against the equations themselves: residual by engine, then all of it."""
     table = rows(results.judge)
     if not table:
-        return "Nothing was judged."
+        return "Nothing was judged: the quantities asked for do not suffice."
     names = list(dict.fromkeys(row["engine"] for row in table))
     body: dict[tuple[str, str], dict[str, str]] = {}
     for row in table:

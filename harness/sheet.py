@@ -131,7 +131,7 @@ class Sheet:
             axes.append(self.canvas.add_axes(box, sharey=axes[0] if axes else None))
             axes[-1].tick_params(labelleft=i == 0, length=3)
             axes[-1].margins(x=0.02)
-            axes[-1].xaxis.set_major_locator(MaxNLocator(5 if wide > 2.3 else 3, steps=[1, 2, 5, 10]))
+            axes[-1].xaxis.set_major_locator(MaxNLocator(6 if wide > 2.3 else 3, steps=[1, 2, 5, 10]))
         return axes
 
     def svg(self) -> str:

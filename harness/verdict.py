@@ -75,13 +75,13 @@ def _fault(results: Results) -> str:
     if not bad:
         return ""
     row = bad[0]
-    where = (
-        f"at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
-    )
+    named = bool(row.get("worst_component"))
+    where = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if named else ""
+    residual = str(row["residual"]).replace("_", " ")
     return (
-        f"{row['engine']} breaks the equations: {row['residual']} residual {size(row['max_scaled'])} scaled "
-        f"(tolerance {number(row['tolerance'], 2)}) {where}".rstrip()
-        + "."
+        f"The judge faults {row['engine']}: {residual} residual "
+        f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
+        f"tolerance {number(row['tolerance'], 2)}){where}."
     )
 
 

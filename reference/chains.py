@@ -52,7 +52,9 @@ def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
     base, slide, wrist = (edge.joint for edge in chain)
     coincide = (base.child_frame, slide.parent_frame, slide.child_frame, wrist.parent_frame)
     normal = np.cross(base.axes[0], base.axes[1])
-    return all(frame.is_identity for frame in coincide) and bool(np.allclose(slide.axes[0], normal, rtol=0, atol=1e-14))
+    return all(frame.is_identity for frame in coincide) and bool(
+        np.allclose(slide.axes[0], normal, rtol=0, atol=1e-14)
+    )
 
 
 def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> None:

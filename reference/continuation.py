@@ -55,7 +55,12 @@ def newton(evaluate: Evaluation, q: Array, y: Array, *, most: int = 60) -> tuple
         stalled = (before < 1e-11) & ~(after < 0.5 * before)  # as small as rounding lets it be
         take = ~stalled | (after < before)
         rows = active[take]
-        q[rows], residual[rows], matrix[rows], error[rows] = trial[take], residual_new[take], matrix_new[take], after[take]
+        q[rows], residual[rows], matrix[rows], error[rows] = (
+            trial[take],
+            residual_new[take],
+            matrix_new[take],
+            after[take],
+        )
         active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after)]
     return q, matrix, error
 
@@ -109,7 +114,9 @@ def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array)
     start = np.empty((len(y), len(q_home)))
     home = correct(q_home, y_home)
     if home is None:
-        raise ClosureError("the loops do not close there", "home pose", "correct the placements or the home coordinates")
+        raise ClosureError(
+            "the loops do not close there", "home pose", "correct the placements or the home coordinates"
+        )
     (q, K), at = home, y_home
     for i, target in enumerate(y):
         if np.abs(target - at).max(initial=0.0) > STEP or i == 0:

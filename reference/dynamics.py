@@ -47,7 +47,11 @@ def body_motion(lay: Layout, at: Pose, V: Array, A: Array) -> BodyMotion:
 
 
 def required_wrench(
-    lay: Layout, at: Pose, motion: BodyMotion, gravity: Array, loads: Sequence[tuple[str, Array | None, Array, Array]]
+    lay: Layout,
+    at: Pose,
+    motion: BodyMotion,
+    gravity: Array,
+    loads: Sequence[tuple[str, Array | None, Array, Array]],
 ) -> tuple[Array, Array]:
     """What joints and actuators must exert on each body: the right side of eqs. (53)-(55).
 
@@ -82,7 +86,9 @@ def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T:
     """
     partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:], rate.K, rate.pose.S)
     linear_part = partial[..., 3:] + np.cross(partial[..., :3], motion.com[:, :, None])
-    return np.asarray(np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, partial[..., :3]))
+    return np.asarray(
+        np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, partial[..., :3])
+    )
 
 
 def joint_reactions(lay: Layout, at: Pose) -> Reactions:

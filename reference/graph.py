@@ -77,7 +77,9 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
     for body in mechanism.bodies:
         if body.name not in reached:
             raise DescriptionError(
-                f"body '{body.name}' is not connected to {GROUND}", where, "add the missing joint or remove it"
+                f"body '{body.name}' is not connected to {GROUND}",
+                where,
+                "add the missing joint or remove it",
             )
 
 

@@ -16,6 +16,7 @@ from screwgauge.reference.continuation import check_closed, corrector, follow, n
 from screwgauge.reference.pose import Layout, Pose, loop_matrix, pose
 from screwgauge.reference.rotations import Array
 
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rates:
     """Joint rates of a closed mechanism.
@@ -56,7 +57,9 @@ def positions(lay: Layout, y: Array, t: Array) -> Pose:
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(
+            lay, at
+        )
 
     start = closed_form(lay, y)
     if start is None:
@@ -127,7 +130,9 @@ def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
     for edge in lay.tree.edges:
         sign = -1.0 if edge.reverse else 1.0
         columns = lay.columns[edge.joint.name]
-        far = _bias_across(terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign)
+        far = _bias_across(
+            terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign
+        )
         body[:, index[edge.far]] = body[:, index[edge.near]] + far
     loop = np.zeros((len(terms), len(lay.tree.cuts), 6))
     for c, joint in enumerate(lay.tree.cuts):

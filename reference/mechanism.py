@@ -117,7 +117,9 @@ class Joint:
     def __post_init__(self) -> None:
         where = self.where or self.name
         if self.actuated and len(self.coordinates) != 1:
-            raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
+            raise DescriptionError(
+                f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint"
+            )
         if self.kind in "US":
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:

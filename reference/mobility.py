@@ -125,7 +125,9 @@ def check_independent(lay: Layout, at: Pose) -> None:
     where = f"{mechanism.where}, independent"
     if k != freedoms:
         raise DescriptionError(
-            f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom", where, f"name {freedoms}"
+            f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom",
+            where,
+            f"name {freedoms}",
         )
     if linear.rank(A) < A.shape[1]:
         raise DescriptionError(

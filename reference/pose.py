@@ -73,7 +73,9 @@ def unplace(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     return R_body, p - R_body @ frame.p
 
 
-def across(joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False) -> tuple[Array, Array, list[Array]]:
+def across(
+    joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False
+) -> tuple[Array, Array, list[Array]]:
     """Walks over a joint from the pose of one body to that of the other (eq. 24, for any joint).
 
     Args:
@@ -83,7 +85,9 @@ def across(joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False)
     Returns:
         Pose of the other body, and the unit screw of each freedom in the joint's own order, (n, 6) each.
     """
-    start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
+    start, end = (
+        (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
+    )
     R, p = place(R, p, start)
     found: list[tuple[int, Array]] = []
     steps = list(enumerate(joint.freedoms))
@@ -108,7 +112,9 @@ def pose(lay: Layout, q: Array) -> Pose:
     R[:, 0] = np.eye(3)
     for edge in lay.tree.edges:
         near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
-        R[:, far], p[:, far], found = across(edge.joint, q[:, columns], R[:, near], p[:, near], reverse=edge.reverse)
+        R[:, far], p[:, far], found = across(
+            edge.joint, q[:, columns], R[:, near], p[:, near], reverse=edge.reverse
+        )
         S[:, columns] = np.stack(found, axis=1)
     gap = np.empty((n, len(lay.tree.cuts), 6))
     for c, joint in enumerate(lay.tree.cuts):

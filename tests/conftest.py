@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from screwgauge.cli import main
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.mechanism import Mechanism
 
@@ -26,3 +27,50 @@ def write(tmp_path: Path):
         return path
 
     return write_text
+
+
+@pytest.fixture
+def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path):
+    """Runs the command line, which has to refuse: one sentence, exit 2, nothing written. Returns the sentence."""
+
+    def check(*arguments: str | Path, out: Path | None = None) -> str:
+        before = {path: path.read_bytes() if path.is_file() else b"" for path in tmp_path.rglob("*")}
+        status = main([*map(str, arguments), "--out", str(out or tmp_path / "out")])
+        said = capfd.readouterr()
+        after = {path: path.read_bytes() if path.is_file() else b"" for path in tmp_path.rglob("*")}
+        assert status == 2, said.out
+        assert said.out == ""
+        assert said.err.startswith("screwgauge: ")
+        assert said.err.endswith(".\n")
+        assert said.err.count("\n") == 1
+        assert "Traceback" not in said.err
+        assert after == before
+        return said.err
+
+    return check
+
+
+@pytest.fixture
+def paper_scene(write):
+    """A scene with the paper's mechanism; entries replace its own. Returns the path."""
+
+    def make(**entries: str) -> Path:
+        usual = {
+            "mechanism": 'mechanism = "3ups-upu-s"',
+            "time": "time = { times = [0, 0.5] }",
+            "motion": "motion = { a = { offset = 0.1 }, b = { offset = 0.05 } }",
+        }
+        return write("scene.toml", "\n".join([*(usual | entries).values()]) + "\n")
+
+    return make
+
+
+@pytest.fixture
+def changed_scene(write, paper_scene):
+    """A scene whose mechanism is the paper's with changes (TOML). Returns the path."""
+
+    def make(changes: str, **entries: str) -> Path:
+        write("changed.toml", f'extends = "3ups-upu-s"\nname = "changed"\n{changes}\n')
+        return paper_scene(mechanism='mechanism = "changed.toml"', **entries)
+
+    return make

@@ -34,7 +34,9 @@ def test_comparison_names_quantity_component_and_size(results, toy):
     bad = results.pairs[~results.pairs["ok"]]
     assert set(bad["quantity"]) == {"joint_acceleration", "actuator_force"}
     assert set(bad["worst_component"]) == {toy.ACCELERATION, toy.FORCE}
-    assert "toy" in (set(bad["a"]) & set(bad["b"])) or all("toy" in pair for pair in zip(bad["a"], bad["b"], strict=True))
+    assert "toy" in (set(bad["a"]) & set(bad["b"])) or all(
+        "toy" in pair for pair in zip(bad["a"], bad["b"], strict=True)
+    )
     assert bad["max_scaled"].to_numpy() == pytest.approx(toy.ERROR, rel=1e-3)
 
 

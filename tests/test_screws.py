@@ -34,7 +34,12 @@ def test_lie_bracket_satisfies_jacobi_and_antisymmetry(rng):
 def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
     """d/dt Ad(exp(V t)) S = [V, S] at t = 0, by a central difference."""
     axis = np.array([0.0, 0.6, 0.8])
-    V, e, r, h = screws.revolute(axis, rng.normal(size=3)), np.array([1.0, 0.0, 0.0]), rng.normal(size=3), 1e-5
+    V, e, r, h = (
+        screws.revolute(axis, rng.normal(size=3)),
+        np.array([1.0, 0.0, 0.0]),
+        rng.normal(size=3),
+        1e-5,
+    )
     at = np.cross(axis, V[3:])  # a point of the axis of V
 
     def carried(t: float) -> np.ndarray:

@@ -46,8 +46,10 @@ def load_engine(name: str) -> Engine:
     return cast(Engine, getattr(import_module(module), function))
 
 
-def model_suffix(name: str) -> str:
-    """Ending of the generated file that the engine reads; a new engine reads the description."""
-    return {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf", "mujoco-full": "-full.xml"}.get(
-        name, ".toml"
-    )
+#: Engine -> cut and ending of the generated model that it reads; any other engine reads the description.
+GENERATED = {
+    "pinocchio": ("minimal", ".urdf"),
+    "mujoco": ("minimal", ".xml"),
+    "pinocchio-full": ("full", ".urdf"),
+    "mujoco-full": ("full", ".xml"),
+}

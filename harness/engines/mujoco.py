@@ -11,18 +11,18 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from screwgauge.closed_tree import solve_tree
+from screwgauge.closing.closed_tree import solve_tree
+from screwgauge.closing.tree import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
-from screwgauge.tree import BodyPoses
 
 _BODY = mujoco.mjtObj.mjOBJ_XBODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
-_SAFE = mujoco.mjtDisableBit
+_EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 
 
 def solve(problem: Problem) -> Solution:
@@ -34,7 +34,7 @@ def solve(problem: Problem) -> Solution:
 
 
 class MujocoTree:
-    """A loaded MJCF. See `screwgauge.tree.Tree` for shapes."""
+    """A loaded MJCF. See `screwgauge.closing.tree.Tree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile, gravity: Array | None) -> None:
         try:
@@ -43,6 +43,9 @@ class MujocoTree:
             raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), "correct the MJCF") from None
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
+        self.model.opt.jacobian = (
+            mujoco.mjtJacobian.mjJAC_DENSE
+        )  # sparse ones are wrong in 4.0.0 (issue 3767)
         if gravity is not None:
             self.model.opt.gravity[:] = gravity
         self.data = mujoco.MjData(self.model)
@@ -68,7 +71,9 @@ class MujocoTree:
         for e in range(self.model.neq):
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError(
-                    "an equality constraint joins no sites", f"constraint {e} of {file.mechanism}", "use site1, site2"
+                    "an equality constraint joins no sites",
+                    f"constraint {e} of {file.mechanism}",
+                    "use site1, site2",
                 )
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
@@ -85,7 +90,9 @@ class MujocoTree:
             R = np.empty(9)
             mujoco.mju_quat2Mat(R, model.site_quat[site])
             frames.append(Frame(model.site_pos[site].copy(), R.reshape(3, 3)))
-        return Closure(joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames)
+        return Closure(
+            joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames
+        )
 
     def _name(self, body: int) -> str:
         return str(self.model.body(body).name) if body and self.model.body(body).name else "ground"
@@ -95,7 +102,7 @@ class MujocoTree:
         self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q, v, a
 
     def _rigid(self) -> None:
-        self.model.opt.disableflags |= int(_SAFE.mjDSBL_EQUALITY)
+        self.model.opt.disableflags |= _EQUALITY
 
     def poses(self, q: Array) -> BodyPoses:
         n, b, nv = len(q), len(self.ids) + 1, self.model.nv
@@ -158,7 +165,7 @@ class MujocoTree:
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""
-        self.model.opt.disableflags &= ~int(_SAFE.mjDSBL_EQUALITY)
+        self.model.opt.disableflags &= ~_EQUALITY
         out, tolerance = np.empty_like(q), 0.0
         self.data.xfrc_applied[:] = 0.0
         for i in range(len(q)):
@@ -187,7 +194,10 @@ class MujocoTree:
             for k, body in enumerate(self.ids, 1):  # applied at the centre of mass
                 arm = data.xipos[body] - data.xpos[body]
                 force, moment = wrench[i, k, :3], wrench[i, k, 3:]
-                data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:] = force, moment - np.cross(arm, force)
+                data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:] = (
+                    force,
+                    moment - np.cross(arm, force),
+                )
             mujoco.mj_rnePostConstraint(model, data)
             for k, body in enumerate(self.ids, 1):
                 moment, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.closed_tree import solve_tree
+from screwgauge.closing.closed_tree import solve_tree
+from screwgauge.closing.tree import BodyPoses
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
-from screwgauge.tree import BodyPoses
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
@@ -57,7 +57,7 @@ def _load(urdf: Path) -> pin.Model:
 
 
 class PinocchioTree:
-    """A loaded URDF. See `screwgauge.tree.Tree` for shapes."""
+    """A loaded URDF. See `screwgauge.closing.tree.Tree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile, gravity: Array | None) -> None:
         self.model = _load(urdf)
@@ -74,7 +74,9 @@ class PinocchioTree:
         )
         self.closures = file.closures
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
-        frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
+        frames = [
+            i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted
+        ]
         self.frames = [i for i in frames if self.model.frames[i].name != "ground"]
         self.bodies = tuple(self.model.frames[i].name for i in self.frames)
         self.joints = [self.model.frames[i].parentJoint for i in self.frames]
@@ -121,7 +123,9 @@ class PinocchioTree:
         for i in range(len(q)):
             pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
             for k, (joint, at) in enumerate(zip(self.joints, placements, strict=True)):
-                out[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, joint, at, _ALIGNED).linear
+                out[i, k] = pin.getFrameClassicalAcceleration(
+                    self.model, self.data, joint, at, _ALIGNED
+                ).linear
         return out
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
+from screwgauge.closing.rules import singular_note
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics, screws
 from screwgauge.reference.errors import ModelFileError
@@ -18,7 +19,6 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
-from screwgauge.rules import singular_note
 from screwgauge.solution import Problem, Solution
 
 
@@ -33,7 +33,9 @@ def solve(problem: Problem) -> Solution:
         )
     for load in problem.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
+            raise ModelFileError(
+                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
+            )
     work = _Work(problem, layout(mechanism))
     solution = assemble(
         "screw",
@@ -108,7 +110,9 @@ class _Work:
         moved = np.einsum("bi,nbx->nix", self.lay.path[1:], wrench)
         return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
 
-    def _forces(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]) -> None:
+    def _forces(
+        self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]
+    ) -> None:
         lay, problem = self.lay, self.problem
         Q = dynamics.generalized_force(lay, rate, motion, F, T)
         out["generalized_force"] = Q

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.closure import Loops
+from screwgauge.closing.closure import Loops
+from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array
-from screwgauge.tree import BodyPoses, Tree
 
 
 def joint_reactions(
@@ -48,7 +48,9 @@ def joint_reactions(
 
 def _bodies(joint: Joint, loops: Loops) -> tuple[int, int]:
     """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
-    found = [loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)]
+    found = [
+        loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)
+    ]
     return found[0], found[1]
 
 

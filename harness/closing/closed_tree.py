@@ -11,8 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
-from screwgauge.closure import Loops, make_loops
-from screwgauge.cut_joints import Chart
+from screwgauge.closing.closure import Loops, make_loops
+from screwgauge.closing.cut_joints import Chart
+from screwgauge.closing.rules import axial_forces, singular_note
+from screwgauge.closing.transmission import joint_reactions
+from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
@@ -20,17 +23,21 @@ from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND, actuator_names
 from screwgauge.reference.rotations import Array
-from screwgauge.rules import axial_forces, singular_note
 from screwgauge.solution import Motion, Problem, Solution
-from screwgauge.transmission import joint_reactions
-from screwgauge.tree import BodyPoses, Tree
 
 
 def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
     """Solves a problem with an engine's open tree."""
     work = _Work(problem, tree, file)
     solution = assemble(
-        tree.engine, tree.version, work.setting, problem.motion, work.part, work.names, work.clock, problem.progress
+        tree.engine,
+        tree.version,
+        work.setting,
+        problem.motion,
+        work.part,
+        work.names,
+        work.clock,
+        problem.progress,
     )
     notes = singular_note(problem.rule, problem.motion.t, np.array(work.rule_condition))
     return replace(solution, notes=notes, tolerances=work.tolerances)
@@ -64,7 +71,9 @@ class _Work:
         home = {name: value for j in file.joints for name, value in zip(j.coordinates, j.home, strict=True)}
         self.q = np.array([home[name] for name in tree.coordinates])
         self.y = np.array([home[name] for name in file.independent.values()])
-        self.cut = {joint.name: joint.home for joint in self.loops.cut}  # angles of cut joints at the last sample
+        self.cut = {
+            joint.name: joint.home for joint in self.loops.cut
+        }  # angles of cut joints at the last sample
         self.driven = [tree.coordinates.index(j.coordinates[0]) for j in file.joints if j.actuated]
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.rule_condition: list[float] = []
@@ -76,7 +85,9 @@ class _Work:
             q, A = self._positions(motion)
             at = self.tree.poses(q)
             charts = self.loops.charts(at)
-            out["joint_position"] = self._joints(q, {name: self._unwrapped(name, c.q) for name, c in charts.items()})
+            out["joint_position"] = self._joints(
+                q, {name: self._unwrapped(name, c.q) for name, c in charts.items()}
+            )
         if self.depth in "vaf":
             self._rates(motion, q, at, charts, A, out)
         with self.clock.stage("condition"):
@@ -84,7 +95,13 @@ class _Work:
         return {name: array for name, array in out.items() if name in self.problem.quantities}, condition
 
     def _rates(
-        self, motion: Motion, q: Array, at: BodyPoses, charts: dict[str, Chart], A: Array, out: dict[str, Array]
+        self,
+        motion: Motion,
+        q: Array,
+        at: BodyPoses,
+        charts: dict[str, Chart],
+        A: Array,
+        out: dict[str, Array],
     ) -> None:
         """Rates from ``A v = [0; yd]``, then whatever is wanted beyond them."""
         with self.clock.stage("velocities"):
@@ -111,11 +128,15 @@ class _Work:
         at = self.tree.poses(q)
         charts = self.loops.charts(at)
         errors, rows = [self.loops.gaps(at)], [self.loops.jacobian(at)]
-        rate_rows = {joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut}
+        rate_rows = {
+            joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut
+        }
         for k, (column, joint, i) in enumerate(self.loops.independent):
             if column is None:
                 value, row = charts[joint].q[:, i], rate_rows[joint][:, i]
-                difference = np.remainder(value - y[:, k] + np.pi, 2 * np.pi) - np.pi  # an angle, read within a turn
+                difference = (
+                    np.remainder(value - y[:, k] + np.pi, 2 * np.pi) - np.pi
+                )  # an angle, read within a turn
             else:
                 difference, row = q[:, column] - y[:, k], np.tile(np.eye(q.shape[1])[column], (len(q), 1))
             errors.append(difference[:, None])
@@ -156,7 +177,9 @@ class _Work:
         right = np.concatenate([-self.loops.bias(at, V, bias), motion.ydd], axis=1)
         for k, (column, name, i) in enumerate(self.loops.independent):
             if column is None:
-                right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[:, i]
+                right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[
+                    :, i
+                ]
         a = linear.solve(A, right[..., None])[..., 0]
         V, acceleration = self.tree.accelerations(q, v, a)
         cut_a = {name: self._cut_bias(charts[name], name, cut_v[name], V, acceleration) for name in charts}
@@ -198,7 +221,13 @@ class _Work:
                 self._closed_forces(at, A, K, tau, qva, out)
 
     def _closed_forces(
-        self, at: BodyPoses, A: Array, K: Array, tau: Array, qva: tuple[Array, Array, Array], out: dict[str, Array]
+        self,
+        at: BodyPoses,
+        A: Array,
+        K: Array,
+        tau: Array,
+        qva: tuple[Array, Array, Array],
+        out: dict[str, Array],
     ) -> None:
         """Generalised and actuator forces by projection, multipliers from what is left."""
         load = self._loads(at)
@@ -217,7 +246,9 @@ class _Work:
             multipliers = linear.solve(G.swapaxes(1, 2), rest[..., None])[..., 0]
             wrench = load + self.loops.wrenches(at, multipliers)
             found = self.tree.transmitted(*qva, wrench)
-            reactions, out["reaction"] = joint_reactions(self.file, self.tree, self.loops, at, found, multipliers)
+            reactions, out["reaction"] = joint_reactions(
+                self.file, self.tree, self.loops, at, found, multipliers
+            )
             self.reaction_names = (reactions.names, reactions.units)
 
     def _loads(self, at: BodyPoses) -> Array:

@@ -62,7 +62,9 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """
     if joint.kind not in "RUS":
         raise ModelFileError(
-            f"a {joint.kind} joint cannot be read when it is cut", f"joint '{joint.name}'", "cut another joint"
+            f"a {joint.kind} joint cannot be read when it is cut",
+            f"joint '{joint.name}'",
+            "cut another joint",
         )
     axes = _triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
@@ -73,7 +75,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         turned[:, i] = M @ axes[i]
         M = M @ rotation(axes[i], angles[:, i])
     m = len(joint.axes)
-    inverse: Array = np.linalg.inv(turned.swapaxes(1, 2))[:, :m]
+    inverse = np.asarray(np.linalg.inv(turned.swapaxes(1, 2))[:, :m], dtype=np.float64)
     return Chart(angles[:, :m], R, inverse, turned[:, :m])
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.closure import Loops
+from screwgauge.closing.closure import Loops
+from screwgauge.closing.tree import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.dynamics import across_direction
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.rotations import Array
-from screwgauge.tree import BodyPoses
 
 
 def singular_note(rule: str, t: Array, condition: Array) -> tuple[str, ...]:

@@ -1,0 +1,237 @@
+"""A motion that the mechanism cannot make, or that is no motion, is refused with the time and the pose."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import ScrewgaugeError, load_scene
+from screwgauge.preflight import check_scene
+from screwgauge.reference.errors import ClosureError, SingularPoseError
+from screwgauge.reference.kinematics import closure_system, positions
+from screwgauge.reference.linear import SINGULAR, condition
+from screwgauge.reference.pose import layout
+
+SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0
+
+LIMITS = '[joints."leg1.slide"]\nlimits = [[0.55, 0.62]]'
+LENGTHS = '[independent]\na = "leg1.q3"\nb = "leg2.q3"'
+GOOD_CSV = "t,a,b,ad,bd,add,bdd\n0,0,0,0.1,0,0,0\n0.1,0.01,0,0.1,0,0,0\n0.3,0.03,0,0.1,0,0,0\n"
+
+
+def b_over_time(*coefficients: float) -> str:
+    return f"motion = {{ a = {{}}, b = {{ polynomial = {list(coefficients)} }} }}"
+
+
+def test_a_joint_limit_is_enforced_with_time_pose_and_limits(changed_scene, refused):
+    times = "time = { times = [0, 1, 2, 3] }"
+    said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time=times))
+    found = re.search(r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said)
+    assert found, said
+    assert not 0.55 <= float(found[2]) <= 0.62
+    assert int(found[1]) == 1  # the first sample beyond
+    assert "shorten the motion or widen the limits" in said
+
+
+def test_the_limit_message_tells_the_pose(changed_scene, refused):
+    said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time="time = { times = [0, 2] }"))
+    assert "a = 0, b = 0.1" in said
+
+
+def test_a_motion_within_the_limits_is_accepted(changed_scene):
+    check_scene(load_scene(changed_scene(LIMITS, motion=b_over_time(0, 0.01))))
+
+
+def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, refused):
+    limits = '[joints.s]\nlimits = [[-1, 1], [-1, 0.04], [-1, 1]]'
+    said = refused("run", changed_scene(limits))
+    assert "t = 0 s: joint coordinate 's.q2' = 0.05 rad is beyond its limits [-1, 0.04]" in said
+
+
+def test_a_motion_to_where_the_loops_cannot_close_is_refused(changed_scene, refused):
+    motion = "motion = { a = { polynomial = [0.6, 2] }, b = { offset = 0.6 } }"
+    said = refused("run", changed_scene(LENGTHS, motion=motion, time="time = { times = [0, 0.01, 1] }"))
+    assert said.startswith("screwgauge: t = 1 s: the loops cannot close beyond y = [") or "stay open by" in said
+    assert re.search(r"y = \[ *\d\.\d+ +0\.6", said), said
+    assert "shorten the motion or check the geometry" in said
+
+
+def test_a_loop_that_the_offset_mechanism_cannot_close_is_refused(paper_scene, refused):
+    said = refused(
+        "run",
+        paper_scene(
+            mechanism='mechanism = "3ups-upu-s-offset"',
+            motion="motion = { a = { polynomial = [0, 1] }, b = { polynomial = [0, 0.3] } }",
+            time="time = { duration = 3, step = 0.05 }",
+        ),
+    )
+    assert re.search(r"t = [\d.]+ s", said)
+    assert "closes" in said or "close" in said or "singular" in said
+
+
+def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused):
+    said = refused("run", paper_scene(motion=b_over_time(0.3, 0.02), time="time = { duration = 5, step = 0.5 }"))
+    assert "between t = 2.5 s and 3 s: the motion passes through a singular pose near a = 0, b = 0.36" in said
+    assert "keep the motion away from it" in said
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_passing_it_is_noticed_across_parts_of_a_long_motion(direction, paper_scene, monkeypatch):
+    monkeypatch.setattr("screwgauge.preflight.PART", 2)  # samples 1 and 2 are in different parts
+    scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 0.015 * direction, 0.01 * direction)))
+    with pytest.raises(SingularPoseError, match="between t = 1 s and 2 s"):
+        check_scene(scene.at([0, 1, 2, 3]))
+
+
+def singular_b(scene) -> float:
+    """The singular angle to the last bit, by bisection of the determinant's sign."""
+    lay = layout(scene.mechanism)
+
+    def sign(b: float) -> float:
+        at = positions(lay, np.array([[0.0, b]]), np.zeros(1))
+        return float(np.linalg.slogdet(closure_system(lay, at)[0])[0])
+
+    low, high = SINGULAR_B - 1e-3, SINGULAR_B + 1e-3
+    assert sign(low) * sign(high) < 0
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if sign(middle) == sign(low) else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-14, -1e-14])
+def test_sampling_a_singular_pose_is_refused(beside, paper_scene, refused):
+    b = singular_b(load_scene(paper_scene())) + beside
+    assert b == pytest.approx(SINGULAR_B, abs=1e-6)
+    said = refused("run", paper_scene(motion=b_over_time(b), time="time = { times = [0.25] }"))
+    assert "t = 0.25 s: the pose a = 0, b = 0.356801 is singular (condition " in said
+    assert float(re.search(r"condition ([\d.e+]+|inf)\)", said)[1]) > 1e12
+
+
+def test_a_badly_conditioned_pose_below_the_limit_is_accepted(paper_scene):
+    scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 1e-3), time="time = { times = [0] }"))
+    lay = layout(scene.mechanism)
+    at = positions(lay, scene.motion.y, scene.motion.t)
+    assert 1e3 < condition(closure_system(lay, at))[0] < SINGULAR
+    check_scene(scene)
+
+
+def test_reaching_a_singular_pose_and_turning_back_is_no_passage(paper_scene):
+    scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 0.01, 0, -0.01)))
+    check_scene(scene.at([-1, -0.5, 0, 0.5, 1]))
+
+
+@pytest.mark.parametrize("motion", [b_over_time(0, 0, 1e99), "motion = { a = { harmonics = [[1e100, 1e99, 1]] }, b = {} }",
+                                    "motion = { a = { harmonics = [[1e100, 1e100, 0], [1e99, 0, 1e100]] }, b = {} }"])  # fmt: skip
+def test_enormous_numbers_are_refused_without_warnings(motion, paper_scene, refused):
+    refused("run", paper_scene(motion=motion, time='time = { times = [0, 1, "1e90"] }'))
+
+
+def test_a_motion_that_overflows_is_refused_with_the_time(paper_scene, refused):
+    said = refused("run", paper_scene(motion=b_over_time(0, 0, 0, 0, 1), time='time = { times = [0, "1e99"] }'))
+    assert "scene.toml, motion: grows beyond all numbers at t = 1e+99 s" in said
+
+
+@pytest.fixture
+def csv_scene(write, paper_scene):
+    def make(text: str, time: str = ""):
+        write("motion.csv", text)
+        return paper_scene(motion='motion = { csv = "motion.csv" }', time=time)
+
+    return make
+
+
+def test_a_csv_motion_is_read_on_its_own_times(csv_scene):
+    motion = load_scene(csv_scene(GOOD_CSV)).motion
+    assert motion.t.tolist() == [0.0, 0.1, 0.3]
+    assert motion.y.tolist() == [[0.0, 0.0], [0.01, 0.0], [0.03, 0.0]]
+    assert motion.yd[:, 0].tolist() == [0.1, 0.1, 0.1]
+
+
+def test_numbers_of_a_csv_are_read_to_the_last_bit(csv_scene):
+    values = [float(v) for v in np.random.default_rng(7).normal(size=200)]
+    rows = [f"{i},{v!r},0,0,0,0,0" for i, v in enumerate(values)]
+    scene = load_scene(csv_scene("\n".join(["t,a,b,ad,bd,add,bdd", *rows])))
+    assert scene.motion.y[:, 0].tolist() == values
+
+
+@pytest.mark.parametrize("column", ["t", "a", "b", "ad", "bd", "add", "bdd"])
+def test_a_missing_column_is_named(column, csv_scene, refused):
+    said = refused("run", csv_scene(re.sub(rf"\b{column}\b", "other", GOOD_CSV)))
+    assert f"motion.csv: column '{column}' is missing" in said
+    assert "t, a, ad, add, b, bd, bdd (derivatives are required)" in said
+
+
+@pytest.mark.parametrize("value", ["nan", "NaN", "", "inf", "-inf", "x", "0;1", "1e400", "1e101", "__import__('os')"])
+def test_a_sample_that_is_no_finite_number_is_named_by_column_and_row(value, csv_scene, refused):
+    lines = GOOD_CSV.splitlines()
+    lines[2] = f"0.1,0.01,0,{value},0,0,0"
+    said = refused("run", csv_scene("\n".join(lines)))
+    assert "motion.csv: column 'ad' is not a finite number in data row 2" in said
+    assert "complete the samples" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "cannot be read as CSV"),
+        ("\n\n", "cannot be read as CSV"),
+        ("t,a,b,ad,bd,add,bdd\n", "has no samples"),
+        ("a,b\n1,2\n", "column 't' is missing"),
+        ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n", "cannot be read as CSV"),
+        ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0,9\n1,0,0,0,0,0,0,9\n", "more fields than the header"),
+        ("t,a,b,ad,bd,add,bdd\n0,0,0\n", "column 'ad' is not a finite number in data row 1"),
+        ("t,a,b,ad,bd,add,bdd\n0,True,0,0,0,0,0\n1,False,0,0,0,0,0\n", "column 'a' is not a finite number in data row 1"),
+        ("t,a,b,ad,bd,add,bdd\n1,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "the times do not increase"),
+        ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "the times do not increase"),
+        ("\0\0\0", "motion.csv: "),
+    ],
+)
+def test_a_csv_file_that_is_no_motion_is_refused(text, what, csv_scene, refused):
+    said = refused("run", csv_scene(text))
+    assert "motion.csv: " in said
+    assert what in said
+
+
+@pytest.mark.parametrize("name", ["missing.csv", ".", "", "x" * 5000, "missing/motion.csv"])
+def test_a_missing_csv_file_is_refused(name, paper_scene, refused):
+    said = refused("run", paper_scene(motion=f'motion = {{ csv = "{name}" }}'))
+    assert "cannot be read as CSV" in said
+
+
+def test_a_csv_in_another_encoding_is_refused(tmp_path, csv_scene, refused):
+    scene = csv_scene(GOOD_CSV)
+    (tmp_path / "motion.csv").write_bytes(b"\xff\xfet\x00,\x00")
+    assert "motion.csv: cannot be read as CSV" in refused("run", scene)
+
+
+def test_labels_whose_derivatives_collide_are_refused_in_a_csv(write, changed_scene, refused):
+    write("motion.csv", "t,x,xd,xdd\n0,0,0,0\n")
+    changes = 'independent.xd = "s.q3"\n'
+    said = refused("run", changed_scene(changes, motion='motion = { csv = "motion.csv" }'))
+    assert "motion.csv: column" in said
+
+
+@pytest.mark.parametrize("times", [[0.05], [0, 0.2], [-1], [0.3, 0.4], [1e300]])
+def test_times_that_a_csv_does_not_have_are_refused(times, csv_scene):
+    scene = load_scene(csv_scene(GOOD_CSV))
+    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"):
+        scene.at(times)
+
+
+def test_times_that_a_csv_has_may_be_chosen_in_any_order(csv_scene):
+    assert load_scene(csv_scene(GOOD_CSV)).at([0.3, 0.1]).motion.y[:, 0].tolist() == [0.03, 0.01]
+
+
+def test_a_time_grid_beside_a_csv_asks_for_its_times(csv_scene, refused):
+    assert "has no sample at t = 0.05 s" in refused("run", csv_scene(GOOD_CSV, "time = { duration = 0.1, step = 0.05 }"))
+
+
+def test_python_raises_what_the_command_line_says(paper_scene):
+    scene = load_scene(paper_scene(motion=b_over_time(0.3, 0.1)))
+    with pytest.raises(SingularPoseError):
+        screwgauge.run(scene.at([0, 1]), engines=["screw"])
+    assert issubclass(SingularPoseError, ScrewgaugeError)
+    assert issubclass(ClosureError, ScrewgaugeError)

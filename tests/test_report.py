@@ -1,0 +1,488 @@
+"""The report tells what a run found: verdict first, valid files, nothing half-written, no peak lost."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from screwgauge import write as writing
+from screwgauge.curves import bin_maxima, thin
+from screwgauge.environment import environment
+from screwgauge.figures import Figure, default_figures
+from screwgauge.formatting import digits, markdown_table, number, size
+from screwgauge.reference.errors import OutputError
+from screwgauge.results import Results
+from screwgauge.solution import Failure, Load, Motion, Solution, Timing, Values
+from screwgauge.svg import inline, tidy
+from screwgauge.terminal import format_terminal
+from screwgauge.verdict import first_difference, verdict
+
+N = 400
+NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")
+TOLERANCE = 1e-11
+Make = Callable[..., Results]
+
+
+def solution(engine: str, change: float, n: int, nan: bool) -> Solution:
+    t = np.linspace(0.0, 1.0, n)
+    position = np.column_stack([np.sin(t + k) for k in range(4)])
+    velocity = np.column_stack([np.cos(t + k) for k in range(4)])
+    velocity[n // 2, 2] += change
+    if nan:
+        velocity[: n // 3, 1] = np.nan
+    values = {
+        "joint_position": Values(NAMES, ("rad",) * 4, position),
+        "joint_velocity": Values(NAMES, ("rad/s",) * 4, velocity),
+    }
+    timing = Timing(engine, "default", "kinematics", n, 0.25, 0.5, "closure, rates")
+    return Solution(engine, "1.2.3", values, 3.0 + t, (timing,), (f"a note of {engine}",))
+
+
+def row(quantity: str, unit: str, a: Solution, b: Solution, name: str) -> dict[str, Any]:
+    k = NAMES.index(name)
+    difference = np.abs(a.values[quantity].array[:, k] - b.values[quantity].array[:, k])
+    i = int(np.argmax(difference))  # of NaN the first NaN
+    worst = float(difference[i])
+    return {
+        "quantity": quantity,
+        "component": name,
+        "unit": unit,
+        "a": a.engine,
+        "b": b.engine,
+        "max_abs": worst,
+        "rms": worst / 2,
+        "max_scaled": worst / 2,
+        "scale": 2.0,
+        "worst_t": i / (N - 1),
+        "rule": "",
+        "unique": True,
+        "tolerance": TOLERANCE,
+        "ok": bool(worst / 2 <= TOLERANCE),
+    }
+
+
+def worst_of(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    worst = max(rows, key=lambda r: np.inf if np.isnan(r["max_abs"]) else r["max_abs"])
+    reason = "not a number" if np.isnan(worst["max_abs"]) else ""
+    return {**worst, "worst_component": worst["component"], "reason": reason}
+
+
+def judged(engine: str, ok: bool = True) -> dict[str, Any]:
+    return {
+        "engine": engine,
+        "residual": "loop_closure",
+        "unit": "m",
+        "max_abs": 1e-15,
+        "max_scaled": 1e-15,
+        "worst_component": "leg2.wrist",
+        "worst_t": 0.5,
+        "tolerance": TOLERANCE,
+        "ok": ok,
+        "reason": "",
+    }
+
+
+def scene(n: int, figures: tuple[Figure, ...]) -> Any:
+    mechanism = SimpleNamespace(name="toy", title="A toy", source="", independent={"a": "leg1.q1"})
+    motion = Motion(np.linspace(0.0, 1.0, n), *(np.zeros((n, 1)) for _ in range(3)))
+    load = Load("platform", None, np.array([0.0, 0.0, 1000.0]), np.zeros(3))
+    return SimpleNamespace(
+        name="toy",
+        title="Toy | scene <one>",
+        description="Two legs that swing.",
+        mechanism=mechanism,
+        motion=motion,
+        gravity=np.array([0.0, 0.0, -9.81]),
+        loads=(load,),
+        rule="min_norm",
+        figures=figures,
+    )
+
+
+@pytest.fixture
+def make() -> Make:
+    """Makes results of two engines that differ in one sample of ``leg2.q1`` by `change`."""
+
+    def build(
+        change: float = 0.0,
+        *,
+        n: int = N,
+        nan: bool = False,
+        alone: bool = False,
+        fails: bool = False,
+        judge_ok: bool = True,
+        figures: tuple[Figure, ...] = (),
+    ) -> Results:
+        first, second = solution("alpha", 0.0, n, False), solution("beta", change, n, nan)
+        solutions = {"alpha": first} if alone or fails else {"alpha": first, "beta": second}
+        errors, pairs = [], []
+        if len(solutions) == 2:
+            for quantity, unit in (("joint_position", "rad"), ("joint_velocity", "rad/s")):
+                rows = [row(quantity, unit, first, second, name) for name in NAMES]
+                errors += rows
+                pairs.append(worst_of(rows))
+        if fails:
+            nothing = row("joint_position", "rad", first, first, NAMES[0])
+            lost = {
+                **nothing,
+                "b": "beta",
+                "max_abs": np.nan,
+                "rms": np.nan,
+                "max_scaled": np.nan,
+                "ok": False,
+            }
+            pairs.append({**lost, "worst_component": "", "worst_t": np.nan, "reason": "it is not installed"})
+        columns = [*row("joint_position", "rad", first, first, NAMES[0])]
+        return Results(
+            scene=scene(n, figures),
+            solutions=solutions,
+            failures={"beta": Failure("beta", "it is not installed")} if fails else {},
+            errors=pd.DataFrame(errors, columns=columns),
+            pairs=pd.DataFrame(pairs, columns=[*columns, "worst_component", "reason"]),
+            judge=pd.DataFrame([judged(name, judge_ok) for name in solutions]),
+            mobility={"mobility": 2, "unique": {"a": True, "b": False}},
+            environment=environment(),
+        )
+
+    return build
+
+
+def read(folder: Path) -> dict[str, Any]:
+    def refuse(name: str) -> None:
+        raise ValueError(f"{name} is not JSON")
+
+    text = (folder / "summary.json").read_text(encoding="utf-8")
+    result: dict[str, Any] = json.loads(text, parse_constant=refuse)
+    return result
+
+
+def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
+    found = read(make(1e-8).write(tmp_path / "out"))
+    fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
+    assert set(found) == {*fixed, "failures", "first_difference"}
+    assert found["scene"] == "toy"
+    assert found["ok"] is False
+    assert found["engines"] == {"alpha": "1.2.3", "beta": "1.2.3"}
+    keys = ["quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled", "worst"]
+    assert list(found["quantities"][1]) == [*keys, "rule", "unique", "tolerance", "ok"]
+    assert found["quantities"][1]["worst"] == {"component": "leg2.q1", "t": pytest.approx(200 / 399)}
+    keys = ["engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok"]
+    assert list(found["judge"][0]) == keys
+    keys = ["engine", "setting", "stage", "n_sample", "min_s", "median_s", "covers"]
+    assert list(found["timings"][0]) == keys
+
+
+def test_tables_follow_the_contract(make: Make, tmp_path: Path) -> None:
+    out = make(1e-8).write(tmp_path / "out")
+    head = "quantity,component,unit,a,b,max_abs,rms,max_scaled,scale,worst_t,rule,unique,tolerance,ok"
+    lines = (out / "errors.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0] == head
+    assert len(lines) == 1 + 2 * len(NAMES)
+    head = "engine,setting,stage,n_sample,min_s,median_s,covers"
+    assert (out / "timings.csv").read_text(encoding="utf-8").splitlines()[0] == head
+    assert json.loads((out / "environment.json").read_text(encoding="utf-8"))["packages"]["numpy"]
+
+
+def test_error_table_gives_back_every_bit(make: Make, tmp_path: Path) -> None:
+    results = make(1e-8)
+    with (results.write(tmp_path / "out") / "errors.csv").open(encoding="utf-8", newline="") as file:
+        back = [float(row["max_scaled"]) for row in csv.DictReader(file)]
+    assert back == results.errors["max_scaled"].tolist()
+
+
+def test_not_a_number_is_valid_json_and_a_failure(make: Make, tmp_path: Path) -> None:
+    results = make(nan=True)
+    out = results.write(tmp_path / "out")
+    found = read(out)
+    assert found["quantities"][1]["max_abs"] is None
+    assert found["quantities"][1]["ok"] is False
+    assert found["first_difference"]["size"] is None
+    assert (
+        "cannot be compared: first in joint_velocity at leg1.q2 (not a number)" in verdict(results).sentence
+    )
+    pictures = " ".join(path.read_text(encoding="utf-8") for path in out.glob("plots/*.svg"))
+    assert f"Gap: beta has no number at {N // 3} of {N} samples" in pictures
+
+
+def test_verdict_names_the_first_quantity(make: Make) -> None:
+    results = make(1e-8)
+    sentence = verdict(results).sentence
+    assert "alpha and beta differ: first in joint_velocity at leg2.q1, by 1.0e-8 rad/s" in sentence
+    first = first_difference(results)
+    assert first is not None
+    assert [first[key] for key in ("quantity", "component", "a", "b")] == [
+        *("joint_velocity", "leg2.q1", "alpha", "beta")
+    ]
+    assert first["size"] == pytest.approx(5e-9, rel=1e-6)
+
+
+def test_verdict_of_agreement_counts_digits(make: Make) -> None:
+    found = verdict(make())
+    assert (found.status, found.word) == ("agree", "✓ AGREE")
+    assert "all 2 comparisons are within tolerance, to 17.0 digits" in found.sentence
+    assert first_difference(make()) is None
+
+
+def test_verdict_names_the_judge_too(make: Make) -> None:
+    alone = verdict(make(judge_ok=False)).sentence
+    assert "judge faults alpha: loop closure residual" in alone
+    assert alone.endswith("tolerance 1e-11) at leg2.wrist, t = 0.5 s.")
+    both = verdict(make(1e-8, judge_ok=False)).sentence
+    assert "differ: first in" in both
+    assert "judge faults" in both
+
+
+def test_a_failed_engine_is_said_first_with_its_reason(make: Make, tmp_path: Path) -> None:
+    results = make(fails=True)
+    found = verdict(results)
+    assert found.status == "failed"
+    assert found.sentence.startswith("An engine failed: beta: it is not installed.")
+    out = results.write(tmp_path / "out")
+    assert read(out)["failures"] == {"beta": "it is not installed"}
+    assert read(out)["first_difference"] is None
+    assert "it is not installed" in (out / "report.md").read_text(encoding="utf-8")
+
+
+def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
+    results = make(alone=True)
+    assert "nothing to compare it with" in verdict(results).sentence
+    text = (results.write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
+    assert "there are no pairs" in text
+    assert "quantity " not in format_terminal(results)
+
+
+def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
+    text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
+    assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
+    parts = ["Scene", "Engines", "Pairs", "Judge", "Plots", "Mechanism", "How it was compared"]
+    heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
+    assert heads == [*parts, "Run times", "Environment", "Known limitations"]
+    assert "a note of beta" in text
+
+
+def test_report_links_every_plot_it_wrote(make: Make, tmp_path: Path) -> None:
+    out = make().write(tmp_path / "out")
+    linked = re.findall(r"\]\((plots/.*?)\)", (out / "report.md").read_text(encoding="utf-8"))
+    assert sorted(linked) == sorted(str(path.relative_to(out)) for path in out.glob("plots/*"))
+    assert len(linked) == 3  # two quantities and the condition number
+
+
+def test_html_is_one_file_without_outside_references(make: Make, tmp_path: Path) -> None:
+    page = (make(1e-8).write(tmp_path / "out") / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == 3
+    for pattern in (r"<(?:script|link|iframe|img|object)\b", r"@import", r"src=", r"url\((?!#)"):
+        assert not re.search(pattern, page), pattern
+    assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)"', page))
+    ids = re.findall(r'\bid="([^"]*)"', page)
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r'href="#([^"]*)"', page)) | set(re.findall(r"url\(#([^)]*)\)", page)) <= set(ids)
+    assert "<title>Toy | scene &lt;one&gt;: verification report</title>" in page
+
+
+def test_written_twice_is_the_same(make: Make, tmp_path: Path) -> None:
+    first, second = make(1e-8).write(tmp_path / "one"), make(1e-8).write(tmp_path / "two")
+    names = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
+    assert names == sorted(path.relative_to(second) for path in second.rglob("*") if path.is_file())
+    for name in names:
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("below", ["", "deeper/still"])
+def test_a_file_in_place_of_the_folder_is_one_sentence(make: Make, tmp_path: Path, below: str) -> None:
+    (tmp_path / "out").write_text("mine", encoding="utf-8")
+    out = tmp_path / "out" / below
+    for attempt in (lambda: make().write(out), lambda: writing.check_writable(out)):
+        with pytest.raises(OutputError, match="the folder cannot be written") as caught:
+            attempt()
+        assert "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
+
+
+def test_nothing_is_half_written(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = make().write(tmp_path / "out")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    write, count = Path.write_text, iter(range(100))
+
+    def full(self: Path, *args: Any, **kwargs: Any) -> int:
+        if next(count) == 4:
+            raise OSError(28, "No space left on device")
+        return write(self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    for folder in (out, tmp_path / "new"):
+        count = iter(range(100))
+        with pytest.raises(OutputError, match="no space left"):
+            make(1e-8).write(folder)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_in_the_way_of_a_file_leaves_the_rest_alone(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "out" / "report.md").mkdir(parents=True)
+    with pytest.raises(OutputError, match=r"report\.md is a folder"):
+        make().write(tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.md"]
+
+
+def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_path: Path) -> None:
+    out = make().write(tmp_path / "out")
+    (out / "notes.txt").write_text("mine", encoding="utf-8")
+    figure = Figure("Only one", "joint_position", "rad", (("", ("leg1.*",)),))
+    make(figures=(figure,)).write(out)
+    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg"]
+    assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_checking_a_folder_leaves_nothing(tmp_path: Path) -> None:
+    writing.check_writable(tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())
+
+
+def test_samples_without_pyarrow_are_refused_first(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "find_spec", lambda name: None)
+    with pytest.raises(OutputError, match="pyarrow"):
+        make().write(tmp_path / "out", samples=True)
+    assert not (tmp_path / "out").exists()
+
+
+def test_samples_hold_every_value(make: Make, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    results = make(1e-8)
+    frame = pd.read_parquet(results.write(tmp_path / "out", samples=True) / "samples.parquet")
+    assert len(frame.columns) == 1 + 2 * 2 * len(NAMES)
+    np.testing.assert_array_equal(
+        frame["beta/joint_velocity/leg2.q1"], results.values("joint_velocity", "beta")[:, 2]
+    )
+
+
+def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Make, tmp_path: Path) -> None:
+    results = make()
+    out = replace(results, errors=results.errors.iloc[:0]).write(tmp_path / "out")
+    picture = (out / "plots" / "01-joint-position.svg").read_text(encoding="utf-8")
+    assert "Not comparable with alpha here, so without curves: beta." in picture
+    assert "difference" not in picture
+
+
+def test_a_single_sample_can_be_reported(make: Make, tmp_path: Path) -> None:
+    text = (make(n=1).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
+    assert "1, t = 0 s" in text
+
+
+@pytest.mark.parametrize("at", [1, 4711, 9998])
+def test_peaks_survive_thinning(at: int) -> None:
+    t = np.linspace(0.0, 10.0, 10001)
+    v = np.sin(t)
+    v[at] += 0.5
+    kept_t, kept = thin(t, v, 2.0)
+    assert v[at] in kept
+    assert len(kept) < 200
+    assert np.abs(np.interp(t, kept_t, kept) - v).max() < 2e-3 * 2.0
+    assert bin_maxima(t, np.abs(v - np.sin(t)))[1].max() == pytest.approx(0.5)
+
+
+def test_a_crowded_curve_stays_small_and_keeps_its_peak() -> None:
+    t = np.linspace(0.0, 10.0, 10001)
+    v = np.sin(900.0 * t)
+    v[5000] = 3.0
+    kept = thin(t, v, 4.0)[1]
+    assert len(kept) < 1000
+    assert kept.max() == 3.0
+
+
+def test_gaps_stay_gaps() -> None:
+    t = np.linspace(0.0, 10.0, 1001)
+    v = np.sin(t)
+    v[300:400] = np.nan
+    kept_t, kept = thin(t, v, 2.0)
+    hole = kept_t[np.isnan(kept)]
+    assert (hole.min(), hole.max()) == (t[300], t[399])
+    assert not np.isnan(kept[(kept_t < t[300]) | (kept_t > t[399])]).any()
+    assert np.isnan(bin_maxima(t, np.abs(v))[1]).any()
+
+
+def test_default_figures_show_every_component_once() -> None:
+    values = Values(("leg1.q1", "leg1.q3", "leg2.q1", "s.q1"), ("rad", "m", "rad", "rad"), np.zeros((2, 4)))
+    figures = default_figures({"alpha": Solution("alpha", "1", {"joint_position": values}, np.ones(2))})
+    assert [(figure.unit, [label for label, _ in figure.panels]) for figure in figures] == [
+        ("rad", [""]),
+        ("m", [""]),
+    ]
+
+
+def test_svg_is_rounded_without_drift() -> None:
+    corners = [(k / 3, np.sin(k / 7)) for k in range(500)]
+    path = "M " + " L ".join(f"{x:.6f} {y:.6f}" for x, y in corners)
+    small = tidy(f'<svg width="1pt"><path d="{path}"/></svg>')
+    start, steps = re.search(r'd="M(.*?)l(.*?)"', small).groups()  # type: ignore[union-attr]
+    numbers = [float(x) for x in re.findall(r"-?[\d.]+(?:e-?\d+)?", steps)]
+    ends = np.cumsum([[float(x) for x in start.split()], *np.reshape(numbers, (-1, 2))], axis=0)
+    assert np.abs(ends - np.array(corners)).max() < 0.006
+    assert 'id="f1-x"' in inline('<svg ><g id="x"/></svg>', "f1", "a picture")
+
+
+def test_terminal_summary_fits_100_columns(make: Make) -> None:
+    text = format_terminal(make(1e-8))
+    assert max(len(line) for line in text.splitlines()) <= 100
+    assert text.startswith("✗ DIFFER: alpha and beta differ: first in joint_velocity at leg2.q1")
+    line = next(line for line in text.splitlines() if line.startswith("joint_velocity"))
+    assert line.split() == [
+        "joint_velocity",
+        "rad/s",
+        "alpha",
+        "-",
+        "beta",
+        "5.0e-9",
+        "8.3",
+        "1e-11",
+        "✗",
+        "no",
+    ]
+
+
+def test_numbers_read_well() -> None:
+    assert [number(x) for x in (0.0, 1.25, 1e-11, 1234567.0, np.nan)] == [
+        "0",
+        "1.25",
+        "1e-11",
+        "1.23457e6",
+        "NaN",
+    ]
+    assert [size(x) for x in (0.0, 3.14e-13, np.nan, np.inf)] == ["0", "3.1e-13", "NaN", "inf"]
+    assert [digits(x) for x in (0.0, 1e-30, 1e-3, 5.0)] == [17.0, 17.0, pytest.approx(3.0), 0.0]
+    assert np.isnan(digits(np.nan))
+
+
+def test_cells_cannot_break_a_table() -> None:
+    assert markdown_table(["a"], [["x | <y>\nz"]]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
+
+
+def test_environment_names_no_place_or_person() -> None:
+    record = environment()
+    assert {"platform", "cpu", "cores", "python", "packages", "threads"} <= set(record)
+    text = json.dumps(record)
+    assert str(Path.home()) not in text
+    assert str(Path(__file__).resolve().parents[1]) not in text
+
+
+def test_environment_imports_no_engine() -> None:
+    code = (
+        "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
+    )
+    code = "names = ['pinocchio', 'mujoco', 'matplotlib']; " + code
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[False, False, False]"
