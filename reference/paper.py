@@ -104,7 +104,7 @@ class Chains:
         np.cumsum((R[..., :m, :, :] @ shift[..., None])[..., 0], axis=-2, out=p[..., 1:, :])
         p[..., 1:, :] += self.p0[:, None]
         at = p[..., :m, :]
-        moment = at[..., _NEXT] * e[..., _LAST] - at[..., _LAST] * e[..., _NEXT]  # np.cross takes ten times longer
+        moment = _cross(at, e)
         S = np.concatenate([self.turns * e, np.where(self.turns, moment, e)], axis=-1)
         return S, R[..., m, :, :], p[..., m, :]
 
@@ -123,6 +123,11 @@ class Chains:
 
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """`np.cross` on stacks, without its preparations: they take ten times longer than the product."""
+    return np.asarray(a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1))
 
 
 def chains(lay: Layout) -> Chains:
