@@ -140,14 +140,20 @@ def chains(lay: Layout) -> Chains:
     where = lay.mechanism.where or lay.mechanism.name
     if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
         raise DescriptionError(
-            "not every joint lies in a serial chain from ground to one platform", where, "the paper's scheme needs that"
+            "not every joint lies in a serial chain from ground to one platform",
+            where,
+            "the paper's scheme needs that",
         )
     if any(edge.reverse for chain in found for edge in chain):
-        raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
+        raise DescriptionError(
+            "a joint is declared from the platform to ground", where, "swap parent and child"
+        )
     parts = [_parts(lay, chain) for chain in found]
     m = max(len(part) for part in parts)
     rows = [[*part, *[_NOTHING] * (m - len(part))] for part in parts]
-    columns, used, turns, axis, R, p = (np.array([[item[k] for item in row] for row in rows]) for k in range(6))
+    columns, used, turns, axis, R, p = (
+        np.array([[item[k] for item in row] for row in rows]) for k in range(6)
+    )
     turns = turns[..., None].astype(float)
     K = skew(axis) * turns[..., None]
     first = [chain[0].joint.parent_frame for chain in found]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.errata import Case, Erratum, erratum, largest, longest, percent
+from screwgauge.paper.errata import Case, Erratum, erratum, largest, longest, percent
 from screwgauge.reference import paper, printed, screws
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility, output_freedoms
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
 
 HALF = 0.3  # m, a leg half: the length beside p_3 in eq. (24)
 MILLIMETRES = 1e3
+STEP_RK4 = 0.01  # s
 MOMENT = 2.0  # s, at which rates in two units are set side by side
 
 
@@ -41,7 +43,7 @@ def _overconstraint(case: Case) -> Erratum:
     unknowns, equations = len(found.names), 6 * found.bodies
     return erratum(
         1,
-        "title, section 2",
+        "title, sect. 2",
         "redundant constraints",
         (f"{unknowns} unknowns less {equations} equations", "constraint components less their rank"),
         (unknowns - equations, found.overconstraints),
@@ -86,7 +88,10 @@ def _reciprocal_screws(case: Case) -> list[Erratum]:
             "(6)-(9)",
             "work of the wrench on the screws",
             ("(9), leaning leg: it holds", "null space of (8)"),
-            (max(left), max(_work(printed.upu_screws(x, R, L), printed.upu_wrench_right(x, R, L)) for x in leaning)),
+            (
+                max(left),
+                max(_work(printed.upu_screws(x, R, L), printed.upu_wrench_right(x, R, L)) for x in leaning),
+            ),
             "m",
             kind="A",
         ),
@@ -181,7 +186,9 @@ def _units(case: Case) -> list[Erratum]:
     right, _ = paper.platform_screws(case.lay, case.motion, case.t)
     metres = side.solve(case.S, V[:, None])[:, 0, 0]
     longer = np.array([1.0] * 3 + [MILLIMETRES] * 3)
-    millimetres = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[:, 0, 0]
+    millimetres = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[
+        :, 0, 0
+    ]
     i = int(np.argmin(np.abs(case.t - MOMENT)))
     return [
         erratum(
@@ -190,12 +197,12 @@ def _units(case: Case) -> list[Erratum]:
             "UPU chain: |S w - V|",
             ("V of (60), along the scheme's own path", "right V"),
             (left, _residual(case, right, 0)),
-            "mixed",
+            "rad/s, m/s",
         ),
         erratum(
             7,
             "(25)-(26), (60)",
-            f"UPU rate w_1 at t = {MOMENT:g} s, in m and mm",
+            f"UPU w_1, t = {MOMENT:g} s, in m and in mm",
             ("lengths in metres", "lengths in millimetres"),
             (metres[i], millimetres[i]),
             "rad/s",
@@ -203,15 +210,12 @@ def _units(case: Case) -> list[Erratum]:
         erratum(
             7,
             "(25)-(26), (60)",
-            "UPU rate w_1, largest change by units",
+            "UPU w_1, largest change by units",
             ("V of (60), m against mm", "right V, m against mm"),
             (largest(metres - millimetres), _unit_change(case, right, longer)),
             "rad/s",
         ),
     ]
-
-
-STEP_RK4 = 0.01  # s
 
 
 def _unit_change(case: Case, V: Array, longer: Array) -> float:
@@ -266,8 +270,6 @@ def _point_acceleration(case: Case) -> Erratum:
 
 def _second_difference(case: Case) -> Array:
     """Accelerations of the legs' centres of mass from positions alone. Shape (n, 8, 3)."""
-    from screwgauge.reference.kinematics import positions
-
     h = 2e-3
     bodies = case.lay.mechanism.bodies[:-1]
     local = np.stack([body.com for body in bodies])
@@ -286,7 +288,9 @@ def _trajectory(case: Case) -> list[Erratum]:
     P = case.bodies.com[:, -1]
     step = case.t[1] - case.t[0]
     # central differences of V as printed, exact to 1e-5 here: is A its derivative?
-    slope = (printed.trajectory(case.t + 1e-4 * step)[1] - printed.trajectory(case.t - 1e-4 * step)[1]) / (2e-4 * step)
+    slope = (printed.trajectory(case.t + 1e-4 * step)[1] - printed.trajectory(case.t - 1e-4 * step)[1]) / (
+        2e-4 * step
+    )
     off_right = longest(right_V[:, :3] - _angular(case))
     return [
         erratum(
@@ -302,7 +306,10 @@ def _trajectory(case: Case) -> list[Erratum]:
             "(60) A_P",
             "A_P less the derivative of V_P",
             ("0.2 cos t + 0.2, 0.1 sin t", "a'', b'' (of V_P as printed)"),
-            (longest(A[:, :3] - slope[:, :3]), longest(paper.fixed_axes(case.motion)[1][:, :3] - slope[:, :3])),
+            (
+                longest(A[:, :3] - slope[:, :3]),
+                longest(paper.fixed_axes(case.motion)[1][:, :3] - slope[:, :3]),
+            ),
             "rad/s^2",
         ),
         erratum(
@@ -347,7 +354,7 @@ def _leg_halves(case: Case) -> Erratum:
     return erratum(
         18,
         "Tables 1-3",
-        f"longest leg ({L.min():.3f} to {L.max():.3f} m)",
+        f"longest leg, {L.min():.3f} to {L.max():.3f} m",
         ("two halves of 0.3 m", "distance A to C on the path"),
         (2.0 * HALF, L.max()),
         "m",

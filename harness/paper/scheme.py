@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.errata import DURATION, Case, Erratum, erratum
+from screwgauge.paper.errata import DURATION, Case, Erratum, erratum
 from screwgauge.reference.paper import Trajectory, integrate
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation
 
 STEP = 1e-3  # s, the paper's
 LEGS = ("leg1", "leg2", "leg3", "leg4")
@@ -84,8 +84,6 @@ def _gaps(case: Case, found: Trajectory) -> Array:
 
 def _tilt(case: Case, found: Trajectory) -> Array:
     """Angle [rad] between ``Rx(a) Ry(b)`` and the platform of the S chain. Shape (n,)."""
-    from screwgauge.reference.rotations import rotation
-
     y = case.scene.drive(found.t).y
     x, yy, _ = np.eye(3)
     right = rotation(x, y[:, 0]) @ rotation(yy, y[:, 1])
@@ -101,7 +99,6 @@ def scheme_errata(runs: SchemeRuns) -> list[Erratum]:
     """The rows of erratum 8. The right form is the same scheme by RK4 with the right twist."""
     euler, literal, rk4 = runs.over_time
     mended = "RK4, 10 ms, right twist"
-    spread = runs.ladders[LADDERS[0][0]][1]
     return [
         erratum(
             8,
@@ -114,7 +111,7 @@ def scheme_errata(runs: SchemeRuns) -> list[Erratum]:
         erratum(
             8,
             "(27)",
-            "platform's attitude off after 10 s",
+            "attitude off after 10 s",
             ("Euler, 1 ms, right twist", mended),
             (euler.tilt[-1], rk4.tilt[-1]),
             "rad",
@@ -125,7 +122,7 @@ def scheme_errata(runs: SchemeRuns) -> list[Erratum]:
             "order of the gap in the step",
             ("Euler, right twist", "RK4, right twist"),
             (order(*runs.ladders[LADDERS[1][0]]), order(*runs.ladders[LADDERS[2][0]])),
-            "1",
+            "order",
         ),
         erratum(
             8,
@@ -138,14 +135,15 @@ def scheme_errata(runs: SchemeRuns) -> list[Erratum]:
         erratum(
             8,
             "(27), (60)",
-            "largest gap, change from 10 ms to 100 ms",
+            "gap at 10 ms by gap at 100 ms",
             ("Euler, (60) as printed: a floor", "Euler, right twist"),
-            (spread[0] / spread[-1], _ratio(runs)),
+            (_ratio(runs, 0), _ratio(runs, 1)),
             "factor",
         ),
     ]
 
 
-def _ratio(runs: SchemeRuns) -> float:
-    gaps = runs.ladders[LADDERS[1][0]][1]
-    return float(gaps[0] / gaps[-1])
+def _ratio(runs: SchemeRuns, ladder: int) -> float:
+    """Largest gap at the shortest step of a ladder over that at the longest."""
+    gaps = runs.ladders[LADDERS[ladder][0]][1]
+    return float(gaps[-1] / gaps[0])

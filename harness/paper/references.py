@@ -5,7 +5,7 @@ The list was made by reading; what is counted is this list. A reference that cou
 
 from __future__ import annotations
 
-from screwgauge.errata import Erratum, erratum
+from screwgauge.paper.errata import Erratum, erratum
 
 #: (where, printed, meant); each entry is one mention of an equation in the running text.
 REFERENCES: tuple[tuple[str, str, str], ...] = (
@@ -61,7 +61,7 @@ def shifted_references() -> Erratum:
     return erratum(
         6,
         "throughout",
-        f"wrong ones among {len(REFERENCES)} references to equations",
+        f"wrong ones of {len(REFERENCES)} references",
         ("references as printed, such as (22) for (24)", "the equation that is meant"),
         (wrong, 0),
         "count",

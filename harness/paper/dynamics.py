@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from screwgauge.errata import Case, Erratum, erratum, largest, longest, paper_case
+from screwgauge.paper.errata import Case, Erratum, erratum, largest, longest, paper_case
 from screwgauge.reference import dynamics, printed, screws
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.paper import Bracket
@@ -23,6 +23,7 @@ class Forces:
 
     Attributes:
         c: Matrix of eq. (57). Shape (n, 54, 56).
+        system: The same with the two rows of the rule. Shape (n, 56, 56).
         F, T: Its right side. Shape (n, n_body, 3) each.
         unknown: Reaction components, then actuator forces. Shape (n, 56).
         joint_F, joint_T: Force and moment about its point that each joint, its actuator included, exerts on its
@@ -32,6 +33,7 @@ class Forces:
 
     reactions: Reactions
     c: Array
+    system: Array
     F: Array
     T: Array
     unknown: Array
@@ -52,7 +54,8 @@ def solve_forces(case: Case, rule: str = "min_norm") -> tuple[Forces, Array]:
     else:
         rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
     unknown, condition = dynamics.solve_newton_euler(c, F, T, rows)
-    return Forces(reactions, c, F, T, unknown, *_joint_wrenches(case, reactions, unknown)), condition
+    wrenches = _joint_wrenches(case, reactions, unknown)
+    return Forces(reactions, c, np.concatenate([c, rows], axis=1), F, T, unknown, *wrenches), condition
 
 
 def _joint_wrenches(case: Case, reactions: Reactions, unknown: Array) -> tuple[Array, Array, Array]:
@@ -76,7 +79,6 @@ def dynamic_errata(case: Case) -> list[Erratum]:
         *_gravity(case, forces),
         *_levers(case, forces),
         *_platform(case, forces),
-        *_axial_rule(case),
         *_right_inverse(forces),
     ]
 
@@ -89,11 +91,11 @@ def _gravity(case: Case, forces: Forces) -> list[Erratum]:
     j, leg = np.unravel_index(np.argmax(np.abs(driving[0] - driving[1])), driving[0].shape)
     words = ("m a + m g, g = (0, 0, -9.81)", "m (a - g)")
     return [
-        erratum(12, "(51), (53)-(55)", "Q_a where it differs most", words, (wrong[i], right[i]), "N m"),
+        erratum(12, "(51), (53)-(55)", "Q_a, where it differs most", words, (wrong[i], right[i]), "N m"),
         erratum(
             12,
             "(51), (53)-(55)",
-            "driving force where it differs most",
+            "driving force, differs most",
             words,
             (driving[0][j, leg], driving[1][j, leg]),
             "N",
@@ -116,7 +118,11 @@ def _unbalanced(case: Case, forces: Forces, reading: printed.Reading, kind: str)
             how: printed.Reading = "right" if joint.name == "s" else reading
             arms = forces.point[:, k] - case.bodies.com[:, i]
             total += printed.body_moment(
-                arms, forces.joint_F[:, k], forces.joint_T[:, k], cast("printed.Literal['child', 'parent']", side), how
+                arms,
+                forces.joint_F[:, k],
+                forces.joint_T[:, k],
+                cast("printed.Literal['child', 'parent']", side),
+                how,
             )
         worst = max(worst, longest(total - forces.T[:, i]))
     return worst
@@ -126,14 +132,19 @@ def _levers(case: Case, forces: Forces) -> list[Erratum]:
     rows = []
     for equation, kind in (("(53)", "lower"), ("(54)", "upper"), ("(55)", "platform")):
         right = _unbalanced(case, forces, "right", kind)
-        readings: tuple[tuple[printed.Reading, str], ...] = (("to", "X r_D = D - X"), ("from", "X r_D = X - D"))
+        readings: tuple[tuple[printed.Reading, str], ...] = (("to", "D - X"), ("from", "X - D"))
         for reading, words in readings:
             wrong = _unbalanced(case, forces, reading, kind)
             if wrong < 1e-6:  # (55) has terms of one kind only: one reading is right
                 continue
             rows.append(
                 erratum(
-                    13, equation, f"{kind}: moments not in balance", (words, "X - D, each term"), (wrong, right), "N m"
+                    13,
+                    equation,
+                    f"{kind}: imbalance, arms {words}",
+                    (f"X r_D = {words}", "X - D, in both terms"),
+                    (wrong, right),
+                    "N m",
                 )
             )
     return [*rows, _slide_moment(case, forces)]
@@ -142,24 +153,27 @@ def _levers(case: Case, forces: Forces) -> list[Erratum]:
 def _slide_moment(case: Case, forces: Forces) -> Erratum:
     """T_B about two points that could be meant: C, and the end of the lower half, 0.3 m from A."""
     mechanism = case.lay.mechanism
-    values = []
+    worst = (0.0, 0.0, 0.0)
     for k, joint in enumerate(mechanism.joints):
         if joint.role != "slide":
             continue
         A = joint_point(mechanism.joint(joint.name.replace("slide", "base")), *_body_pose(case, joint.parent))
         C = forces.point[:, k]
         axis = (C - A) / np.linalg.norm(C - A, axis=1, keepdims=True)
-        T_C, F = forces.joint_T[:, k], forces.joint_F[:, k]
-        values.append((longest(T_C + np.cross(C - (A + 0.3 * axis), F)), longest(T_C)))
-    worst = max(values, key=lambda pair: abs(pair[0] - pair[1]))
+        T_C = forces.joint_T[:, k]
+        shift = np.linalg.norm(np.cross(C - (A + 0.3 * axis), forces.joint_F[:, k]), axis=1)
+        T_B = np.linalg.norm(T_C + np.cross(C - (A + 0.3 * axis), forces.joint_F[:, k]), axis=1)
+        i = int(np.argmax(shift))
+        worst = max(worst, (float(shift[i]), float(T_B[i]), longest(T_C[i])))
     return erratum(
         13,
         "(53)-(54)",
-        "largest T_B of a leg, by its point",
-        ("about a point 0.3 m from A", "about C, stated"),
-        worst,
+        "T_B, where its point matters most",
+        ("about a point 0.3 m from A", "about C, and saying so"),
+        worst[1:],
         "N m",
         kind="A",
+        effect=worst[0],
     )
 
 
@@ -171,74 +185,94 @@ def _body_pose(case: Case, body: str) -> tuple[Array, Array]:
 def _platform(case: Case, forces: Forces) -> list[Erratum]:
     joints = [joint.name for joint in case.lay.mechanism.joints]
     wrist, s = joints.index("leg1.wrist"), joints.index("s")
-    T_C = forces.joint_T[:, wrist]
-    others = [joints.index(f"leg{k}.wrist") for k in (2, 3, 4)]
-    arm = forces.point[:, s] - case.bodies.com[:, -1]
-    lever = np.cross(arm, forces.joint_F[:, s])
+    T_C, F_S = forces.joint_T[:, wrist], forces.joint_F[:, s]
+    others = forces.joint_T[:, [joints.index(f"leg{k}.wrist") for k in (2, 3, 4)]].sum(axis=1)
+    lever = np.cross(forces.point[:, s] - case.bodies.com[:, -1], F_S)
+    balance = _unbalanced(case, forces, "right", "platform")
+    missing = longest(others - T_C - lever)
     return [
         erratum(
-            14, "below (54)", "T_C of the UPU leg, largest", ("zero for PU", "zero for PS only"), (0.0, longest(T_C)), "N m"
+            14,
+            "below (54)",
+            "T_C of the UPU leg, largest",
+            ("zero for PU", "zero for PS only"),
+            (0.0, longest(T_C)),
+            "N m",
         ),
         erratum(
             14,
             "(55)",
-            "sum of T_C, largest",
-            ("k = 2 ... 4", "k = 1"),
-            (longest(forces.joint_T[:, others].sum(axis=1)), longest(T_C)),
+            "moment of F_S about P, largest",
+            ("left out", "(O - P) x F_S"),
+            (0.0, longest(lever)),
             "N m",
         ),
         erratum(
-            14, "(55)", "moment of F_S about P, largest", ("left out", "(O - P) x F_S"), (0.0, longest(lever)), "N m"
+            14,
+            "(55)",
+            "platform: imbalance of moments",
+            ("T_C of k = 2 ... 4, no (O - P) x F_S", "T_C of k = 1, (O - P) x F_S"),
+            (missing, balance),
+            "N m",
         ),
     ]
 
 
-def axial_case() -> Case:
-    """The case every 10 ms, with the sample nearest to t = 2 pi."""
-    return paper_case(np.union1d(np.arange(1001) * 0.01, [NEAR_TURN]))
+@dataclass(frozen=True, slots=True, eq=False)
+class AxialRule:
+    """Driving forces under eq. (56) beside the smallest ones, every 10 ms.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        size, least: Largest driving force under each rule [N]; not a number where eq. (56) has no solution. Shape (n,).
+        condition: Smallest condition number (2-norm) of the equations under each rule, eq. (56) first.
+        singular: How many of t = 0, pi, 2 pi, 3 pi are singular under each rule.
+        equations: How many equations eq. (56) stands for.
+    """
+
+    t: Array
+    size: Array
+    least: Array
+    condition: tuple[float, float]
+    singular: tuple[int, int]
+    equations: int
 
 
-def _axial_rule(case: Case) -> list[Erratum]:
-    """Eq. (56) as two equations, against the smallest driving forces."""
-    fine = axial_case()
-    forces, condition = solve_forces(fine, "spherical_axial")
-    f, least = forces.unknown[:, -4:], fine.driving(forces.F, forces.T)
-    regular = condition <= SINGULAR
-    size, smallest = (np.abs(array).max(axis=1) for array in (f, least))
-    near = int(np.argmin(np.abs(fine.t - NEAR_TURN)))
-    half_turns = paper_case(np.arange(4) * np.pi)
-    singular = solve_forces(half_turns, "spherical_axial")[1]
-    mine = solve_forces(fine)[1]
-    words = ("F_S along O P", "minimum norm")
-    ratio = np.median(size[regular] / smallest[regular])
+def axial_rule() -> AxialRule:
+    """Runs eq. (56) as the two equations that it stands for."""
+    case = paper_case(np.union1d(np.arange(1001) * 0.01, [NEAR_TURN]))
+    forces, condition = solve_forces(case, "spherical_axial")
+    size = np.where(condition <= SINGULAR, np.abs(forces.unknown[:, -4:]).max(axis=1), np.nan)
+    least = np.abs(case.driving(forces.F, forces.T)).max(axis=1)
+    some, turns = paper_case(np.arange(1, 100) * 0.1), paper_case(np.arange(4) * np.pi)
+    rules = ("spherical_axial", "min_norm")
+    best = [float(np.linalg.cond(solve_forces(some, rule)[0].system).min()) for rule in rules]
+    singular = [int(np.sum(solve_forces(turns, rule)[1] > SINGULAR)) for rule in rules]
+    equations = dynamics.axial_directions(case.lay, case.rate.pose).shape[1]
+    return AxialRule(case.t, size, least, (best[0], best[1]), (singular[0], singular[1]), equations)
+
+
+def axial_errata(found: AxialRule) -> list[Erratum]:
+    """The rows of erratum 15."""
+    words, regular = ("F_S along O P", "minimum norm"), np.isfinite(found.size)
+    ratio = np.median(found.size[regular] / found.least[regular])
+
+    def at(time: float) -> tuple[float, float]:
+        i = int(np.argmin(np.abs(found.t - time)))
+        return found.size[i], found.least[i]
+
+    count = erratum(
+        15, "(56)", "equations that it stands for", ("one", "two, across O P"), (1, found.equations), "count"
+    )
+    medians = float(np.median(found.size[regular])), float(np.median(found.least[regular]))
     return [
-        erratum(
-            15,
-            "(56)",
-            "equations that it stands for",
-            ("one", "two directions across O P"),
-            (1, dynamics.axial_directions(fine.lay, fine.rate.pose).shape[1]),
-            "count",
-        ),
-        erratum(
-            15,
-            "(56)",
-            "singular ones of t = 0, pi, 2 pi, 3 pi",
-            words,
-            (np.sum(singular > SINGULAR), np.sum(solve_forces(half_turns)[1] > SINGULAR)),
-            "count",
-        ),
-        erratum(
-            15,
-            "(56)",
-            "largest driving force, median over time",
-            words,
-            (np.median(size[regular]), np.median(smallest[regular])),
-            "N",
-        ),
-        erratum(15, "(56)", "the same, ratio", words, (ratio, 1.0), "factor", effect=ratio),
-        erratum(15, "(56)", f"driving force at t = {NEAR_TURN} s", words, (size[near], smallest[near]), "N"),
-        erratum(15, "(56)", "condition number, smallest", words, (condition.min(), mine.min()), "1"),
+        count,
+        erratum(15, "(56)", "singular of t = 0, pi, 2 pi, 3 pi", words, found.singular, "count"),
+        erratum(15, "(56)", "largest driving force, median", words, medians, "N"),
+        erratum(15, "(56)", "the same, median of the ratio", words, (ratio, 1.0), "factor", effect=ratio),
+        erratum(15, "(56)", "driving force at t = 6.28 s", words, at(6.28), "N"),
+        erratum(15, "(56)", "driving force at t = 6.283 s", words, at(NEAR_TURN), "N"),
+        erratum(15, "(56)", "condition number, smallest", words, found.condition, "1"),
     ]
 
 
@@ -253,7 +287,7 @@ def _right_inverse(forces: Forces) -> list[Erratum]:
     words = ("(c c^T)^-1 b", "c^T (c c^T)^-1 b")
     return [
         erratum(16, "(58)", "numbers for the 56 unknowns", words, (y.shape[1], Q.shape[1]), "count"),
-        erratum(16, "(58)", "what is left of the load, c Q - b", words, (left[0], left[1]), "%"),
+        erratum(16, "(58)", "c Q - b, share of the largest b", words, (left[0], left[1]), "%"),
     ]
 
 
