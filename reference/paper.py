@@ -9,40 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import screws
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import Edge, output_body, serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, rates
-from screwgauge.reference.pose import Layout, across, place, pose, unplace
+from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.paper_twist import Drive, platform_screws
+from screwgauge.reference.pose import Layout, place, unplace
 from screwgauge.reference.rotations import Array, skew
 
-TWISTS = ("right", "printed", "literal")
 METHODS = ("euler", "rk4")
-CLOSED = 1e-9  # rad, m: a loop that the driving joint alone closes is closed to rounding, about 1e-15
 
 Bracket = Callable[[Array, Array], Array]
 Index = NDArray[np.intp]
-
-
-class Driven(Protocol):
-    """The independent coordinates [rad or m] and their derivatives. Shape (n, k) each."""
-
-    @property
-    def y(self) -> Array: ...
-    @property
-    def yd(self) -> Array: ...
-    @property
-    def ydd(self) -> Array: ...
-
-
-Drive = Callable[[Array], Driven]
-"""Takes times [s], shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +189,7 @@ class Trajectory:
 
     def rows(self, times: Array) -> tuple[Index, Index]:
         """Where the grid meets given times: rows of the trajectory, and of `times`."""
-        near = np.searchsorted(self.t, times).clip(1, max(len(self.t) - 1, 1))
+        near = np.searchsorted(self.t, times).clip(1, len(self.t) - 1)
         near -= times - self.t[near - 1] < self.t[near] - times
         met = np.flatnonzero(np.abs(self.t[near] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
         return near[met], met
@@ -228,7 +210,6 @@ def integrate(
 
     Args:
         lay: The mechanism; each of its joints lies in a serial chain from ground to the platform.
-        drive: The motion.
         step: Time step [s].
         duration: The last whole step within it ends the trajectory [s].
         start: Time of the first sample [s]; its joint coordinates are those of the closed mechanism.
@@ -238,24 +219,28 @@ def integrate(
         bracket: The Lie bracket of eq. (48).
 
     Raises:
-        ScrewgaugeError: An unknown name, or a mechanism without such chains.
+        ScrewgaugeError: An unknown name, no step, or a mechanism without such chains.
     """
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)
-    n, whole = int(duration / step * (1 + 1e-12)), method == "euler"
-    grid = start + np.arange(n + 1 if whole else 2 * n + 1) * (step if whole else 0.5 * step)
-    motion = drive(grid)
-    V, A = platform_screws(lay, motion, grid, twist)
+    if not 0.0 < step <= duration:
+        raise DescriptionError(
+            f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration"
+        )
+    parts = 1 if method == "euler" else 2
+    n = int(duration / step * (1 + 1e-12))
+    t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
+    motion = drive(t)
+    V, A = platform_screws(lay, motion, t, twist)
     side = chains(lay)
     theta = np.empty((n + 1, *side.used.shape))
-    theta[0] = side.gather(positions(lay, motion.y[:1], grid[:1]).q[0])
-    (_euler if whole else _rk4)(side, theta, V[:, None], step)
-    every = slice(None, None, 1 if whole else 2)
+    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
+    (_euler if parts == 1 else _rk4)(side, theta, V[:, None], step)
     S, R, p = side.walk(theta)
-    w = side.solve(S, V[every, None])
-    beta = side.solve(S, A[every, None] - bias(S, w, bracket))
-    n_q = len(lay.mechanism.coordinates)
-    return Trajectory(grid[every], *(side.scatter(array, n_q) for array in (theta, w, beta)), R, p)
+    w = side.solve(S, V[::parts, None])
+    beta = side.solve(S, A[::parts, None] - bias(S, w, bracket))
+    q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
+    return Trajectory(t[::parts], q, qd, qdd, R, p)
 
 
 def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:
@@ -284,60 +269,3 @@ def bias(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
     terms = S * w[..., None]
     before = np.cumsum(terms, axis=-2) - terms
     return np.asarray(bracket(before, terms).sum(axis=-2))
-
-
-def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right") -> tuple[Array, Array]:
-    """Twist and acceleration screw of the platform at O, the input of the scheme.
-
-    The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
-    that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
-
-    Returns:
-        Shapes (n, 6), (n, 6).
-
-    Raises:
-        UnknownNameError: There is no such twist.
-    """
-    if twist not in TWISTS:
-        raise UnknownNameError("twist", twist, TWISTS)
-    if twist != "right":
-        V, A = fixed_axes(motion)
-        if twist == "literal":
-            body = lay.mechanism.body(output_body(lay.mechanism))
-            V = subtracted(V, body.com)
-        return V, A
-    alone = _driver_alone(lay, motion)
-    if alone is not None:
-        return alone
-    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
-    platform = lay.mechanism.body_index[output_body(lay.mechanism)]
-    return rate.V[:, platform], accelerations(lay, rate, motion.ydd)[1][:, platform]
-
-
-def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
-    """From the joint with the independent coordinates; None where that leaves a loop open."""
-    q = closed_form(lay, motion.y)
-    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).gap).max() > CLOSED:
-        return None
-    mechanism, n = lay.mechanism, len(q)
-    joint = next(j for j in mechanism.joints if set(mechanism.independent.values()) <= set(j.coordinates))
-    columns = lay.columns[joint.name]
-    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
-    S = np.stack(across(joint, q[:, columns], *ground)[2], axis=2)
-    w, beta = np.zeros((2, n, q.shape[1]))
-    w[:, mechanism.independent_columns], beta[:, mechanism.independent_columns] = motion.yd, motion.ydd
-    w, beta = w[:, columns], beta[:, columns]
-    return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
-
-
-def fixed_axes(motion: Driven) -> tuple[Array, Array]:
-    """Eq. (60) in structure: rates and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
-    V, A = np.zeros((2, len(motion.y), 6))
-    k = motion.y.shape[1]
-    V[:, :k], A[:, :k] = motion.yd, motion.ydd
-    return V, A
-
-
-def subtracted(V: Array, r_P: Array) -> Array:
-    """Eqs. (22)-(23) as printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
-    return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

@@ -125,11 +125,13 @@ def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
     return np.asarray(acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, np.cross(w, r)))
 
 
+Side = Literal["child", "parent"]
+"""A body of a joint: the one that it carries, or the one on the ground side."""
 Reading = Literal["right", "to", "from"]
 """How a lever arm such as A r_D is read: as D - A (``to``), as A - D (``from``), or as each term needs it."""
 
 
-def body_moment(arms: Array, F: Array, T: Array, side: Literal["child", "parent"], reading: Reading) -> Array:
+def body_moment(arms: Array, F: Array, T: Array, side: Side, reading: Reading) -> Array:
     """What a joint contributes to the moment balance of one of its bodies, eqs. (53)-(55). Shape (n, 3).
 
     Args:

@@ -23,6 +23,7 @@ from screwgauge.scene import Scene
 
 COLUMNS = ("number", "equation", "printed", "right", "effect", "unit")
 WIDTH = 100
+_KINDS = ", ".join(f"{key} {word}" for key, word in KINDS.items())
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"
@@ -72,8 +73,7 @@ def format_terminal(paper: Paper) -> str:
         for row in paper.errata
     ]
     lines = [line.replace("  ", " ", 1) for line in text_table(head, body, right=(0, 4, 5, 6))]
-    kinds = ", ".join(f"{key} {word}" for key, word in KINDS.items())
-    return "\n".join([*lines, "", kinds, *textwrap.wrap(paper.reach.sentence, WIDTH)])
+    return "\n".join([*lines, "", _KINDS, *textwrap.wrap(paper.reach.sentence, WIDTH)])
 
 
 def _value(value: float) -> str:
@@ -87,32 +87,19 @@ def _value(value: float) -> str:
 
 def errata_table(paper: Paper) -> str:
     """The table as Markdown."""
-    head = [
-        "no.",
-        "kind",
-        "equation",
-        "measured",
-        "as printed",
-        "right",
-        "printed gives",
-        "right gives",
-        "effect",
-    ]
+    head = ["no.", "equation", "measured", "effect", "as printed → gives", "right → gives"]
     body = [
         [
-            row.number,
-            KINDS[row.kind],
+            f"{row.number} {row.kind}",
             row.equation,
             row.measure,
-            row.printed_form,
-            row.right_form,
-            _value(row.printed),
-            _value(row.right),
             f"{_value(row.effect)} {unit_text(row.unit)}",
+            f"{row.printed_form} → {_value(row.printed)}",
+            f"{row.right_form} → {_value(row.right)}",
         ]
         for row in paper.errata
     ]
-    return markdown_table(head, body, (0, 6, 7, 8))
+    return f"{markdown_table(head, body)}\n\n{_KINDS}"
 
 
 def report_markdown(paper: Paper, plots: Sequence[Plot], record: dict[str, Any]) -> str:

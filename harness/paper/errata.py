@@ -10,7 +10,8 @@ import numpy as np
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics
 from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
-from screwgauge.reference.paper import Chains, Driven, chains
+from screwgauge.reference.paper import Chains, chains
+from screwgauge.reference.paper_twist import Driven
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene, load_scene
@@ -118,10 +119,14 @@ class Case:
         return dynamics.min_norm(self.B, self.generalized(F, T))
 
 
-def paper_case(t: Array | None = None) -> Case:
-    """Solves the paper's case at given times; by default every 0.05 s of its 10 s."""
+def every(step: float) -> Array:
+    """The 10 s of the case by steps. Shape (n,)."""
+    return np.asarray(np.arange(round(DURATION / step) + 1) * step, dtype=np.float64)
+
+
+def paper_case(t: Array) -> Case:
+    """Solves the paper's case at times `t`, shape (n,)."""
     scene, lay = load_scene(SCENE), layout(load_mechanism(CHART))
-    t = np.arange(round(DURATION / STEP) + 1) * STEP if t is None else t
     motion = scene.drive(t)
     rate = rates(lay, positions(lay, motion.y, t), motion.yd)
     beta, A = accelerations(lay, rate, motion.ydd)

@@ -8,9 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from screwgauge.paper.dynamics import AxialRule, Reach, axial_errata, axial_rule, dynamic_errata, reach
-from screwgauge.paper.errata import SCENE, Erratum, paper_case
+from screwgauge.paper.axial import AxialRule, axial_errata, axial_rule
+from screwgauge.paper.dynamics import dynamic_errata
+from screwgauge.paper.errata import SCENE, STEP, Erratum, every, paper_case
+from screwgauge.paper.given_case import given_case_errata
 from screwgauge.paper.kinematics import kinematic_errata
+from screwgauge.paper.reach import Reach, reach
 from screwgauge.paper.references import shifted_references
 from screwgauge.paper.scheme import SchemeRuns, scheme_errata, scheme_runs
 from screwgauge.reference import printed
@@ -39,9 +42,9 @@ Report = Callable[[str, float], None]
 
 def measure(progress: Report = lambda step, share: None) -> Paper:
     """Measures all errata: some seconds, most of them for the paper's 10 000 steps."""
-    case = paper_case()
+    case = paper_case(every(STEP))
     progress("kinematics", 0.0)
-    rows = [*kinematic_errata(case), shifted_references()]
+    rows = [*kinematic_errata(case), *given_case_errata(case), shifted_references()]
     progress("dynamics", 0.1)
     axial = axial_rule()
     rows += [*dynamic_errata(case), *axial_errata(axial)]

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from screwgauge.paper.dynamics import AxialRule
+from screwgauge.paper.axial import AxialRule
 from screwgauge.paper.scheme import SchemeRuns
-from screwgauge.report.plots import Plot
 from screwgauge.reference.rotations import Array
+from screwgauge.report.plots import Plot
 from screwgauge.report.sheet import COLOURS, DASHES, GREY, MARKERS, Sheet, Strip, log_scale, style
 
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
@@ -71,7 +71,7 @@ def _over_time(runs: SchemeRuns) -> tuple[str, str]:
 def _axial(axial: AxialRule) -> tuple[str, str]:
     title = "Largest driving force: eq. (56) against the smallest possible"
     labels = ("eq. (56): F_S along O P", "minimum norm")
-    mark = Line2D([], [], color=GREY, linestyle=(0, (1, 2)), label="t = k pi: eq. (56) has no solution")
+    mark = Line2D([], [], color=GREY, linestyle=(0, (1, 2)), label="t = k pi: eq. (56) is singular")
     handles = [*(_handle(label, i) for i, label in enumerate(labels)), mark]
     sheet = Sheet(title, [""], [Strip(handles)], lower=False)
     ax = sheet.upper[0]

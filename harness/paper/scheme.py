@@ -98,45 +98,30 @@ def order(steps: Array, errors: Array) -> float:
 def scheme_errata(runs: SchemeRuns) -> list[Erratum]:
     """The rows of erratum 8. The right form is the same scheme by RK4 with the right twist."""
     euler, literal, rk4 = runs.over_time
-    mended = "RK4, 10 ms, right twist"
+    forms = "Euler, 1 ms, right twist", "RK4, 10 ms, right twist"
+    ups = euler.gap[-1, 1:].max(), rk4.gap[-1, 1:].max()
+    tilt = euler.tilt[-1], rk4.tilt[-1]
+    orders = order(*runs.ladders[LADDERS[1][0]]), order(*runs.ladders[LADDERS[2][0]])
+    upu = literal.gap[-1, 0], rk4.gap[-1, 0]
+    printed = "Euler, 1 ms, (60) as printed", forms[1]
+    floor = "Euler, (60) as printed: a floor", "Euler, right twist"
     return [
-        erratum(
-            8,
-            "(27)",
-            "UPS legs, gap after 10 s",
-            ("Euler, 1 ms, right twist", mended),
-            (euler.gap[-1, 1:].max(), rk4.gap[-1, 1:].max()),
-            "m",
-        ),
-        erratum(
-            8,
-            "(27)",
-            "attitude off after 10 s",
-            ("Euler, 1 ms, right twist", mended),
-            (euler.tilt[-1], rk4.tilt[-1]),
-            "rad",
-        ),
+        erratum(8, "(27)", "UPS legs, gap after 10 s", forms, ups, "m"),
+        erratum(8, "(27)", "attitude off after 10 s", forms, tilt, "rad"),
         erratum(
             8,
             "(27)",
             "order of the gap in the step",
             ("Euler, right twist", "RK4, right twist"),
-            (order(*runs.ladders[LADDERS[1][0]]), order(*runs.ladders[LADDERS[2][0]])),
+            orders,
             "order",
         ),
-        erratum(
-            8,
-            "(27), (60)",
-            "UPU leg, gap after 10 s",
-            ("Euler, 1 ms, (60) as printed", mended),
-            (literal.gap[-1, 0], rk4.gap[-1, 0]),
-            "m",
-        ),
+        erratum(8, "(27), (60)", "UPU leg, gap after 10 s", printed, upu, "m"),
         erratum(
             8,
             "(27), (60)",
             "gap at 10 ms by gap at 100 ms",
-            ("Euler, (60) as printed: a floor", "Euler, right twist"),
+            floor,
             (_ratio(runs, 0), _ratio(runs, 1)),
             "factor",
         ),
