@@ -112,7 +112,8 @@ def _check_regular(
     if change.size:
         i = change[0]
         raise SingularPoseError(
-            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i + 1])} (the determinant changes sign)",
+            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i + 1])} "
+            "(the determinant changes sign)",
             f"between t = {times[i]:g} s and {times[i + 1]:g} s",
             "keep the motion away from it",
         )

@@ -232,7 +232,9 @@ def _models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     files = {engine: folder / _text(table, engine, where) for engine in table}
     for engine, file in files.items():
         if not is_file(file):
-            raise DescriptionError(f"model file of {engine} does not exist ('{file}')", where, "check the path")
+            raise DescriptionError(
+                f"model file of {engine} does not exist ('{file}')", where, "check the path"
+            )
     return files
 
 

@@ -298,8 +298,10 @@ def test_too_many_independent_coordinates_are_refused(changed_scene, refused):
 
 
 def test_too_few_independent_coordinates_are_refused(rod, refused):
-    ball = rod('"R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0]]\nactuated = true',
-               '"U"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0], [1, 0, 0]]\ncoordinates = ["hinge", "x"]')  # fmt: skip
+    ball = rod(
+        '"R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0]]\nactuated = true',
+        '"U"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0], [1, 0, 0]]\ncoordinates = ["hinge", "x"]',
+    )
     assert "1 independent coordinates (a = hinge) for 2 degrees of freedom" in refused("run", ball)
 
 

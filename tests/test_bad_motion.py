@@ -130,8 +130,14 @@ def test_reaching_a_singular_pose_and_turning_back_is_no_passage(paper_scene):
     check_scene(scene.at([-1, -0.5, 0, 0.5, 1]))
 
 
-@pytest.mark.parametrize("motion", [b_over_time(0, 0, 1e99), "motion = { a = { harmonics = [[1e100, 1e99, 1]] }, b = {} }",
-                                    "motion = { a = { harmonics = [[1e100, 1e100, 0], [1e99, 0, 1e100]] }, b = {} }"])  # fmt: skip
+@pytest.mark.parametrize(
+    "motion",
+    [
+        b_over_time(0, 0, 1e99),
+        "motion = { a = { harmonics = [[1e100, 1e99, 1]] }, b = {} }",
+        "motion = { a = { harmonics = [[1e100, 1e100, 0], [1e99, 0, 1e100]] }, b = {} }",
+    ],
+)
 def test_enormous_numbers_are_refused_without_warnings(motion, paper_scene, refused):
     refused("run", paper_scene(motion=motion, time='time = { times = [0, 1, "1e90"] }'))
 

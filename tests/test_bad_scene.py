@@ -302,7 +302,8 @@ def test_a_value_of_the_wrong_type_is_refused(entry, paper_scene, refused):
 
 def test_rule_without_its_joint_is_refused(write, refused):
     pendulum = Path(__file__).with_name("data") / "pendulum.toml"
-    text = f"mechanism = '{pendulum}'\nrule = 'spherical_axial'\nmotion = {{ a = {{}}, b = {{}} }}\ntime = {{ times = [0] }}"
+    text = f"mechanism = '{pendulum}'\nrule = 'spherical_axial'\nmotion = {{ a = {{}}, b = {{}} }}\n"
+    text += "time = { times = [0] }"
     assert "rule 'spherical_axial' needs a spherical joint" in refused("run", write("s.toml", text))
 
 

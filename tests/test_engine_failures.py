@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -13,6 +14,8 @@ import screwgauge
 from screwgauge import load_scene
 from screwgauge.cli import main
 from screwgauge.engines import ENGINES
+from screwgauge.engines.screw import solve
+from screwgauge.models.catalog import mechanism_path
 from screwgauge.solution import Values
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
@@ -27,20 +30,20 @@ def scene(paper_scene):
 def engine(monkeypatch):
     """Puts an engine of the test's own in the place of mujoco."""
 
-    def replace(solve) -> None:
+    def put(function) -> None:
         module = ModuleType("engine_of_a_test")
-        module.solve = solve
+        module.solve = function
         monkeypatch.setitem(sys.modules, module.__name__, module)
         monkeypatch.setitem(ENGINES, "mujoco", f"{module.__name__}:solve")
 
-    return replace
+    return put
 
 
 def raising(error: BaseException):
-    def solve(problem):
+    def fail(problem):
         raise error
 
-    return solve
+    return fail
 
 
 def check_only_mujoco_failed(results, reason: str) -> None:
@@ -93,29 +96,44 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
     assert results.failures[name].reason.endswith(f"pip install {package}")
 
 
-@pytest.mark.parametrize("target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"])
+@pytest.mark.parametrize(
+    "target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"]
+)
 def test_an_engine_that_is_registered_wrongly_is_a_row(target, monkeypatch, scene):
     monkeypatch.setitem(ENGINES, "mujoco", target)
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")
 
 
+def solve_right(problem):
+    """The solver of this project, whatever model file the engine in whose place it is was given."""
+    return solve(replace(problem, model=mechanism_path("3ups-upu-s")))
+
+
 def cut_short(problem):
-    from dataclasses import replace
-
-    from screwgauge.engines.screw import solve
-
-    found = solve(problem)
-    return replace(found, values={k: Values(v.components, v.units, v.array[1:].copy()) for k, v in found.values.items()})
+    found = solve_right(problem)
+    return replace(
+        found, values={k: Values(v.components, v.units, v.array[1:].copy()) for k, v in found.values.items()}
+    )
 
 
-@pytest.mark.parametrize("solve", [lambda problem: None, lambda problem: {}, cut_short], ids=["None", "dict", "short"])
-def test_an_engine_that_returns_no_solution_is_a_row(solve, engine, scene):
-    engine(solve)
-    check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")
+def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(engine, scene):
+    engine(solve_right)
+    assert screwgauge.run(scene, quantities=QUANTITIES).exit_status == 0
 
 
 @pytest.mark.parametrize(
-    ("components", "units", "shape"), [(("a",), ("m",), (2, 2)), (("a", "b"), ("m",), (2, 2)), (("a",), ("m",), (2,))]
+    ("answer", "reason"),
+    [(lambda problem: None, "TypeError"), (lambda problem: {}, "TypeError"), (cut_short, "1 samples of")],
+    ids=["None", "dict", "short"],
+)
+def test_an_engine_that_returns_no_solution_is_a_row(answer, reason, engine, scene):
+    engine(answer)
+    check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), reason)
+
+
+@pytest.mark.parametrize(
+    ("components", "units", "shape"),
+    [(("a",), ("m",), (2, 2)), (("a", "b"), ("m",), (2, 2)), (("a",), ("m",), (2,))],
 )
 def test_values_have_a_name_and_a_unit_for_every_column(components, units, shape):
     with pytest.raises(ValueError, match="values for"):
@@ -123,16 +141,14 @@ def test_values_have_a_name_and_a_unit_for_every_column(components, units, shape
 
 
 def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, scene):
-    from dataclasses import replace
-
-    from screwgauge.engines.screw import solve
-
     def with_nan(problem):
-        found = solve(problem)
+        found = solve_right(problem)
         array = found.values["joint_position"].array.copy()
         array[1, 2] = np.nan
         values = found.values["joint_position"]
-        return replace(found, values={**found.values, "joint_position": Values(values.components, values.units, array)})
+        return replace(
+            found, values={**found.values, "joint_position": Values(values.components, values.units, array)}
+        )
 
     engine(with_nan)
     results = screwgauge.run(scene, quantities=QUANTITIES)
