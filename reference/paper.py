@@ -209,17 +209,14 @@ def integrate(
     """Runs the scheme of eqs. (15)-(27) over a trajectory, then eq. (44) for the accelerations.
 
     Args:
-        lay: The mechanism; each of its joints lies in a serial chain from ground to the platform.
-        step: Time step [s].
         duration: The last whole step within it ends the trajectory [s].
-        start: Time of the first sample [s]; its joint coordinates are those of the closed mechanism.
-        twist: ``right``; ``printed``: eq. (60), rates of y as angular velocity; ``literal``: eq. (60) and on top
-            of it the subtraction of eqs. (22)-(23).
+        start: Time of the first sample [s], at which the loops are closed.
+        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
         method: ``euler``, eq. (27), or ``rk4``.
         bracket: The Lie bracket of eq. (48).
 
     Raises:
-        ScrewgaugeError: An unknown name, no step, or a mechanism without such chains.
+        ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
     """
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)
