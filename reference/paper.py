@@ -218,12 +218,7 @@ def integrate(
     Raises:
         ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
     """
-    if method not in METHODS:
-        raise UnknownNameError("method", method, METHODS)
-    if not 0.0 < step <= duration:
-        raise DescriptionError(
-            f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration"
-        )
+    _check(step, duration, method)
     parts = 1 if method == "euler" else 2
     n = int(duration / step * (1 + 1e-12))
     t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
@@ -238,6 +233,15 @@ def integrate(
     beta = side.solve(S, A[::parts, None] - bias(S, w, bracket))
     q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
     return Trajectory(t[::parts], q, qd, qdd, R, p)
+
+
+def _check(step: float, duration: float, method: str) -> None:
+    if method not in METHODS:
+        raise UnknownNameError("method", method, METHODS)
+    if not 0.0 < step <= duration:
+        raise DescriptionError(
+            f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration"
+        )
 
 
 def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:

@@ -93,7 +93,7 @@ def errata_table(paper: Paper) -> str:
             f"{row.number} {row.kind}",
             row.equation,
             row.measure,
-            f"{_value(row.effect)} {unit_text(row.unit)}",
+            f"{_value(row.effect)} {unit_text(row.unit)}".removesuffix(" 1"),
             f"{row.printed_form} → {_value(row.printed)}",
             f"{row.right_form} → {_value(row.right)}",
         ]
