@@ -99,6 +99,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
+
+    paper = commands.add_parser(
+        "paper", parents=[common], help="measure the errata of the paper, each by its effect"
+    )
+    paper.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/paper")
+    paper.set_defaults(command=_paper)
     return parser
 
 
@@ -153,6 +159,23 @@ def _run(options: argparse.Namespace) -> int:
         _say(format_terminal(results))
         _say(f"\nreport: {out / 'report.html'}")
     return results.exit_status
+
+
+def _paper(options: argparse.Namespace) -> int:
+    from screwgauge.paper.document import format_terminal, write_paper
+    from screwgauge.paper.measure import measure
+    from screwgauge.progress import Line
+    from screwgauge.report.write import check_writable
+
+    out = options.out or Path("screwgauge-out") / "paper"
+    check_writable(out)
+    with Line(sys.stderr) as line:
+        paper = measure(line.show)
+        line.show("report", 1.0)
+        write_paper(paper, out)
+    print(format_terminal(paper))
+    print(f"\nreport: {out / 'report.html'}")
+    return 0 if paper.complete else 1
 
 
 if __name__ == "__main__":

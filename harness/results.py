@@ -83,6 +83,8 @@ class Results:
         Raises:
             OutputError: The folder cannot be written.
         """
+        from screwgauge.paper.document import paper_section
         from screwgauge.report.write import write_results
 
-        return write_results(self, Path(out), samples=samples)
+        # measured here: a run that writes no report does not wait for it
+        return write_results(self, Path(out), samples=samples, paper=paper_section(self.scene))
