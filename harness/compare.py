@@ -13,7 +13,7 @@ from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
-from screwgauge.solution import Failure, Solution, Values
+from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
 UNDETERMINED = "undetermined"
@@ -46,15 +46,18 @@ def compare(
     errors: list[dict[str, Any]] = []
     pairs: list[dict[str, Any]] = []
     scales = natural_scales(scene.mechanism)
+    # what has radii is the reference: first of its pairs, and the measure of all others
+    ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
     for quantity in QUANTITIES:
-        for a, b in combinations(solutions.values(), 2):
+        for a, b in combinations(ordered, 2):
             if quantity not in a.values or quantity not in b.values or not _comparable(quantity, a, b):
                 continue
             if a.values[quantity].components != b.values[quantity].components:
                 pairs.append(_incomparable(scene, quantity, a, b))
                 continue
             for unit in dict.fromkeys(a.values[quantity].units):
-                rows = list(_components(scene, quantity, unit, a, b, scales[unit], mobility))
+                scale = _scale(quantity, unit, ordered[0] if ordered[0].radius else a, a, scales[unit])
+                rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     pairs.append(_pair(compared))
@@ -75,11 +78,19 @@ def reference_scale(values: Values, unit: str, floor: float) -> float:
     return max(float(np.nanmax(size, initial=0.0)) if np.isfinite(size).any() else 0.0, 1e-6 * floor)
 
 
+def _scale(quantity: str, unit: str, reference: Solution, a: Solution, floor: float) -> float:
+    """S from the reference, or from the first engine of the pair where the reference lacks the quantity."""
+    has = reference.values.get(quantity)
+    known = has is not None and unit in has.units
+    return reference_scale(has if known and has is not None else a.values[quantity], unit, floor)
+
+
 def _components(
-    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, floor: float, mobility: Mobility
+    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, scale: float, mobility: Mobility
 ) -> Iterator[dict[str, Any]]:
     first, second = a.values[quantity], b.values[quantity]
-    scale = reference_scale(first, unit, floor)
+    rows = common_rows(len(scene.motion), a, b)
+    t = scene.motion.t[rows]
     derived = max(a.tolerances.get(quantity, 0.0), b.tolerances.get(quantity, 0.0)) / scale
     tolerance = scene.tolerance(quantity) + derived
     ruled = QUANTITIES[quantity].ruled
@@ -88,7 +99,7 @@ def _components(
     for k, component in enumerate(first.components):
         if first.units[k] != unit:
             continue
-        difference = np.abs(first.array[:, k] - second.array[:, k])
+        difference = np.abs(first.array[rows, k] - second.array[rows, k])
         i, worst = _worst(difference)
         open_ = ruled and not determined.get(component, True)
         yield {
@@ -101,7 +112,7 @@ def _components(
             "rms": float(np.sqrt(np.mean(difference**2))),
             "max_scaled": worst / scale,
             "scale": scale,
-            "worst_t": float(scene.motion.t[i]),
+            "worst_t": float(t[i]),
             "rule": UNDETERMINED if open_ else scene.rule if ruled else "",
             "unique": unique.get(component, True) if ruled else True,
             "tolerance": tolerance,
