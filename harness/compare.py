@@ -80,9 +80,8 @@ def reference_scale(values: Values, unit: str, floor: float) -> float:
 
 def _scale(quantity: str, unit: str, reference: Solution, a: Solution, floor: float) -> float:
     """S from the reference, or from the first engine of the pair where the reference lacks the quantity."""
-    has = reference.values.get(quantity)
-    known = has is not None and unit in has.units
-    return reference_scale(has if known and has is not None else a.values[quantity], unit, floor)
+    values = reference.values.get(quantity, a.values[quantity])
+    return reference_scale(values if unit in values.units else a.values[quantity], unit, floor)
 
 
 def _components(

@@ -46,7 +46,8 @@ def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.Dat
 def _solved(solution: Solution) -> Solution:
     """The solution on its own samples only."""
     values = {
-        name: Values(has.components, has.units, has.array[solution.rows]) for name, has in solution.values.items()
+        name: Values(has.components, has.units, has.array[solution.rows])
+        for name, has in solution.values.items()
     }
     return replace(solution, values=values, rows=None)
 

@@ -65,7 +65,7 @@ def _figure(figure: Figure, results: Results) -> str:
     shared = [np.intersect1d(rows[a], rows[b]) for a, b in pairs]
     lines = [
         [
-            (t[at], envelope(arrays[a][np.ix_(at, p.columns)], arrays[b][np.ix_(at, p.columns)]))
+            (t[at], envelope(arrays[a][at][:, p.columns], arrays[b][at][:, p.columns]))
             for at, (a, b) in zip(shared, pairs, strict=True)
         ]
         for p in panels

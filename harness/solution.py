@@ -60,6 +60,11 @@ class Load:
     force: Array
     torque: Array
 
+    def numbers(self) -> tuple[str, list[float] | None, list[float], list[float]]:
+        """The load as plain values, which can be compared and written down."""
+        point = None if self.point is None else self.point.tolist()
+        return self.body, point, self.force.tolist(), self.torque.tolist()
+
 
 @dataclass(frozen=True, slots=True)
 class Wording:

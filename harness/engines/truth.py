@@ -20,10 +20,11 @@ import screwgauge.truth
 from screwgauge.assemble import Clock, Names, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Rows, Solution, Timing, Values, empty
@@ -79,7 +80,9 @@ def _check(problem: Problem, mechanism: Mechanism) -> None:
         raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
     for load in problem.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
+            raise ModelFileError(
+                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
+            )
 
 
 def _folders() -> list[Path]:
@@ -90,7 +93,7 @@ def _folders() -> list[Path]:
 def _key(problem: Problem, rows: Rows, depth: str) -> str:
     """Hash of all input: text where there is any, else the bytes of the doubles."""
     said, motion = problem.wording, problem.motion.part(rows)
-    loads = [(x.body, None if x.point is None else x.point.tolist(), x.force.tolist(), x.torque.tolist()) for x in problem.loads]
+    loads = [load.numbers() for load in problem.loads]
     gravity = None if problem.gravity is None else problem.gravity.tolist()
     return cache.digest(
         mechanism_tables(problem.model),
@@ -117,14 +120,18 @@ def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> 
             try:
                 found.append(sampler.sample(y, start[i]))
             except RoutesDisagree as error:
-                raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
+                raise RoutesDisagree(
+                    error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy
+                ) from None
             except NotCertified as error:
                 found.append(None)
                 reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
             problem.progress((i + 1) / len(rows))
         if all(one is None for one in found):
             where, _, what = reasons[0].partition(": ")
-            raise NotCertified(f"no sample can be certified: {what}", where, "keep the motion away from singular poses")
+            raise NotCertified(
+                f"no sample can be certified: {what}", where, "keep the motion away from singular poses"
+            )
         return _Table(*_arrays(found), reasons, dict(clock.spent))
 
 
@@ -134,14 +141,21 @@ def _where(mechanism: Mechanism, t: float, y: Array) -> str:
 
 
 def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing."""
+    """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
+
+    A ball that holds zero is centred there: what vanishes by symmetry is zero, not 1e-58.
+    """
     first = next(one for one in found if one is not None)
     mid = {name: np.full((len(found), len(balls)), np.nan) for name, balls in first.items()}
     radius = {name: array.copy() for name, array in mid.items()}
     for i, one in enumerate(found):
         for name, balls in (one or {}).items():
-            mid[name][i] = [float(ball.mid()) for ball in balls]
-            radius[name][i] = np.nextafter([float(ball.rad()) for ball in balls], np.inf)
+            zero = [ball.contains(0) for ball in balls]
+            mid[name][i] = [0.0 if at else float(ball.mid()) for ball, at in zip(balls, zero, strict=True)]
+            size = [
+                float(ball.abs_upper() if at else ball.rad()) for ball, at in zip(balls, zero, strict=True)
+            ]
+            radius[name][i] = np.nextafter(size, np.inf)
     return mid, radius
 
 
@@ -189,7 +203,9 @@ def _solution(
             Timing("truth", how, stage, len(rows), seconds, seconds, covers.format(stage))
             for stage, seconds in table.spent.items()
         ),
-        notes=tuple(note for note in [*_notes(table, solved, n), *notes] if note),
+        notes=tuple(
+            note for note in [*_notes(table, names, mechanism, f"{len(solved)} of {n}"), *notes] if note
+        ),
         radius={name: spread(table.radius[name]) for name in wanted},
         rows=None if len(solved) == n else solved,
     )
@@ -208,15 +224,29 @@ def _names(mechanism: Mechanism) -> Names:
     )
 
 
-def _notes(table: _Table, solved: Rows, n: int) -> list[str]:
+def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
     sizes = {
-        name: float(np.nanmax(table.radius[name])) / (float(np.nanmax(np.abs(table.mid[name]))) or 1.0) for name in table.mid
+        (name, unit): _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
+        for name in table.mid
+        for unit in names[name][1]
     }
-    worst = max(sizes, key=lambda name: sizes[name])
-    note = f"{len(solved)} of {n} samples enclosed; largest radius {sizes[worst]:.1e} of the largest {worst.replace('_', ' ')}"
+    worst = max(sizes, key=lambda key: sizes[key])
+    note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst[0]}, {worst[1]})"
     if "reaction" in table.mid:
         note += "; the two routes to the forces overlap at every one"
-    lost = len(table.reasons)
-    if not lost:
-        return [note]
-    return [note, f"not certified at {lost} samples, which are left out; the first: {table.reasons[0]}"]
+    notes = [note]
+    if 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.independent) > len(mechanism.coordinates):
+        notes.append(
+            "the mechanism is overconstrained: that its redundant loops close was seen to hold within the balls, "
+            "which is no proof; reactions that they leave open are one choice that balances"
+        )
+    if table.reasons:
+        notes.append(
+            f"not certified at {len(table.reasons)} samples, left out; the first: {table.reasons[0]}"
+        )
+    return notes
+
+
+def _scaled_radius(table: _Table, name: str, columns: list[int]) -> float:
+    largest = float(np.nanmax(np.abs(table.mid[name][:, columns])))
+    return float(np.nanmax(table.radius[name][:, columns])) / (largest or 1.0)

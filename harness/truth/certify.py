@@ -31,14 +31,17 @@ def independent_rows(J: Array, n: int) -> list[int]:
     """
     if len(J) == n:
         return list(range(n))
-    left, chosen = J.copy(), []
+    left = J.copy()
+    chosen: list[int] = []
     order = list(range(len(J)))[::-1]
     for _ in range(n):
         size = np.linalg.norm(left, axis=1)
         size[chosen] = -1.0
         best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
         if size[best] < 1e-9:
-            raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+            raise NotCertified(
+                "the closing equations are singular", "", "keep the motion away from this pose"
+            )
         chosen.append(best)
         unit = left[best] / size[best]
         left = left - np.outer(left @ unit, unit)
@@ -71,16 +74,17 @@ class Certifier:
         try:
             Y = arb_mat(np.linalg.inv(J[rows]).tolist())
         except np.linalg.LinAlgError:
-            raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose") from None
-        small = arb(2) ** (8 - ctx.prec)
+            raise NotCertified(
+                "the closing equations are singular", "", "keep the motion away from this pose"
+            ) from None
+        last = 1e3  # [rad or m] a larger step leads nowhere
         for _ in range(NEWTON):
             d = (Y * self._error(m, y, rows)).entries()
             size = max(float(x.abs_upper()) for x in d)
-            if not size < 1e3:
+            if not size < last:  # down to rounding, or lost
                 break
             m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
-            if size < float(small) * 2**16:
-                break
+            last = size / 2
         return *self._verify(m, y, Y, rows), rows
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:

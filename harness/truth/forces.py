@@ -47,9 +47,7 @@ class Unknown:
     point: Vector
 
 
-def generalized_force(
-    linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]
-) -> list[arb]:
+def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Route 1: what the actuators must deliver for each independent coordinate [N m or N]."""
     found = []
     second = [2 * T[2] for T in now.bodies]
@@ -77,7 +75,9 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
     try:
         return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
     except ZeroDivisionError:
-        raise NotCertified("the actuators may not move every coordinate", "", "keep away from this pose") from None
+        raise NotCertified(
+            "the actuators may not move every coordinate", "", "keep away from this pose"
+        ) from None
 
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
@@ -88,7 +88,10 @@ def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
 
 def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
     frames, index = linkage.frames[joint.name], linkage.mechanism.body_index
-    parent, child = now.bodies[index[joint.parent]][0] * frames.parent, now.bodies[index[joint.child]][0] * frames.child
+    parent, child = (
+        now.bodies[index[joint.parent]][0] * frames.parent,
+        now.bodies[index[joint.child]][0] * frames.child,
+    )
     at = [child[i, 3] for i in range(3)]
     columns = [point(child, axis, 0) for axis in WORLD]
     world = [(f"f{name}", True, axis) for name, axis in zip("xyz", WORLD, strict=True)]
@@ -106,7 +109,14 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
         size = dot(normal, normal).sqrt()
         parts = [*parts, ("m", False, [x / size for x in normal])]
     return [
-        Unknown(f"{joint.name}.{label}", "N" if force else "N m", joint, d if force else None, None if force else d, at)
+        Unknown(
+            f"{joint.name}.{label}",
+            "N" if force else "N m",
+            joint,
+            d if force else None,
+            None if force else d,
+            at,
+        )
         for label, force, d in parts
     ]
 
@@ -135,9 +145,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
     return found
 
 
-def balances(
-    linkage: Linkage, now: State, parts: Sequence[Unknown]
-) -> list[list[arb]]:
+def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
     """Columns: what each unknown exerts on each body, force and moment about its centre of mass. (m, 6 n_body)."""
     index = linkage.mechanism.body_index
     com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]

@@ -57,7 +57,9 @@ def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
     try:
         return J.solve(right)
     except ZeroDivisionError:
-        raise NotCertified("the closing equations may be singular", "", "keep the motion away from this pose") from None
+        raise NotCertified(
+            "the closing equations may be singular", "", "keep the motion away from this pose"
+        ) from None
 
 
 def _check(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
@@ -68,7 +70,9 @@ def _check(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> N
         for coefficient in G:
             if not all(e.contains(0) for e in error(coefficient)):
                 raise NotCertified(
-                    "the redundant loops do not close", "", "correct the placements; their text must close exactly"
+                    "the redundant loops do not close",
+                    "",
+                    "correct the placements; their text must close exactly",
                 )
 
 

@@ -10,7 +10,17 @@ from flint import arb, arb_mat
 
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
-from screwgauge.truth.exact import Vector, identity, inverse, number, placement, rotation_matrix, skew, unit_vector, vector
+from screwgauge.truth.exact import (
+    Vector,
+    identity,
+    inverse,
+    number,
+    placement,
+    rotation_matrix,
+    skew,
+    unit_vector,
+    vector,
+)
 from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
 from screwgauge.truth.jets import inverse as jet_inverse
 
@@ -80,11 +90,20 @@ class Linkage:
         columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
         tree, index = spanning_tree(mechanism), mechanism.body_index
         self.edges = [
-            (index[edge.near], index[edge.far], self._steps(edge.joint, columns[edge.joint.name], edge.reverse))
+            (
+                index[edge.near],
+                index[edge.far],
+                self._steps(edge.joint, columns[edge.joint.name], edge.reverse),
+            )
             for edge in tree.edges
         ]
         self.cuts = [
-            (index[j.parent], index[j.child], self._steps(j, columns[j.name], False), self.frames[j.name].child)
+            (
+                index[j.parent],
+                index[j.child],
+                self._steps(j, columns[j.name], False),
+                self.frames[j.name].child,
+            )
             for j in tree.cuts
         ]
         path: list[set[int]] = [set() for _ in index]
@@ -185,7 +204,9 @@ def _frames(table: Mapping[str, Any]) -> Frames:
 
 def _mass(table: Mapping[str, Any]) -> Mass:
     mass, c = number(table["mass"]), vector(table.get("com", [0, 0, 0]))
-    xx, xy, xz, yy, yz, zz = (number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    xx, xy, xz, yy, yz, zz = (
+        number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
+    )
     J = arb_mat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if "inertia_rotation" in table:
         R = rotation_matrix(table["inertia_rotation"])
