@@ -55,8 +55,9 @@ def compare(
             if a.values[quantity].components != b.values[quantity].components:
                 pairs.append(_incomparable(scene, quantity, a, b))
                 continue
-            for unit in dict.fromkeys(a.values[quantity].units):
-                scale = _scale(quantity, unit, ordered[0] if ordered[0].radius else a, a, scales[unit])
+            reference = _reference(ordered, a.values[quantity], quantity)
+            for unit in dict.fromkeys(reference.units):
+                scale = reference_scale(reference, unit, scales[unit])
                 rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
@@ -71,17 +72,17 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not quantity.startswith("tree_force") or not (names[0] < names[1] or names[1] < names[0])
 
 
+def _reference(solutions: Sequence[Solution], like: Values, quantity: str) -> Values:
+    """The values of the first engine of the run that has these components: one scale for all pairs."""
+    found = (s.values[quantity] for s in solutions if quantity in s.values)
+    return next(values for values in found if values.components == like.components)
+
+
 def reference_scale(values: Values, unit: str, floor: float) -> float:
     """S of the scaled error: the largest magnitude of the reference in this unit, at least 1e-6 S0."""
     columns = [i for i, u in enumerate(values.units) if u == unit]
     size = np.abs(values.array[:, columns])
     return max(float(np.nanmax(size, initial=0.0)) if np.isfinite(size).any() else 0.0, 1e-6 * floor)
-
-
-def _scale(quantity: str, unit: str, reference: Solution, a: Solution, floor: float) -> float:
-    """S from the reference, or from the first engine of the pair where the reference lacks the quantity."""
-    values = reference.values.get(quantity, a.values[quantity])
-    return reference_scale(values if unit in values.units else a.values[quantity], unit, floor)
 
 
 def _components(

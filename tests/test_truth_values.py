@@ -47,7 +47,7 @@ def test_solver_is_as_close_to_the_truth_as_promised(results):
 
 def test_truth_satisfies_the_judge(results):
     judged = results.judge[results.judge["engine"] == "truth"]
-    assert len(judged) == 9
+    assert {"loop_acceleration", "newton_euler", "power_balance"} <= set(judged["residual"])
     assert judged["max_scaled"].max() < 1e-13  # doubles nearest to the truth
 
 
