@@ -8,7 +8,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 from screwgauge.truth.certify import NotCertified, independent_rows
-from screwgauge.truth.exact import Vector, cross, dot, unit_vector
+from screwgauge.truth.exact import Vector, cross, dot, solve, unit_vector
 from screwgauge.truth.forces import WORLD, BallLoad, balances, driving, required, unknowns
 from screwgauge.truth.kinematics import State, point
 from screwgauge.truth.linkage import Linkage
@@ -56,7 +56,7 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb]:
         )
     system = arb_mat([columns[i] for i in chosen]).transpose()
     try:
-        x = system.solve(arb_mat([[value] for value in right])).entries()
+        x = solve(system, arb_mat([[value] for value in right])).entries()
     except (ZeroDivisionError, ValueError):  # singular, or fewer unknowns than balances
         raise NotCertified(
             "the force system may be singular", "", "keep the motion away from this pose"

@@ -85,6 +85,8 @@ class Certifier:
                 break
             m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
             last = size / 2
+            if size < 2.0 ** (40 - ctx.prec):
+                break
         return *self._verify(m, y, Y, rows), rows
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:

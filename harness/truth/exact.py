@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from functools import cache
 from typing import Any
 
-from flint import arb, arb_mat, fmpq
+from flint import arb, arb_mat, ctx, fmpq
 
 Vector = list[arb]
 
@@ -117,8 +118,27 @@ def inverse(T: arb_mat) -> arb_mat:
     return arb_mat([*([*c, -dot(c, p)] for c in columns), [0, 0, 0, 1]])
 
 
+@cache
 def identity(n: int) -> arb_mat:
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def solve(A: arb_mat, b: arb_mat) -> arb_mat:
+    """Encloses the solution of ``A x = b``.
+
+    Elimination is ten times as fast as preconditioning, and its balls are wider; where they take more than three
+    eighths of the digits, or where it fails, preconditioning is next.
+
+    Raises:
+        ZeroDivisionError: A may be singular.
+    """
+    try:
+        x = A.solve(b, algorithm="lu")
+        if all(ball.rel_one_accuracy_bits() > 5 * ctx.prec // 8 for ball in x.entries()):
+            return x
+    except ZeroDivisionError:
+        pass
+    return A.solve(b, algorithm="precond")
 
 
 def skew(v: Vector) -> arb_mat:

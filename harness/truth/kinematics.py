@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from flint import arb, arb_mat
 
 from screwgauge.truth.certify import Certifier, NotCertified
-from screwgauge.truth.exact import Vector
+from screwgauge.truth.exact import Vector, solve
 from screwgauge.truth.jets import Jet, MatrixJet
 from screwgauge.truth.linkage import Linkage, error
 
@@ -55,7 +55,7 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
 
 def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
     try:
-        return J.solve(right)
+        return solve(J, right)
     except ZeroDivisionError:
         raise NotCertified(
             "the closing equations may be singular", "", "keep the motion away from this pose"

@@ -122,7 +122,8 @@ class Linkage:
             for i, (column, turns) in enumerate(zip(columns, KINDS[joint.kind], strict=True))
         ]
         start, end = (frames.child, frames.parent) if reverse else (frames.parent, frames.child)
-        return [start, *(moves[::-1] if reverse else moves), inverse(end)]
+        steps: list[Step] = [start, *(moves[::-1] if reverse else moves), inverse(end)]
+        return [step for step in steps if isinstance(step, Move) or not (step == identity(4))]
 
     def place(self, q: Sequence[Jet], spots: dict[int, arb_mat] | None = None) -> list[MatrixJet]:
         """Homogeneous matrices of all bodies, ground first, for the series of the joint coordinates.
