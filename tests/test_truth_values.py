@@ -73,6 +73,31 @@ def test_any_mechanism_has_a_truth(name):
     assert results.pairs["max_scaled"].max() < 1e-12
 
 
+@pytest.mark.parametrize(
+    "name", ["3ups-upu-s", *(DATA / f"{x}.toml" for x in ("slider-crank", "rscr", "pendulum"))]
+)
+def test_reactions_have_the_names_of_the_other_engines(name):
+    from flint import ctx
+
+    from screwgauge.models.catalog import load_mechanism, mechanism_tables
+    from screwgauge.reference.dynamics import joint_reactions
+    from screwgauge.reference.pose import layout, pose
+    from screwgauge.truth.exact import number
+    from screwgauge.truth.forces import unknowns
+    from screwgauge.truth.kinematics import State
+    from screwgauge.truth.linkage import Linkage
+
+    mechanism = load_mechanism(name)
+    lay = layout(mechanism)
+    named = joint_reactions(lay, pose(lay, mechanism.home[None]))
+    with ctx.workprec(192):
+        linkage = Linkage(mechanism, mechanism_tables(name))
+        home = [[number(float(x))] for x in mechanism.home]
+        found = unknowns(linkage, State(home, None, linkage.place(home)))
+    assert [part.name for part in found] == list(named.names)
+    assert [part.unit for part in found] == list(named.units)
+
+
 def test_overconstrained_mechanism_is_said_to_be_so():
     scene = screwgauge.load_scene(DATA / "four-bar-scene.toml").at([0.0])
     truth = screwgauge.run(scene, engines=["truth"]).solutions["truth"]

@@ -123,7 +123,7 @@ class Linkage:
         ]
         start, end = (frames.child, frames.parent) if reverse else (frames.parent, frames.child)
         steps: list[Step] = [start, *(moves[::-1] if reverse else moves), inverse(end)]
-        return [step for step in steps if isinstance(step, Move) or not (step == identity(4))]
+        return [step for step in steps if isinstance(step, Move) or not _is_identity(step)]
 
     def place(self, q: Sequence[Jet], spots: dict[int, arb_mat] | None = None) -> list[MatrixJet]:
         """Homogeneous matrices of all bodies, ground first, for the series of the joint coordinates.
@@ -182,6 +182,11 @@ def _walk(
         else:
             T = [x * step for x in T]
     return T
+
+
+def _is_identity(T: arb_mat) -> bool:
+    """Whether it surely is; the operator != of balls would say no wherever it only may be."""
+    return bool(identity(4) == T)
 
 
 def _sides(via: set[int], tree: set[int]) -> list[tuple[int, bool, bool]]:
