@@ -22,7 +22,8 @@ from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
 
-_PACKAGES = {"pinocchio": "pin"}  # distributions that are not called like their module
+#: Distributions that are not called like their module.
+_PACKAGES = {"pinocchio": "pin", "flint": "python-flint"}
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
@@ -136,4 +137,5 @@ def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, 
         motion=scene.motion,
         quantities=quantities,
         progress=lambda share: progress(name, share),
+        wording=scene.wording(),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -22,10 +24,21 @@ COLUMNS = [
 
 def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.DataFrame:
     """All residuals that the computed quantities allow. One row per residual and unit."""
+    if solution.rows is not None:  # it solved some of the samples: these are judged
+        scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
     rows = [
         _row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _solved(solution: Solution) -> Solution:
+    """The solution on its own samples only."""
+    values = {
+        name: Values(has.components, has.units, has.array[solution.rows])
+        for name, has in solution.values.items()
+    }
+    return replace(solution, values=values, rows=None)
 
 
 def residuals(scene: Scene, solution: Solution) -> list[Residual]:
