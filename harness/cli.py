@@ -128,7 +128,7 @@ def _models(options: argparse.Namespace) -> int:
     check_home(mechanism)
     out = options.out or Path("screwgauge-out") / mechanism.name
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
-        _say(path)
+        _say(str(path))
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table

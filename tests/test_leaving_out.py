@@ -29,7 +29,8 @@ def test_screw_alone_imports_no_engine():
 def test_screw_alone_on_the_command_line_imports_no_engine(tmp_path):
     code = (
         "import screwgauge.cli\n"
-        f"screwgauge.cli.main(['run', '--engines', 'screw', '--quantities', 'joint_position', '--out', {str(tmp_path)!r}])"
+        "options = ['--engines', 'screw', '--quantities', 'joint_position']\n"
+        f"assert screwgauge.cli.main(['run', *options, '--out', {str(tmp_path)!r}]) == 0"
     )
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy"}
 

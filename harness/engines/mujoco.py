@@ -38,7 +38,9 @@ def solve(problem: Problem) -> Solution:
         solution = solve_tree(problem, MujocoTree(problem.model, file, problem.gravity), file)
     finally:
         mujoco.set_mju_user_warning(None)
-    return replace(solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))))
+    return replace(
+        solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)))
+    )
 
 
 class MujocoTree:
