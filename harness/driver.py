@@ -12,7 +12,7 @@ import pandas as pd
 from screwgauge.compare import compare
 from screwgauge.engines import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
-from screwgauge.judge import COLUMNS, judge
+from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_actuation, check_scene
 from screwgauge.quantities import check_quantities

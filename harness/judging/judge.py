@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from screwgauge.balance import newton_euler, power_balance, required_wrenches, virtual_work
-from screwgauge.kinetics import Moving, walk
+from screwgauge.judging.balance import newton_euler, power_balance, required_wrenches, virtual_work
+from screwgauge.judging.kinetics import Moving, walk
+from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.rotations import Array, vee
-from screwgauge.residual import Residual
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution, Values
 
