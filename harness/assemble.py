@@ -87,7 +87,7 @@ class Clock:
 
     def timings(self, engine: str, setting: str, n: int) -> tuple[Timing, ...]:
         return tuple(
-            Timing(engine, setting, stage, n, seconds, seconds, f"{stage} of the whole trajectory, once")
+            Timing(engine, setting, stage, n, seconds, seconds, "whole trajectory, once")
             for stage, seconds in self.spent.items()
         )
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 HOW = """\
 Every engine reads its own model file and closes its own loops from the independent coordinates and their
 two derivatives; no engine sees another's result. Every pair of engines is compared; none counts as the
-truth.
+truth but the engine of that name, if it ran: balls of high precision that provably hold every value.
 
 **Scaled error** of a pair, per quantity and unit: `max_t |a - b| / max(S, 1e-6 S0)`. S is the largest
-magnitude of the first engine over all components of that unit and all samples. S0 is the mechanism's own
+magnitude of the truth if it ran, else of the first engine, over all components of that unit and all samples. S0 is the mechanism's own
 measure of that unit (1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L; L the largest distance in the
 description, M the total mass, g = 9.81 m/s²), so that a quantity that is zero throughout is not divided by
 its own rounding. **Digits** are -log10 of it, 17 at most. A value that is not a number is a failure.
 
-**Judge residuals** need no second engine: closure of the loops, its rate and acceleration; Newton-Euler
-equations of each body; power balance. Each is scaled by the magnitudes in its own equation.
+**Judge residuals** need no second engine: closure of the loops, its rate and acceleration; motions of the
+bodies against those of the joints; Newton-Euler equations of each body; power balance; virtual work. Each is scaled by the magnitudes in its own equation.
 
 **Forces that the mechanics leaves open** (more actuators than freedoms) are compared under the rule named
 in the table. Where *unique* says no, agreement means the same forces under the same rule, not the only
