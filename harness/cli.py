@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from screwgauge import __version__
 from screwgauge.reference.errors import ScrewgaugeError
@@ -93,7 +94,22 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
+    _add_bench(commands, common)
     return parser
+
+
+def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
+    bench = commands.add_parser(
+        "bench", parents=[common], help="error against run time of many methods and settings"
+    )
+    bench.add_argument("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file")
+    bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
+    bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
+    bench.add_argument(
+        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 40 with --quick)"
+    )
+    bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
+    bench.set_defaults(command=_bench)
 
 
 def _names(text: str | None) -> list[str] | None:
@@ -147,6 +163,45 @@ def _run(options: argparse.Namespace) -> int:
         print(format_terminal(results))
         print(f"\nreport: {out / 'report.html'}")
     return results.exit_status
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from screwgauge.bench.threads import fix_threads
+
+    fix_threads()  # before anything imports numpy
+    from dataclasses import replace
+
+    from screwgauge.bench.journal import NAME
+    from screwgauge.bench.run import FULL, QUICK, bench, check_budget
+    from screwgauge.bench.terminal import format_terminal
+    from screwgauge.bench.write import write_bench
+    from screwgauge.progress import Line
+    from screwgauge.scene import load_scene
+    from screwgauge.write import check_writable
+
+    plan = QUICK if options.quick else FULL
+    if options.budget is not None:
+        plan = replace(plan, budget=check_budget(options.budget))
+    scene = load_scene(options.scene)
+    out = options.out or Path("screwgauge-out") / scene.name
+    check_writable(out)
+    try:
+        with Line(sys.stderr) as line:
+            found = bench(
+                scene,
+                plan=plan,
+                contestants=_names(options.contestants),
+                journal=out / NAME,
+                progress=line.show,
+            )
+            line.show("report", 0.0)
+            write_bench(found, out)
+    except KeyboardInterrupt:
+        print(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.", file=sys.stderr)
+        return 130
+    print(format_terminal(found))
+    print(f"\nreport: {out / 'report.html'}")
+    return 0
 
 
 if __name__ == "__main__":

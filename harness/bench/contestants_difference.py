@@ -23,12 +23,16 @@ _ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
 def interior(quick: bool) -> list[Contestant]:
     """Central differences of positions, away from the ends of the trajectory."""
-    return [_difference(part, quantity, False) for quantity in _ORDER for part in PARTS]
+    return [_difference(part, quantity, False) for quantity in _ORDER for part in _parts(quick)]
 
 
 def ends(quick: bool) -> list[Contestant]:
     """The same at the two samples at each end, where the differences are one-sided."""
-    return [_difference(part, "joint_acceleration", True) for part in PARTS]
+    return [_difference(part, "joint_acceleration", True) for part in _parts(quick)]
+
+
+def _parts(quick: bool) -> tuple[float, ...]:
+    return PARTS[1:] if quick else PARTS
 
 
 def _difference(part: float, quantity: str, at_ends: bool) -> Contestant:

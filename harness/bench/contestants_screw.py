@@ -103,7 +103,7 @@ def trajectory(quick: bool) -> list[Contestant]:
         label = "all samples" if whole else "trajectory"
         return Contestant(f"whole trajectory, {times}", (quantity,), covers, prepare, label=label)
 
-    return [make(quantity, whole) for quantity in QUANTITIES for whole in (False, True)]
+    return [make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))]
 
 
 def per_sample(quick: bool) -> list[Contestant]:

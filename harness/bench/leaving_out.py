@@ -123,16 +123,18 @@ def load(problem: Problem, engine: str, case: Case) -> Callable[[], Solution]:
     return lambda: solve_tree(problem, tree, file)
 
 
-def difference(found: Mapping[str, Values], everything: Mapping[str, Values], compared: frozenset[str]) -> float:
-    """Largest difference of a shared quantity, over the largest magnitude of its unit."""
-    worst = 0.0
+def difference(
+    found: Mapping[str, Values], everything: Mapping[str, Values], compared: frozenset[str]
+) -> tuple[float, str]:
+    """Largest difference of a shared quantity, over the largest magnitude of its unit; and that quantity."""
+    worst = 0.0, ""
     for name in compared & set(found) & set(everything):
         a, b = everything[name], found[name]
         columns = [b.components.index(component) for component in a.components]
         for unit in dict.fromkeys(a.units):
             mine = [i for i, u in enumerate(a.units) if u == unit]
             gap = np.abs(a.array[:, mine] - b.array[:, [columns[i] for i in mine]]).max()
-            worst = max(worst, float(gap) / (float(np.abs(a.array[:, mine]).max()) or 1.0))
+            worst = max(worst, (float(gap) / (float(np.abs(a.array[:, mine]).max()) or 1.0), name))
     return worst
 
 

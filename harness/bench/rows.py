@@ -40,6 +40,11 @@ class Row:
         return min(self.seconds, default=float("nan"))
 
     @property
+    def scored(self) -> bool:
+        """Whether there is an error at all."""
+        return bool(np.isfinite(self.max_scaled))
+
+    @property
     def per_sample(self) -> float:
         """Run time for each sample delivered [s]."""
         return self.time_s / self.n_sample if self.n_sample else float("nan")

@@ -22,6 +22,7 @@ from screwgauge.bench.score import score
 from screwgauge.bench.threads import one_thread
 from screwgauge.driver import Report
 from screwgauge.environment import environment
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene import Scene
 
 
@@ -65,6 +66,17 @@ class Bench:
     def complete(self) -> bool:
         """Nothing was cut short."""
         return all(row.status != CUT for row in self.rows) and not (self.leaving_out["status"] == CUT).any()
+
+
+def check_budget(seconds: float) -> float:
+    """A budget as given by a user.
+
+    Raises:
+        DescriptionError: It is no positive number of seconds.
+    """
+    if not 0.0 < seconds < np.inf:
+        raise DescriptionError(f"a budget of {seconds:g} s", "--budget", "give a positive number of seconds")
+    return seconds
 
 
 def bench(
@@ -171,8 +183,10 @@ class _Work:
                 call = leaving_out.load(trial.problem(self.case), trial.engine, self.case)
                 seconds, solution = timing.once(call, self.protocol.clock)
                 everything = whole.setdefault(trial.engine, solution.values)
-                gap = leaving_out.difference(solution.values, everything, trial.compared)
+                gap, worst = leaving_out.difference(solution.values, everything, trial.compared)
+                reason = f"changes {worst}" if gap > leaving_out.SOLVED else ""
                 result = {"status": OK, "n_sample": len(self.case.times), "first": seconds, "difference": gap}
+                result["reason"] = reason
                 self.calls[trial.key] = call
             except Exception as error:
                 result = _failure(error)
