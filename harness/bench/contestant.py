@@ -16,6 +16,12 @@ QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuato
 NOTHING = "none"
 
 
+def count(n: int, word: str) -> str:
+    """``1 pass``, ``2 passes``."""
+    ending = "es" if word.endswith("s") else "s"
+    return f"{n} {word}{'' if n == 1 else ending}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
     """What a contestant found for one quantity.

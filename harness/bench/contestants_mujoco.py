@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.bench.case import Case
-from screwgauge.bench.contestant import Contestant, Outcome, Task
+from screwgauge.bench.contestant import Contestant, Outcome, Task, count
 from screwgauge.bench.contestants_tree import engine_paths, inverse_projected
 from screwgauge.bench.projection import Given, given
 from screwgauge.engines.mujoco import MujocoTree
@@ -26,7 +26,7 @@ _NAME = "joint_acceleration"
 def load(case: Case) -> tuple[MujocoTree, LoopsFile]:
     """The MJCF of the minimal cut, loaded."""
     problem = case.problem("mujoco", (_NAME,))
-    assert problem.loops is not None  # noqa: S101 - it has one by construction
+    assert problem.loops is not None
     file = read_loops(problem.loops)
     return MujocoTree(problem.model, file, problem.gravity), file
 
@@ -64,7 +64,11 @@ def naive(quick: bool) -> list[Contestant]:
 
     covers = "from given joint motion: mj_inverse sample by sample, equality constraints on, loads taken off"
     setting = "qfrc_inverse of the actuated joints read as actuator forces"
-    return [Contestant(setting, ("actuator_force",), covers, prepare, given=True, label="mj_inverse, read naively")]
+    return [
+        Contestant(
+            setting, ("actuator_force",), covers, prepare, given=True, label="mj_inverse, read naively"
+        )
+    ]
 
 
 def forward(quick: bool) -> list[Contestant]:
@@ -75,7 +79,7 @@ def forward(quick: bool) -> list[Contestant]:
             f"solimp d = {d:g}, solref default",
             lambda tree: _soften(tree, d),
             parameter=("(1 - d) / d", (1 - d) / d),
-            label=f"d {d:g}",
+            label=f"d {d:g}" if d in (0.9, 0.99, STIFFEST) else "",
             series="solimp",
         )
 
@@ -102,12 +106,12 @@ def refinement(quick: bool) -> list[Contestant]:
 
     def make(d: float, passes: int) -> Contestant:
         return _forward(
-            f"solimp d = {d:g}, {passes} pass{'es' * (passes > 1)}",
+            f"solimp d = {d:g}, {count(passes, 'pass')}",
             lambda tree: _soften(tree, d),
             passes=passes,
             series=f"d = {d:g}",
             parameter=("passes", float(passes)),
-            label=f"{passes} pass{'es' * (passes > 1)}",
+            label=count(passes, "pass"),
         )
 
     return [make(d, passes) for d in (0.9, STIFFEST) for passes in PASSES]
@@ -123,7 +127,7 @@ def _soften(tree: MujocoTree, d: float, constant: float | None = None) -> None:
 def _parts(start: Given) -> tuple[Any, Any]:
     """Model and data, equality constraints on."""
     tree = start.tree
-    assert isinstance(tree, MujocoTree)  # noqa: S101 - narrows the type
+    assert isinstance(tree, MujocoTree)
     tree.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
     return tree.model, tree.data
 
@@ -141,7 +145,9 @@ def _forward(setting: str, tune: Callable[[MujocoTree], None], *, passes: int = 
         return Task(call, read, len(start.q))
 
     more_passes = ", then mj_forwardSkip for each pass" if passes else ""
-    covers = f"from given q, v and true forces: mj_forward sample by sample{more_passes}; tree accelerations only"
+    covers = (
+        f"from given q, v and true forces: mj_forward sample by sample{more_passes}; tree accelerations only"
+    )
     return Contestant(setting, (_NAME,), covers, prepare, given=True, **more)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.bench.case import Case
-from screwgauge.bench.contestant import Contestant, Outcome, Task
+from screwgauge.bench.contestant import Contestant, Outcome, Task, count
 from screwgauge.bench.contestants_tree import engine_paths, inverse_projected
 from screwgauge.bench.projection import Given, given
 from screwgauge.engines.pinocchio import PinocchioTree
@@ -19,12 +19,15 @@ from screwgauge.reference.rotations import Array
 
 MU = (*(10.0**-k for k in range(2, 15)), 0.0)
 ITERATIONS = (1, 2, 5, 20)
+#: What diagrams name: iterations -> mu.
+_NAMED = {1: (MU[0], MU[4], MU[8], MU[12]), 2: (MU[2], MU[4], MU[6]), 5: MU[:2], 20: MU[:1]}
 _NAME = "joint_acceleration"
+
 
 def load(case: Case) -> tuple[PinocchioTree, LoopsFile]:
     """The URDF of the minimal cut, loaded."""
     problem = case.problem("pinocchio", (_NAME,))
-    assert problem.loops is not None  # noqa: S101 - it has one by construction
+    assert problem.loops is not None
     file = read_loops(problem.loops)
     return PinocchioTree(problem.model, file, problem.gravity), file
 
@@ -47,18 +50,19 @@ def ladder(quick: bool) -> list[Contestant]:
 def default(quick: bool) -> list[Contestant]:
     """With the settings that `pin.ProximalSettings()` has."""
     settings = pin.ProximalSettings()
-    setting = f"ProximalSettings(): mu = {settings.mu:g}, {settings.max_iter} iteration"
+    setting = f"ProximalSettings(): mu = {settings.mu:g}, {count(settings.max_iter, 'iteration')}"
     return [_contestant(setting, pin.ProximalSettings, label="default", series="default")]
 
 
 def _forward(mu: float, iterations: int) -> Contestant:
-    plural = "" if iterations == 1 else "s"
+    times = count(iterations, "iteration")
+    named = mu in _NAMED.get(iterations, ())
     return _contestant(
-        f"mu = {mu:g}, {iterations} iteration{plural}",
+        f"mu = {mu:g}, {times}",
         lambda: pin.ProximalSettings(0.0, 0.0, mu, iterations),  # accuracy 0: all iterations are made
-        series=f"{iterations} iteration{plural}",
+        series=times,
         parameter=("mu", mu) if mu else None,
-        label=f"mu {mu:g}",
+        label=f"mu {mu:g}" if named else "",
     )
 
 
@@ -74,11 +78,15 @@ def _contestant(setting: str, settings: Callable[[], Any], **more: Any) -> Conte
 
         return Task(call, read, len(start.q), hint)
 
-    covers = "from given q, v and true forces: pin.constraintDynamics sample by sample; tree accelerations only"
+    covers = (
+        "from given q, v and true forces: pin.constraintDynamics sample by sample; tree accelerations only"
+    )
     return Contestant(setting, (_NAME,), covers, prepare, given=True, **more)
 
 
-def forward(start: Given, model: Any, data: Any, models: Any, datas: Any, settings: Any) -> Callable[[], Array]:
+def forward(
+    start: Given, model: Any, data: Any, models: Any, datas: Any, settings: Any
+) -> Callable[[], Array]:
     """A call that finds all accelerations. Returns shape (n, n_v)."""
     q, v, tau = start.q, start.v, start.applied()
     out = np.empty_like(q)
@@ -94,13 +102,15 @@ def forward(start: Given, model: Any, data: Any, models: Any, datas: Any, settin
 def contacts(start: Given) -> tuple[Any, Any, Any, Any]:
     """Model, data, constraint models and their data: one 3D contact for each pair of points that closes a loop."""
     tree = start.tree
-    assert isinstance(tree, PinocchioTree)  # noqa: S101 - narrows the type
+    assert isinstance(tree, PinocchioTree)
     models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     for closure in tree.closures:
         for here, there in zip(closure.parent_points, closure.child_points, strict=True):
             sides = (*_place(tree, closure.parent, here), *_place(tree, closure.child, there))
             models.append(
-                pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, tree.model, *sides, pin.ReferenceFrame.LOCAL)
+                pin.RigidConstraintModel(
+                    pin.ContactType.CONTACT_3D, tree.model, *sides, pin.ReferenceFrame.LOCAL
+                )
             )
     for model in models:
         datas.append(model.createData())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.bench.case import Case
-from screwgauge.bench.contestant import NOTHING, QUANTITIES, Contestant, Outcome, Task
+from screwgauge.bench.contestant import NOTHING, QUANTITIES, Contestant, Outcome, Task, count
 from screwgauge.engines.screw import solve_layout
 from screwgauge.reference import dynamics
 from screwgauge.reference.chains import closed_form
@@ -35,7 +35,11 @@ def floor(quick: bool) -> list[Contestant]:
 
         return Task(call, lambda _: {}, n)
 
-    return [Contestant("empty loop", (NOTHING,), "a Python loop over the samples that does nothing", prepare, drawn=False)]
+    return [
+        Contestant(
+            "empty loop", (NOTHING,), "a Python loop over the samples that does nothing", prepare, drawn=False
+        )
+    ]
 
 
 def closed(quick: bool) -> list[Contestant]:
@@ -72,13 +76,15 @@ def newton_closed(quick: bool) -> list[Contestant]:
     """Positions by Newton's method on the loops, from predictions along the path; so many steps."""
 
     def make(quantity: str, steps: int) -> Contestant:
-        name = f"{steps} Newton steps" if steps < 60 else "Newton to rounding"
+        name = count(steps, "Newton step") if steps < 60 else "Newton to rounding"
         return Contestant(
             f"whole trajectory, {name} after the prediction",
             (quantity,),
             f"{_FROM_Y}: path from home, Newton, then all samples at once",
-            lambda case: _pipeline(case, quantity, np.float64, lambda lay, motion: _newton(lay, motion, steps)),
-            label="converged" if steps == 60 else f"{steps} steps",
+            lambda case: _pipeline(
+                case, quantity, np.float64, lambda lay, motion: _newton(lay, motion, steps)
+            ),
+            label="converged" if steps == 60 else count(steps, "step"),
         )
 
     return [make(quantity, steps) for quantity in QUANTITIES for steps in (0, 1, 2, 60)]
@@ -103,7 +109,9 @@ def trajectory(quick: bool) -> list[Contestant]:
         label = "all samples" if whole else "trajectory"
         return Contestant(f"whole trajectory, {times}", (quantity,), covers, prepare, label=label)
 
-    return [make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))]
+    return [
+        make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))
+    ]
 
 
 def per_sample(quick: bool) -> list[Contestant]:
@@ -133,7 +141,9 @@ Positions = Callable[[Layout, Motion], Array]
 def _closed(lay: Layout, motion: Motion) -> Array:
     q = closed_form(lay, motion.y)
     if q is None:
-        raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
+        raise ClosureError(
+            "no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S"
+        )
     return q
 
 
@@ -142,7 +152,9 @@ def _newton(lay: Layout, motion: Motion, most: int) -> Array:
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(
+            lay, at
+        )
 
     home = lay.mechanism.home
     start = follow(corrector(evaluate), home, home[columns], motion.y, motion.t)
@@ -155,7 +167,12 @@ def _pipeline(case: Case, quantity: str, dtype: Any, positions: Positions) -> Ta
     motion = Motion(*(getattr(case.scene.motion, name).astype(dtype) for name in ("t", "y", "yd", "ydd")))
     gravity = case.scene.gravity.astype(dtype)
     loads = [
-        (x.body, None if x.point is None else x.point.astype(dtype), x.force.astype(dtype), x.torque.astype(dtype))
+        (
+            x.body,
+            None if x.point is None else x.point.astype(dtype),
+            x.force.astype(dtype),
+            x.torque.astype(dtype),
+        )
         for x in case.scene.loads
     ]
 

@@ -12,6 +12,7 @@ from screwgauge.closing.tree import Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.rotations import Array
 
+_GIVEN = "given motion"
 Load = Callable[[Case], tuple[Tree, LoopsFile]]
 
 
@@ -29,7 +30,9 @@ def engine_paths(engine: str, loader: Load, what: str) -> list[Contestant]:
             return Task(lambda: solve_tree(problem, tree, file).values[quantity].array, read, len(case.times))
 
         covers = f"from y and its derivatives: {what}, as far as needed; model loaded"
-        return Contestant("closes its own loops, minimal cut", (quantity,), covers, prepare, label="closes its loops")
+        return Contestant(
+            "closes its own loops, minimal cut", (quantity,), covers, prepare, label="closes its loops"
+        )
 
     return [make(quantity) for quantity in QUANTITIES]
 
@@ -49,4 +52,4 @@ def inverse_projected(loader: Load, setting: str, what: str, label: str) -> Cont
         return Task(call, read, len(case.times))
 
     covers = f"from given joint motion: {what} sample by sample, Jacobians, projection of all samples at once"
-    return Contestant(setting, ("actuator_force",), covers, prepare, given=True, label=label)
+    return Contestant(setting, ("actuator_force",), covers, prepare, given=True, series=_GIVEN, label=label)

@@ -24,7 +24,11 @@ from screwgauge.svg import tidy
 WIDTH, HEIGHT = 11.0, 6.6  # inches
 ZERO = 1e-17  # where an error of exactly zero is drawn
 WORDS = dict(
-    zip(QUANTITIES, ("joint positions", "joint velocities", "joint accelerations", "actuator forces"), strict=True)
+    zip(
+        QUANTITIES,
+        ("joint positions", "joint velocities", "joint accelerations", "actuator forces"),
+        strict=True,
+    )
 )
 
 
@@ -50,10 +54,16 @@ def _drawable(row: Row) -> bool:
     return row.contestant.drawn and np.isfinite(row.max_scaled) and bool(row.per_sample > 0)
 
 
-def _work_precision(title: str, rows: Sequence[Row], look: dict[tuple[str, bool], Look], reference: str) -> str:
+def _work_precision(
+    title: str, rows: Sequence[Row], look: dict[tuple[str, bool], Look], reference: str
+) -> str:
     canvas = Canvas(figsize=(WIDTH, HEIGHT))
     ax: Any = canvas.add_axes((0.75 / WIDTH, 0.55 / HEIGHT, 7.3 / WIDTH, (HEIGHT - 1.35) / HEIGHT))
-    _heading(canvas, title, f"Lower left is better. Each point: one setting; error against `{reference}`, scaled.")
+    _heading(
+        canvas,
+        title,
+        f"Lower left is better. Each point: one setting; scaled error against the engine {reference}.",
+    )
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.contestant.line, row.contestant.given), []).append(row)
@@ -63,7 +73,12 @@ def _work_precision(title: str, rows: Sequence[Row], look: dict[tuple[str, bool]
     for key, group in groups.items():
         at = np.array([(1e6 * r.per_sample, max(r.max_scaled, ZERO)) for r in group])
         joined = any(r.contestant.parameter for r in group) or len({r.contestant.name for r in group}) == 1
-        ax.plot(*at.T, **{**look[key].style(), **({} if joined else {"linestyle": "none"})}, zorder=3, clip_on=False)
+        ax.plot(
+            *at.T,
+            **{**look[key].style(), **({} if joined else {"linestyle": "none"})},
+            zorder=3,
+            clip_on=False,
+        )
     place(ax, _wanted(groups, look), points)
     handles = [Line2D([], [], label=name, **look[name, given].style()) for name, given in groups]
     _legend(canvas, handles)
@@ -106,7 +121,12 @@ def _wanted(
     for key, group in groups.items():
         for i, row in enumerate(group):
             if row.contestant.label:
-                label = (1e6 * row.per_sample, max(row.max_scaled, ZERO), row.contestant.label, look[key].colour)
+                label = (
+                    1e6 * row.per_sample,
+                    max(row.max_scaled, ZERO),
+                    row.contestant.label,
+                    look[key].colour,
+                )
                 (ends if i in (0, len(group) - 1) else between).append(label)
     return ends + between
 
@@ -137,7 +157,9 @@ def _slopes(title: str, fits: Sequence[Fit], look: dict[tuple[str, bool], Look])
     for i, fit in enumerate(fits):
         row, column = divmod(i, columns)
         left, top = 0.75 + column * (wide - 0.2) / columns, 0.98 + 3.0 * row
-        ax = canvas.add_axes((left / wide, 1 - (top + 2.1) / tall, ((wide - 0.2) / columns - 0.95) / wide, 2.1 / tall))
+        ax = canvas.add_axes(
+            (left / wide, 1 - (top + 2.1) / tall, ((wide - 0.2) / columns - 0.95) / wide, 2.1 / tall)
+        )
         _slope(ax, fit, next(value.colour for (name, _), value in look.items() if name == fit.rule.line))
     return _svg(canvas)
 
@@ -145,7 +167,9 @@ def _slopes(title: str, fits: Sequence[Fit], look: dict[tuple[str, bool], Look])
 def _slope(ax: Any, fit: Fit, colour: str) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.plot(fit.x, fit.error, "o", markersize=5, markerfacecolor="white", markeredgecolor=colour, linestyle="none")
+    ax.plot(
+        fit.x, fit.error, "o", markersize=5, markerfacecolor="white", markeredgecolor=colour, linestyle="none"
+    )
     ax.plot(fit.x[fit.used], fit.error[fit.used], "o", markersize=5, color=colour, linestyle="none")
     if fit.used.any():
         x = fit.x[fit.used]
@@ -154,7 +178,11 @@ def _slope(ax: Any, fit: Fit, colour: str) -> None:
         ax.plot(ends, 10**level * ends**fit.rule.expected, color=GREY, linewidth=1.0, zorder=1)
     log_scale(ax, float(fit.error.min()), float(fit.error.max()))
     words = WORDS[fit.rule.quantity]
-    ax.set_title(f"{fit.rule.line}\n{words}: slope {fit.slope:.3f}, expected {fit.rule.expected:g}", size=8.5, loc="left")
+    ax.set_title(
+        f"{fit.rule.line}\n{words}: slope {fit.slope:.3f}, expected {fit.rule.expected:g}",
+        size=8.5,
+        loc="left",
+    )
     ax.set_xlabel(fit.name, size=8.5, labelpad=2)
     ax.tick_params(length=3, labelsize=8)
 

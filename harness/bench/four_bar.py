@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.bench.case import Case
-from screwgauge.bench.contestant import Contestant, Outcome, Task
+from screwgauge.bench.contestant import Contestant, Outcome, Task, count
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Values
 
@@ -22,7 +22,7 @@ _NAME = "joint_acceleration"
 def contestants(quick: bool) -> list[Contestant]:
     """The default settings, and the smallest that cure them."""
     settings = [(0.0, 1, "default: mu = 0, 1 iteration"), (1e-10, 1, ""), (1e-10, 2, "")]
-    return [_contestant(mu, k, text or f"mu = {mu:g}, {k} iteration{'s' * (k > 1)}") for mu, k, text in settings]
+    return [_contestant(mu, k, text or f"mu = {mu:g}, {count(k, 'iteration')}") for mu, k, text in settings]
 
 
 def _contestant(mu: float, iterations: int, text: str) -> Contestant:
@@ -38,7 +38,10 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
 
         def call() -> Array:
             return np.array(
-                [pin.constraintDynamics(model, data, q[i], v[i], tau, models, datas, settings) for i in range(n)]
+                [
+                    pin.constraintDynamics(model, data, q[i], v[i], tau, models, datas, settings)
+                    for i in range(n)
+                ]
             )
 
         def read(array: Array) -> dict[str, Outcome]:
@@ -48,7 +51,9 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
         return Task(call, read, n, hint)
 
     covers = "from given q, v and torque: pin.constraintDynamics sample by sample, on a planar four-bar"
-    return Contestant(f"planar four-bar closed by a 3D contact, {text}", (_NAME,), covers, prepare, drawn=False)
+    return Contestant(
+        f"planar four-bar closed by a 3D contact, {text}", (_NAME,), covers, prepare, drawn=False
+    )
 
 
 def _model() -> tuple[Any, Any, Any, Any]:

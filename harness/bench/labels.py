@@ -9,10 +9,25 @@ import numpy as np
 
 SIZE = 7.5  # points
 _LETTER, _LINE = 0.60, 1.25  # widths and heights of letters, in sizes
-_PLACES = ((8, 0), (-8, 0), (0, 9), (0, -9), (8, 8), (8, -8), (-8, 8), (-8, -8), (12, 14), (12, -14), (-12, 14), (-12, -14))
+_PLACES = (
+    (8, 0),
+    (-8, 0),
+    (0, 9),
+    (0, -9),
+    (8, 8),
+    (8, -8),
+    (-8, 8),
+    (-8, -8),
+    (12, 14),
+    (12, -14),
+    (-12, 14),
+    (-12, -14),
+)
 
 
-def place(ax: Any, wanted: Sequence[tuple[float, float, str, str]], points: Sequence[tuple[float, float]]) -> int:
+def place(
+    ax: Any, wanted: Sequence[tuple[float, float, str, str]], points: Sequence[tuple[float, float]]
+) -> int:
     """Writes labels where there is room for them.
 
     Args:

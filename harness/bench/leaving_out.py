@@ -53,13 +53,21 @@ def trials(engines: Sequence[str]) -> list[Trial]:
     """All rows of some engines; the first of each engine is everything."""
     found = []
     for engine in engines:
-        found += [Trial(engine, "", EVERYTHING, _problem(engine, frozenset(QUANTITIES))), *_depth(engine), *_absent(engine)]
+        found += [
+            Trial(engine, "", EVERYTHING, _problem(engine, frozenset(QUANTITIES))),
+            *_depth(engine),
+            *_absent(engine),
+        ]
         if engine != "screw":
             found += _parts(engine)
             everything = frozenset(QUANTITIES)
             # joint forces of another tree are other forces
             same = everything - {"tree_force", "tree_force_soft"}
-            found.append(Trial(engine, "cut", "full cut instead of minimal", _problem(f"{engine}-full", everything), same))
+            found.append(
+                Trial(
+                    engine, "cut", "full cut instead of minimal", _problem(f"{engine}-full", everything), same
+                )
+            )
     return found
 
 
@@ -95,7 +103,9 @@ def _parts(engine: str) -> list[Trial]:
             write_models(case.scene.mechanism, folder, gravity=case.scene.gravity, include=whole)
             bare = case.problem(engine, tuple(QUANTITIES))
             name = stem(case.scene.mechanism.name, "minimal")
-            return replace(bare, model=folder / f"{name}{bare.model.suffix}", loops=folder / f"{name}.loops.toml")
+            return replace(
+                bare, model=folder / f"{name}{bare.model.suffix}", loops=folder / f"{name}.loops.toml"
+            )
 
         return make
 

@@ -25,7 +25,11 @@ def report_markdown(bench: Bench, plots: Sequence[Plot]) -> str:
         "\n".join(f"- {note}" for note in bench.notes),
         READ,
         "## Error against run time",
-        *(f"![{cell(plot.title)}](plots/{plot.name}.svg)" for plot in plots if not plot.name.endswith("slopes")),
+        *(
+            f"![{cell(plot.title)}](plots/{plot.name}.svg)"
+            for plot in plots
+            if not plot.name.endswith("slopes")
+        ),
         "## Time to reach an error",
         "Quickest setting of each family, run time for each sample delivered; † starts from given joint motion.",
         *_reach(bench),
@@ -56,16 +60,22 @@ def headline(bench: Bench) -> str:
     parts = [f"{len(bench.rows)} rows in {len(families)} families on scene {bench.scene.name}."]
     table = reach(bench.rows)
     for quantity in ("joint_acceleration", "actuator_force"):
-        here = table[(table["quantity"] == quantity) & (table["error"] == 1e-9) & ~table["given"].astype(bool)]
+        here = table[
+            (table["quantity"] == quantity) & (table["error"] == 1e-9) & ~table["given"].astype(bool)
+        ]
         if len(here):
             best = here.iloc[0]
             seconds = duration(best["seconds_per_sample"])
-            parts.append(f"Nine digits of {WORDS[quantity]} are cheapest with {best['contestant']}: {seconds} a sample.")
+            parts.append(
+                f"Nine digits of {WORDS[quantity]} are cheapest with {best['contestant']}: {seconds} a sample."
+            )
     good = sum(fit.ok for fit in bench.fits)
     if bench.fits:
         parts.append(f"{good} of {len(bench.fits)} slopes are as expected.")
     if failed:
-        parts.append(f"{len(failed)} rows failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}.")
+        parts.append(
+            f"{len(failed)} rows failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}."
+        )
     if cut or (bench.leaving_out["status"] == CUT).any():
         names = listed(dict.fromkeys(r.contestant.name for r in cut)) or "what leaving out buys"
         parts.append(f"The budget of {number(bench.plan.budget)} s cut short: {names}.")
@@ -111,7 +121,14 @@ def _slopes(bench: Bench) -> str:
     if not bench.fits:
         return "None of the contestants has an expected slope."
     body = [
-        [r["family"], r["parameter"], WORDS[r["quantity"]], number(r["expected"]), number(r["fitted"], 4), tick(r["ok"])]
+        [
+            r["family"],
+            r["parameter"],
+            WORDS[r["quantity"]],
+            number(r["expected"]),
+            number(r["fitted"], 4),
+            tick(r["ok"]),
+        ]
         for r in rows(slope_table(bench.fits))
     ]
     return markdown_table(["family", "varied", "quantity", "expected", "fitted", "within 10 %"], body, (3, 4))
@@ -121,7 +138,9 @@ def _failures(bench: Bench) -> str:
     bad = [row for row in bench.rows if row.status in (FAILED, CUT)]
     if not bad:
         return "Nothing."
-    body = [[r.contestant.name, r.contestant.setting, WORDS.get(r.quantity, ""), r.status, r.reason] for r in bad]
+    body = [
+        [r.contestant.name, r.contestant.setting, WORDS.get(r.quantity, ""), r.status, r.reason] for r in bad
+    ]
     return markdown_table(["contestant", "setting", "quantity", "status", "reason"], body)
 
 
@@ -144,7 +163,17 @@ def _leaving(table: pd.DataFrame) -> list[str]:
 
 
 def _all(table: Sequence[Row]) -> str:
-    head = ["family", "contestant", "setting", "quantity", "max scaled", "rms scaled", "time", "samples", "status"]
+    head = [
+        "family",
+        "contestant",
+        "setting",
+        "quantity",
+        "max scaled",
+        "rms scaled",
+        "time",
+        "samples",
+        "status",
+    ]
     body = [
         [
             row.contestant.family,

@@ -12,7 +12,17 @@ from screwgauge.bench.contestant import NOTHING, Contestant
 from screwgauge.formatting import digits
 
 COLUMNS = [
-    *("family", "contestant", "setting", "quantity", "max_scaled", "rms_scaled", "digits", "time_s", "n_sample"),
+    *(
+        "family",
+        "contestant",
+        "setting",
+        "quantity",
+        "max_scaled",
+        "rms_scaled",
+        "digits",
+        "time_s",
+        "n_sample",
+    ),
     *("covers", "status", "reason"),
 ]
 TIMING_COLUMNS = ["contestant", "setting", "quantity", "rounds", "n_sample", "min_s", "median_s", "covers"]
@@ -100,7 +110,9 @@ def reach(rows: Sequence[Row]) -> pd.DataFrame:
             best: dict[str, Row] = {}
             for row in here:
                 family = row.contestant.family
-                if row.max_scaled <= level and (family not in best or row.per_sample < best[family].per_sample):
+                if row.max_scaled <= level and (
+                    family not in best or row.per_sample < best[family].per_sample
+                ):
                     best[family] = row
             for family, row in sorted(best.items(), key=lambda item: item[1].per_sample):
                 c = row.contestant
