@@ -10,6 +10,8 @@ from screwgauge.bench.contestant import Contestant
 from screwgauge.reference.errors import check_choice
 
 _HERE = "screwgauge.bench"
+#: Chooses the table of what leaving out buys; it is no contestant.
+LEAVING_OUT = "leaving-out"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,8 @@ REGISTRY = (
 
 
 def names() -> list[str]:
-    """Everything that `choose` understands: families, then contestants."""
-    return list(dict.fromkeys([*(e.family for e in REGISTRY), *(e.name for e in REGISTRY)]))
+    """Everything that `choose` understands: families, contestants, and what leaving out buys."""
+    return list(dict.fromkeys([*(e.family for e in REGISTRY), *(e.name for e in REGISTRY), LEAVING_OUT]))
 
 
 def choose(wanted: Iterable[str] | None) -> tuple[Entry, ...]:

@@ -16,7 +16,7 @@ from screwgauge.bench import leaving_out, slopes, timing
 from screwgauge.bench.case import Case, make_case
 from screwgauge.bench.contestant import NOTHING, Contestant, Task
 from screwgauge.bench.journal import Journal, stamp
-from screwgauge.bench.registry import Entry, choose, load
+from screwgauge.bench.registry import LEAVING_OUT, Entry, choose, load
 from screwgauge.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.bench.score import score
 from screwgauge.bench.threads import one_thread
@@ -36,7 +36,7 @@ class Plan:
     quick: bool
 
 
-FULL = Plan(samples=201, rounds=7, budget=480.0, quick=False)
+FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
 QUICK = Plan(samples=41, rounds=3, budget=40.0, quick=True)
 
 
@@ -91,7 +91,7 @@ def bench(
     """Measures errors and run times of contestants on a scene.
 
     Args:
-        contestants: Families or contestants; all by default.
+        contestants: Families, contestants, ``leaving-out``; all by default.
         journal: File that keeps finished pieces; a bench that is complete removes it.
         progress: Called as work goes on.
         clock: Nanoseconds; another one in tests.
@@ -99,12 +99,12 @@ def bench(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
-    entries, here = choose(contestants), environment()
+    wanted = None if contestants is None else list(contestants)
+    entries, here = choose(wanted), environment()
     here = {**here, "one_thread": one_thread()}
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
     kept = Journal(journal, stamp(scene, here, plan.quick))
-    families = {entry.family for entry in entries}
-    trials = leaving_out.trials([name for name in leaving_out.ENGINES if name in families])
+    trials = leaving_out.trials(leaving_out.ENGINES) if wanted is None or LEAVING_OUT in wanted else []
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         case = make_case(scene, Path(folder), samples=plan.samples, quick=plan.quick)

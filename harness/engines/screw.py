@@ -21,7 +21,6 @@ from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
 
-
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
 
