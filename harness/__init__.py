@@ -11,9 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from screwgauge.driver import run
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.results import Results
-    from screwgauge.driver import run
     from screwgauge.scene import Scene, load_scene
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run"]

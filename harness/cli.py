@@ -145,10 +145,10 @@ def _models(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from screwgauge.driver import run
     from screwgauge.progress import Line
+    from screwgauge.report.summary import summary_text
+    from screwgauge.report.terminal import format_terminal
+    from screwgauge.report.write import check_writable
     from screwgauge.scene import load_scene
-    from screwgauge.summary import summary_text
-    from screwgauge.terminal import format_terminal
-    from screwgauge.write import check_writable
 
     scene = load_scene(options.scene)
     out = options.out or Path("screwgauge-out") / scene.name

@@ -53,8 +53,10 @@ def compare(
             if a.values[quantity].components != b.values[quantity].components:
                 pairs.append(_incomparable(scene, quantity, a, b))
                 continue
-            for unit in dict.fromkeys(a.values[quantity].units):
-                rows = list(_components(scene, quantity, unit, a, b, scales[unit], mobility))
+            reference = _reference(solutions, a.values[quantity], quantity)
+            for unit in dict.fromkeys(reference.units):
+                scale = reference_scale(reference, unit, scales[unit])
+                rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     pairs.append(_pair(compared))
@@ -68,6 +70,12 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not quantity.startswith("tree_force") or not (names[0] < names[1] or names[1] < names[0])
 
 
+def _reference(solutions: Mapping[str, Solution], like: Values, quantity: str) -> Values:
+    """The values of the first engine of the run that has these components: one scale for all pairs."""
+    found = (s.values[quantity] for s in solutions.values() if quantity in s.values)
+    return next(values for values in found if values.components == like.components)
+
+
 def reference_scale(values: Values, unit: str, floor: float) -> float:
     """S of the scaled error: the largest magnitude of the reference in this unit, at least 1e-6 S0."""
     columns = [i for i, u in enumerate(values.units) if u == unit]
@@ -76,10 +84,9 @@ def reference_scale(values: Values, unit: str, floor: float) -> float:
 
 
 def _components(
-    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, floor: float, mobility: Mobility
+    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, scale: float, mobility: Mobility
 ) -> Iterator[dict[str, Any]]:
     first, second = a.values[quantity], b.values[quantity]
-    scale = reference_scale(first, unit, floor)
     derived = max(a.tolerances.get(quantity, 0.0), b.tolerances.get(quantity, 0.0)) / scale
     tolerance = scene.tolerance(quantity) + derived
     ruled = QUANTITIES[quantity].ruled

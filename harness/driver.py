@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -17,6 +17,7 @@ from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_scene
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.mobility import Mobility
 from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
@@ -61,9 +62,6 @@ def run(
     progress("comparison", 0.0)
     errors, pairs = compare(scene, solutions, failures, mobility)
     judged = [judge(scene, solution) for solution in solutions.values()]
-    facts = {
-        key: value for key, value in asdict(mobility).items() if key not in ("names", "unique", "determined")
-    }
     return Results(
         scene=scene,
         solutions=solutions,
@@ -71,9 +69,24 @@ def run(
         errors=errors,
         pairs=pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
-        mobility=facts,
+        mobility=_facts(mobility),
         environment=environment(),
     )
+
+
+def _facts(found: Mobility) -> dict[str, object]:
+    """Counts for the report, and which forces are unique whatever the rule."""
+    counts = {
+        "moving bodies": found.bodies,
+        "joint freedoms": found.joint_freedoms,
+        "kutzbach": found.kutzbach,
+        "mobility": found.mobility,
+        "constraint components": found.constraints,
+        "their rank": found.constraint_rank,
+        "overconstraints": found.overconstraints,
+        "actuation redundancy": found.actuation_redundancy,
+    }
+    return {**counts, "unique forces": dict(zip(found.names, found.unique, strict=True))}
 
 
 def _solve(

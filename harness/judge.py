@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
+from screwgauge.balance import newton_euler, power_balance, required_wrenches, virtual_work
 from screwgauge.kinetics import Moving, walk
 from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, vee
+from screwgauge.residual import Residual
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution, Values
 
@@ -20,17 +18,6 @@ COLUMNS = [
     *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
     *("tolerance", "ok", "reason"),
 ]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Residual:
-    """A residual over time: `values` (n, m) against `scale`, one number or one for each component (m,)."""
-
-    name: str
-    unit: str
-    components: Sequence[str]
-    values: Array
-    scale: float | Array
 
 
 def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.DataFrame:
@@ -52,14 +39,15 @@ def residuals(scene: Scene, solution: Solution) -> list[Residual]:
     qdd = have["joint_acceleration"].array if "joint_acceleration" in have else zero
     tree = spanning_tree(scene.mechanism)
     bodies, closed = walk(scene.mechanism, tree, q, qd, qdd)
-    found = _loops(scene, solution, bodies, closed)
+    found = _loops(scene, solution, bodies, closed) + _body_motions(scene, solution, bodies)
     forces = {"body_angular_velocity", "body_angular_acceleration", "com_acceleration", "actuator_force"}
     if forces <= set(have):
-        required, largest = _required(scene, solution, bodies)
+        required, largest = required_wrenches(scene, solution, bodies)
         if "reaction" in have:
-            found += _newton_euler(scene, solution, bodies, required, largest)
+            found += newton_euler(scene, solution, bodies, required, largest)
         if "joint_velocity" in have:
-            found.append(_power(scene, solution, bodies, required))
+            found.append(power_balance(scene, solution, bodies, required))
+        found += virtual_work(scene, solution, required)
     return found
 
 
@@ -97,6 +85,29 @@ def _loops(scene: Scene, solution: Solution, bodies: list[Moving], closed: list[
     return found
 
 
+def _body_motions(scene: Scene, solution: Solution, bodies: list[Moving]) -> list[Residual]:
+    """Reported motions of the bodies less those that follow from the reported joint coordinates."""
+    moving = list(zip(scene.mechanism.bodies, bodies[1:], strict=True))
+    known = {
+        "body_angular_velocity": ({"joint_velocity"}, [at.w for _, at in moving]),
+        "body_angular_acceleration": ({"joint_velocity", "joint_acceleration"}, [at.b for _, at in moving]),
+        "com_acceleration": (
+            {"joint_velocity", "joint_acceleration"},
+            [at.shifted(at.R @ body.com).a for body, at in moving],
+        ),
+    }
+    found = []
+    for quantity, (needs, expected) in known.items():
+        if quantity in solution.values and needs <= set(solution.values):
+            values = solution.values[quantity]
+            unit = values.units[0]
+            size = float(np.nanmax(np.abs(values.array), initial=0.0))
+            scale = max(size, 1e-6 * natural_scales(scene.mechanism)[unit])
+            difference = values.array - np.concatenate(expected, axis=1)
+            found.append(Residual("body_motion", unit, values.components, difference, scale))
+    return found
+
+
 def _largest(values: Values, unit: str, L: float) -> float:
     """Largest rate in a unit, one of the other kind being turned into it by the length L [m]."""
     sizes = [0.0]
@@ -115,119 +126,9 @@ def _gap(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
     return via.b - tree.b, via.a - tree.a
 
 
-def _required(
-    scene: Scene, solution: Solution, bodies: list[Moving]
-) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Force and moment about the centre of mass that joints must exert, and the largest term in each.
-
-    From the engine's own body motions; only the attitudes come from its joint coordinates.
-
-    Returns:
-        (F, T), shape (n, n_body, 3) each; and (largest force, largest moment), shape (n_body,) each.
-    """
-    mechanism = scene.mechanism
-    shape = len(scene.motion), len(mechanism.bodies), 3
-    w, b, a = (
-        solution.values[name].array.reshape(shape)
-        for name in ("body_angular_velocity", "body_angular_acceleration", "com_acceleration")
-    )
-    F, T = np.empty(shape), np.empty(shape)
-    sizes_F, sizes_T = np.zeros(shape[1]), np.zeros(shape[1])
-    for i, body in enumerate(mechanism.bodies):
-        R = bodies[i + 1].R
-        J = R @ body.inertia @ R.swapaxes(1, 2)
-        terms_F = [body.mass * a[:, i], np.tile(-body.mass * scene.gravity, (shape[0], 1))]
-        terms_T = [(J @ b[:, i, :, None])[..., 0], np.cross(w[:, i], (J @ w[:, i, :, None])[..., 0])]
-        for load in scene.loads:
-            if load.body == body.name:
-                terms_F.append(np.tile(-load.force, (shape[0], 1)))
-                terms_T.append(np.tile(-load.torque, (shape[0], 1)))
-                if load.point is not None:
-                    terms_T.append(-np.cross(R @ (load.point - body.com), load.force))
-        F[:, i], T[:, i] = sum(terms_F), sum(terms_T)
-        sizes_F[i], sizes_T[i] = (
-            max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T)
-        )
-    return (F, T), (sizes_F, sizes_T)
-
-
-def _newton_euler(
-    scene: Scene,
-    solution: Solution,
-    bodies: list[Moving],
-    required: tuple[Array, Array],
-    largest: tuple[Array, Array],
-) -> list[Residual]:
-    """What the reported reactions and actuator forces leave over of the balance of each body."""
-    mechanism, index = scene.mechanism, scene.mechanism.body_index
-    F, T = -required[0], -required[1]
-    largest_F, largest_T = largest[0].copy(), largest[1].copy()
-    joints = mechanism.joints
-    parts = reaction_components(
-        joints,
-        [bodies[index[joint.parent]].R for joint in joints],
-        [bodies[index[joint.child]].R for joint in joints],
-        [bodies[index[joint.child]].p for joint in joints],
-    )
-    com = [moving.p + moving.R @ body.com for moving, body in zip(bodies[1:], mechanism.bodies, strict=True)]
-    for joint_at, f, m, point in _exerted(scene, solution, bodies, parts):
-        for side, sign in ((joints[joint_at].child, 1.0), (joints[joint_at].parent, -1.0)):
-            i = index[side] - 1
-            if i >= 0:
-                moment = m + np.cross(point - com[i], f)
-                F[:, i] += sign * f
-                T[:, i] += sign * moment
-                largest_F[i] = max(largest_F[i], float(np.nanmax(np.abs(f), initial=0.0)))
-                largest_T[i] = max(largest_T[i], float(np.nanmax(np.abs(moment), initial=0.0)))
-    scales = natural_scales(mechanism)
-    found = []
-    for values, unit, label, size in ((F, "N", "f", largest_F), (T, "N m", "m", largest_T)):
-        names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
-        scale = np.repeat(np.maximum(size, 1e-6 * scales[unit]), 3)
-        found.append(Residual("newton_euler", unit, names, values.reshape(len(F), -1), scale))
-    return found
-
-
-def _exerted(
-    scene: Scene, solution: Solution, bodies: list[Moving], parts: Reactions
-) -> list[tuple[int, Array, Array, Array]]:
-    """(joint, force, moment, point) of every reaction component and every actuator, parent on child."""
-    mechanism = scene.mechanism
-    reaction, driving = solution.values["reaction"], solution.values["actuator_force"]
-    found = []
-    for k, name in enumerate(parts.names):
-        value = reaction.array[:, [reaction.components.index(name)]]
-        found.append(
-            (parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k])
-        )
-    for k, joint in enumerate(mechanism.actuators):
-        moving = bodies[mechanism.body_index[joint.child]]
-        direction = moving.R @ (joint.child_frame.R @ joint.axes[0])
-        value, none = direction * driving.array[:, [k]], np.zeros_like(direction)
-        point = moving.p + moving.R @ joint.child_frame.p
-        turns = joint.kind == "R"
-        found.append(
-            (mechanism.joints.index(joint), none if turns else value, value if turns else none, point)
-        )
-    return found
-
-
-def _power(scene: Scene, solution: Solution, bodies: list[Moving], required: tuple[Array, Array]) -> Residual:
-    """Power of the actuators less what motion, gravity and loads take up."""
-    mechanism = scene.mechanism
-    columns = mechanism.actuated_columns
-    given = np.sum(
-        solution.values["actuator_force"].array * solution.values["joint_velocity"].array[:, columns], axis=1
-    )
-    taken = np.zeros_like(given)
-    for i, (body, moving) in enumerate(zip(mechanism.bodies, bodies[1:], strict=True)):
-        velocity = moving.v + np.cross(moving.w, moving.R @ body.com)
-        taken += np.sum(required[0][:, i] * velocity + required[1][:, i] * moving.w, axis=1)
-    scale = max(float(np.nanmax(np.abs(given), initial=0.0)), 1e-6 * natural_scales(mechanism)["W"])
-    return Residual("power_balance", "W", ["all actuators"], (given - taken)[:, None], scale)
-
-
 def _row(engine: str, residual: Residual, t: Array, tolerance: float) -> dict[str, object]:
+    """The worst of a residual: how large, where, when."""
+    t = t if residual.t is None else residual.t
     scaled = np.abs(residual.values) / residual.scale
     bad = ~np.isfinite(scaled)
     i, k = divmod(int(np.argmax(np.where(bad, np.inf, scaled))), scaled.shape[1])

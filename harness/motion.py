@@ -34,7 +34,9 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     if isinstance(table, dict) and "csv" in table:
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
-            raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
+            raise DescriptionError(
+                f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes"
+            )
         return _sampled(folder / table["csv"], labels)
     check_keys(table, labels, where)
     terms = {label: _terms(required(table, label, where), f"{where}.{label}") for label in labels}
@@ -45,7 +47,9 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         finite = np.isfinite(np.concatenate([motion.y, motion.yd, motion.ydd], axis=1)).all(axis=1)
         if not finite.all():
             late = t[np.argmin(finite)]
-            raise DescriptionError(f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion")
+            raise DescriptionError(
+                f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion"
+            )
         return motion
 
     return drive, None
@@ -79,44 +83,60 @@ def _analytic(terms: Mapping[str, tuple[Array, Array]], t: Array) -> Motion:
     return Motion(t, y, yd, ydd)
 
 
-def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
-    """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
+def _sample(text: Any) -> float:
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def _columns(path: Path, wanted: list[str]) -> dict[str, Array]:
+    """The wanted columns of a CSV file, read to the last bit and finite. Shape (n,) each."""
     import pandas as pd
 
     try:
-        data = pd.read_csv(path, float_precision="round_trip")
+        data = pd.read_csv(path, dtype=str, keep_default_na=False)
     except (OSError, ValueError) as error:
         raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
-    wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
-    if len(set(wanted)) < len(wanted):
-        raise DescriptionError(f"columns {', '.join(wanted)} share a name", str(path), "label the coordinates otherwise")
     if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
         raise DescriptionError("the rows have more fields than the header", str(path), "name every column")
+    columns: dict[str, Array] = {}
     for column in wanted:
         if column not in data.columns:
-            raise DescriptionError(
-                f"column '{column}' is missing", str(path), f"give all of {', '.join(wanted)} (derivatives are required)"
-            )
-        values = pd.to_numeric(data[column], errors="coerce").to_numpy(dtype=float)
-        if data[column].dtype == bool:  # True and False are no samples
-            values = np.full(len(data), np.nan)
+            names = f"give all of {', '.join(wanted)} (derivatives are required)"
+            raise DescriptionError(f"column '{column}' is missing", str(path), names)
+        if f"{column}.1" in data.columns:  # what pandas makes of a second one
+            raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
+        columns[column] = values = np.array([_sample(text) for text in data[column]], dtype=float)
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
         if bad.size:
-            raise DescriptionError(
-                f"column '{column}' is not a finite number in data row {bad[0] + 1}", str(path), "complete the samples"
-            )
-        data[column] = values
-    t = data["t"].to_numpy(dtype=float)
-    if not len(t) or (np.diff(t) <= 0).any():
+            what = f"column '{column}' is not a finite number in data row {bad[0] + 1}"
+            raise DescriptionError(what, str(path), "complete the samples")
+    return columns
+
+
+def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
+    """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
+    wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
+    if len(set(wanted)) < len(wanted):
+        what = f"columns {', '.join(wanted)} share a name"
+        raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
+    columns = _columns(path, wanted)
+    t = columns["t"]
+    if not len(t):
+        raise DescriptionError("has no samples", str(path), "write at least one row below the header")
+    if (np.diff(t) <= 0).any():
         raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
-    arrays = [data[[f"{label}{order}" for label in labels]].to_numpy(dtype=float) for order in ("", "d", "dd")]
+    arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
 
     def drive(times: Array) -> Motion:
         rows = np.searchsorted(t, times).clip(max=len(t) - 1)
         wrong = np.flatnonzero(t[rows] != times)
         if wrong.size:
             raise DescriptionError(
-                f"has no sample at t = {times[wrong[0]]:g} s", str(path), "ask for times of the file; none are interpolated"
+                f"has no sample at t = {times[wrong[0]]:g} s",
+                str(path),
+                "ask for times of the file; none are interpolated",
             )
         return Motion(times.copy(), *(array[rows].copy() for array in arrays))
 

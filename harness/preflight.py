@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
+from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import closure_system, positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
@@ -16,6 +16,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
 
 PART = 2048
+FARTHEST = 1000.0  # [rad or m]: takes ten thousand steps of `continuation.STEP`, seconds
 
 
 def check_home(mechanism: Mechanism) -> Layout:
@@ -48,23 +49,40 @@ def check_scene(scene: Scene) -> Mobility:
         ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
     """
     lay = check_home(scene.mechanism)
+    _check_jumps(scene)
     before: tuple[float, float] | None = None
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
         at = positions(lay, motion.y, motion.t)
-        _check_limits(scene, at, motion.t)
+        _check_limits(scene, at, motion.t, motion.y)
         before = _check_regular(lay, at, motion.t, motion.y, before)
     return _mobility(lay, scene)
 
 
-def _check_limits(scene: Scene, at: Pose, t: Array) -> None:
+def _check_jumps(scene: Scene) -> None:
+    """Poses are found by following the motion; from one sample to the next it must not go round the world."""
+    motion, mechanism = scene.motion, scene.mechanism
+    way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
+    far = np.flatnonzero(np.abs(way).max(axis=1, initial=0.0) > FARTHEST)
+    if far.size:
+        i = far[0]
+        raise DescriptionError(
+            f"the motion jumps to {_describe(mechanism, motion.y[i])}, "
+            f"farther than {FARTHEST:g} rad or m from the sample or home pose before",
+            f"t = {motion.t[i]:g} s",
+            "check its units or take shorter steps",
+        )
+
+
+def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
     low, high = scene.mechanism.limits.T
     beyond = (at.q < low) | (at.q > high)
     if beyond.any():
         i, k = np.argwhere(beyond)[0]
         name, unit = scene.mechanism.coordinates[k], scene.mechanism.units[k]
         raise JointLimitError(
-            f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}]",
+            f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}] "
+            f"at {_describe(scene.mechanism, y[i])}",
             f"t = {t[i]:g} s",
             "shorten the motion or widen the limits",
         )
@@ -80,7 +98,7 @@ def _check_regular(
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
-            f"the pose {_describe(lay, y[i])} is singular (condition {condition[i]:.1e})",
+            f"the pose {_describe(lay.mechanism, y[i])} is singular (condition {condition[i]:.1e})",
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )
@@ -94,15 +112,16 @@ def _check_regular(
     if change.size:
         i = change[0]
         raise SingularPoseError(
-            f"the motion passes through a singular pose near {_describe(lay, y[i + 1])} (the determinant changes sign)",
+            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i + 1])} "
+            "(the determinant changes sign)",
             f"between t = {times[i]:g} s and {times[i + 1]:g} s",
             "keep the motion away from it",
         )
     return float(sign[-1]), float(times[-1])
 
 
-def _describe(lay: Layout, y: Array) -> str:
-    return ", ".join(f"{label} = {value:.6g}" for label, value in zip(lay.mechanism.independent, y, strict=True))
+def _describe(mechanism: Mechanism, y: Array) -> str:
+    return ", ".join(f"{label} = {value:.6g}" for label, value in zip(mechanism.independent, y, strict=True))
 
 
 def _mobility(lay: Layout, scene: Scene) -> Mobility:

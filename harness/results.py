@@ -83,6 +83,6 @@ class Results:
         Raises:
             OutputError: The folder cannot be written.
         """
-        from screwgauge.write import write_results
+        from screwgauge.report.write import write_results
 
         return write_results(self, Path(out), samples=samples)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from screwgauge.engines import check_engines
-from screwgauge.figures import Figure
 from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
 from screwgauge.motion import Drive, read_drive
 from screwgauge.quantities import QUANTITIES, check_quantities
@@ -19,6 +18,7 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.report.figures import Figure
 from screwgauge.solution import Load, Motion
 
 FOLDER = Path(__file__).parent / "scenes"
@@ -178,19 +178,25 @@ def _times(values: list[Any], where: str) -> Array:
 def _check_count(n: float, where: str) -> None:
     if n > MOST:
         raise DescriptionError(
-            f"{n:.3g} samples are asked for, more than {MOST:.0e}", where, "take a longer step or a shorter duration"
+            f"{n:.3g} samples are asked for, more than {MOST:.0e}",
+            where,
+            "take a longer step or a shorter duration",
         )
 
 
 def _grid(table: Any, sampled: Array | None, where: str) -> Array:
     if table is None:
         if sampled is None:
-            raise DescriptionError("there is no time grid", where, "add [time] with duration and step, or times")
+            raise DescriptionError(
+                "there is no time grid", where, "add [time] with duration and step, or times"
+            )
         return sampled
     check_keys(table, {"duration", "step", "times"}, where)
     if "times" in table:
         if not isinstance(table["times"], list) or len(table) > 1:
-            raise DescriptionError("'times' is no list on its own", where, "write times = [...], or duration and step")
+            raise DescriptionError(
+                "'times' is no list on its own", where, "write times = [...], or duration and step"
+            )
         return _times(table["times"], f"{where}.times")
     duration = _positive(required(table, "duration", where), f"{where}.duration")
     step = _positive(required(table, "step", where), f"{where}.step")
@@ -226,7 +232,9 @@ def _models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     files = {engine: folder / _text(table, engine, where) for engine in table}
     for engine, file in files.items():
         if not is_file(file):
-            raise DescriptionError(f"model file '{file}' of {engine} does not exist", where, "check the path")
+            raise DescriptionError(
+                f"model file of {engine} does not exist ('{file}')", where, "check the path"
+            )
     return files
 
 

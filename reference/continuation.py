@@ -25,6 +25,7 @@ ROUNDING = 4 * linear.EPS
 OPEN = 1e-10
 STEP = 0.1  # [rad or m]: Newton from a first-order prediction this far away converges in two or three steps
 SMALLEST = 1e-5
+LONGEST = 1e3  # what is further away is not reached by following a path
 
 
 def newton(evaluate: Evaluation, q: Array, y: Array, *, most: int = 60) -> tuple[Array, Array, Array]:
@@ -128,9 +129,14 @@ def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array)
 
 def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array, t: float) -> tuple[Array, Array]:
     """Walks on a straight line from y to target, halving the step where the correction fails."""
-    done, step = 0.0, 1.0
     length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
-    step = min(1.0, STEP / length)
+    if not length <= LONGEST:
+        raise ClosureError(
+            f"the motion jumps by {length:.3g} (rad or m) from one sample to the next",
+            f"t = {t:g} s",
+            "give samples closer to each other",
+        )
+    done, step = 0.0, min(1.0, STEP / length)
     while done < 1.0:
         reach = min(1.0, done + step)
         goal = y + reach * (target - y)

@@ -61,7 +61,9 @@ def test_what_is_no_path_is_an_unknown_mechanism(name):
         load_mechanism(name)
 
 
-@pytest.mark.parametrize("text", ["mass = = 2", "[bodies", "a = 1\na = 2", "x = " + "[" * 20000, "x = " + "1" * 5000])
+@pytest.mark.parametrize(
+    "text", ["mass = = 2", "[bodies", "a = 1\na = 2", "x = " + "[" * 20000, "x = " + "1" * 5000]
+)
 def test_toml_syntax_error_names_the_file(text, rod, refused):
     said = refused("run", rod("mass = 2", text))
     assert "rod.toml: " in said
@@ -83,7 +85,12 @@ def test_binary_file_is_refused(tmp_path, refused):
         ("mass = 2", "mass = 2\nmas = 3", "bodies.rod", "did you mean 'mass'?"),
         ("xx = 1", "xx = 1, zx = 0", "bodies.rod.inertia", "choose one of: xx, xy, xz, yy, yz, zz"),
         ('kind = "R"', 'kind = "R"\naxis = [0, 0, 1]', "joints.hinge", "did you mean 'axes'?"),
-        ('kind = "R"', 'kind = "R"\nparent_frame = { pos = [0, 0, 0] }', "joints.hinge.parent_frame", "position"),
+        (
+            'kind = "R"',
+            'kind = "R"\nparent_frame = { pos = [0, 0, 0] }',
+            "joints.hinge.parent_frame",
+            "position",
+        ),
         ('name = "rod"', 'name = "rod"\nspherical_axial = { join = "hinge" }', "spherical_axial", "'joint'"),
     ],
 )
@@ -153,14 +160,18 @@ def test_orthogonality_of_composite_axes_is_asked_for(changed_scene, refused):
     assert "joints.leg1.base: the axes of a composite joint are not orthogonal" in said
 
 
-@pytest.mark.parametrize("name", ["../rod", "a/b", "a b", "a@b", 'a"b', "a<b", "a\\nb", "a\\u0000", "-x", ".", " "])
+@pytest.mark.parametrize(
+    "name", ["../rod", "a/b", "a b", "a@b", 'a"b', "a<b", "a\\nb", "a\\u0000", "-x", ".", " "]
+)
 def test_a_name_that_cannot_stand_in_files_is_refused(name, rod, refused):
     text = name.replace('"', '\\"')
     assert "is not a name" in refused("run", rod('name = "rod"', f'name = "{text}"'))
     assert "is not a name" in refused("run", rod("", f'[bodies."{text}"]\nmass = 1\ninertia = {{}}'))
 
 
-@pytest.mark.parametrize("mass", ["0", "-1.5", "nan", "inf", "-inf", '"heavy"', "true", "[1]", "{}", '"0*1"', '"1e400"'])
+@pytest.mark.parametrize(
+    "mass", ["0", "-1.5", "nan", "inf", "-inf", '"heavy"', "true", "[1]", "{}", '"0*1"', '"1e400"']
+)
 def test_mass_that_is_not_positive_is_refused(mass, rod, refused):
     said = refused("run", rod("mass = 2", f"mass = {mass}"))
     assert "rod.toml, bodies.rod" in said
@@ -169,14 +180,21 @@ def test_mass_that_is_not_positive_is_refused(mass, rod, refused):
 
 @pytest.mark.parametrize(
     "inertia",
-    ["xx = -1e-3, yy = 1, zz = 1", "xx = 1, yy = 1, zz = 1, xy = 1.5", "xx = -1, yy = -1, zz = -1", "xy = 1e-3"],
+    [
+        "xx = -1e-3, yy = 1, zz = 1",
+        "xx = 1, yy = 1, zz = 1, xy = 1.5",
+        "xx = -1, yy = -1, zz = -1",
+        "xy = 1e-3",
+    ],
 )
 def test_inertia_that_is_not_positive_semidefinite_is_refused(inertia, rod, refused):
     said = refused("run", rod("xx = 1, yy = 1", inertia))
     assert "bodies.rod: inertia is not positive semidefinite" in said
 
 
-@pytest.mark.parametrize("inertia", ["xx = 1, yy = 1, zz = 3", "zz = 1", "xx = 0.5, yy = 0.5, zz = 1.00000000001"])
+@pytest.mark.parametrize(
+    "inertia", ["xx = 1, yy = 1, zz = 3", "zz = 1", "xx = 0.5, yy = 0.5, zz = 1.00000000001"]
+)
 def test_inertia_against_the_triangle_inequality_is_refused(inertia, rod, refused):
     said = refused("run", rod("xx = 1, yy = 1", inertia))
     assert "violate the triangle inequality" in said
@@ -186,7 +204,9 @@ def body(*moments: float) -> Body:
     return Body("b", 1.0, np.zeros(3), np.diag(moments))
 
 
-@pytest.mark.parametrize("moments", [(0, 0, 0), (0, 1, 1), (1e-9, 1e-9, 0), (1, 1, 2), (0.5, 0.5, 1.0), (1e9, 0, 1e9)])
+@pytest.mark.parametrize(
+    "moments", [(0, 0, 0), (0, 1, 1), (1e-9, 1e-9, 0), (1, 1, 2), (0.5, 0.5, 1.0), (1e9, 0, 1e9)]
+)
 def test_points_and_thin_rods_and_discs_are_legal(moments):
     assert body(*moments).mass == 1.0
 
@@ -206,11 +226,15 @@ def test_a_rod_turned_into_any_axes_stays_legal():
     from screwgauge.reference.rotations import rotation
 
     for angle in np.linspace(0.1, 3.0, 17):
-        R = rotation(np.array([0.6, 0.0, 0.8]), np.array(angle)) @ rotation(np.array([0.0, 1.0, 0.0]), np.array(2 * angle))
+        R = rotation(np.array([0.6, 0.0, 0.8]), np.array(angle)) @ rotation(
+            np.array([0.0, 1.0, 0.0]), np.array(2 * angle)
+        )
         Body("rod", 1.0, np.zeros(3), R @ np.diag([0.0, 1.0, 1.0]) @ R.T)
 
 
-@pytest.mark.parametrize("axis", ["[0, 2, 0]", "[0, 0, 0]", "[0, 0.999999999, 0]", '["1/sqrt(2)", 0.7071, 0]', "[1, 1, 0]"])
+@pytest.mark.parametrize(
+    "axis", ["[0, 2, 0]", "[0, 0, 0]", "[0, 0.999999999, 0]", '["1/sqrt(2)", 0.7071, 0]', "[1, 1, 0]"]
+)
 def test_an_axis_that_is_no_unit_vector_is_refused(axis, rod, refused):
     said = refused("run", rod("[[0, 1, 0]]", f"[{axis}]"))
     assert "joints.hinge.axes: axis" in said
@@ -248,11 +272,15 @@ def dependent(mechanism, pair: tuple[str, str]) -> bool:
     return linear.rank(rows) < G.shape[1]
 
 
-@pytest.mark.parametrize("pair", [("leg1.q1", "s.q1"), ("leg1.q2", "s.q2"), ("leg1.q3", "leg3.q3"), ("s.q3", "s.q1")])
+@pytest.mark.parametrize(
+    "pair", [("leg1.q1", "s.q1"), ("leg1.q2", "s.q2"), ("leg1.q3", "leg3.q3"), ("s.q3", "s.q1")]
+)
 def test_dependent_coordinates_are_refused(pair, paper, changed_scene, refused):
     assert dependent(paper, pair)
     said = refused("run", changed_scene(f'[independent]\na = "{pair[0]}"\nb = "{pair[1]}"'))
-    assert f"changed.toml, independent: the coordinates a = {pair[0]}, b = {pair[1]} are not independent" in said
+    assert (
+        f"changed.toml, independent: the coordinates a = {pair[0]}, b = {pair[1]} are not independent" in said
+    )
 
 
 @pytest.mark.parametrize("pair", [("s.q1", "s.q2"), ("leg1.q3", "leg2.q3")])
@@ -270,8 +298,10 @@ def test_too_many_independent_coordinates_are_refused(changed_scene, refused):
 
 
 def test_too_few_independent_coordinates_are_refused(rod, refused):
-    ball = rod('"R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0]]\nactuated = true',
-               '"U"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0], [1, 0, 0]]\ncoordinates = ["hinge", "x"]')  # fmt: skip
+    ball = rod(
+        '"R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0]]\nactuated = true',
+        '"U"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0], [1, 0, 0]]\ncoordinates = ["hinge", "x"]',
+    )
     assert "1 independent coordinates (a = hinge) for 2 degrees of freedom" in refused("run", ball)
 
 
@@ -291,7 +321,7 @@ def test_independent_coordinates_that_are_none_are_refused(entry, what, rod, ref
 
 @pytest.mark.parametrize("base", ['"rod.toml"', '"./rod.toml"', '"other.toml"'])
 def test_a_description_that_extends_itself_is_refused(base, rod, write, refused):
-    write("other.toml", 'extends = "../{}/rod.toml"'.format(rod().parent.name))
+    write("other.toml", f'extends = "../{rod().parent.name}/rod.toml"')
     assert "extends itself" in refused("run", rod('name = "rod"', f'name = "rod"\nextends = {base}'))
 
 
@@ -362,7 +392,8 @@ def test_what_is_no_text_and_no_number_is_refused(value):
 
 
 @pytest.mark.parametrize(
-    ("text", "value"), [("3*sqrt(3)/10", 0.3 * 3**0.5), ("-pi/6", -np.pi / 6), (" 2**-3 ", 0.125), ("1e-3", 1e-3)]
+    ("text", "value"),
+    [("3*sqrt(3)/10", 0.3 * 3**0.5), ("-pi/6", -np.pi / 6), (" 2**-3 ", 0.125), ("1e-3", 1e-3)],
 )
 def test_expressions_are_read(text, value):
     assert number(text, "") == pytest.approx(value, rel=1e-15)

@@ -29,15 +29,19 @@ def b_over_time(*coefficients: float) -> str:
 def test_a_joint_limit_is_enforced_with_time_pose_and_limits(changed_scene, refused):
     times = "time = { times = [0, 1, 2, 3] }"
     said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time=times))
-    found = re.search(r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said)
+    found = re.search(
+        r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said
+    )
     assert found, said
     assert not 0.55 <= float(found[2]) <= 0.62
-    assert int(found[1]) == 1  # the first sample beyond
+    assert int(found[1]) == 2  # the first sample beyond
     assert "shorten the motion or widen the limits" in said
 
 
 def test_the_limit_message_tells_the_pose(changed_scene, refused):
-    said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time="time = { times = [0, 2] }"))
+    said = refused(
+        "run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time="time = { times = [0, 2] }")
+    )
     assert "a = 0, b = 0.1" in said
 
 
@@ -46,7 +50,7 @@ def test_a_motion_within_the_limits_is_accepted(changed_scene):
 
 
 def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, refused):
-    limits = '[joints.s]\nlimits = [[-1, 1], [-1, 0.04], [-1, 1]]'
+    limits = "[joints.s]\nlimits = [[-1, 1], [-1, 0.04], [-1, 1]]"
     said = refused("run", changed_scene(limits))
     assert "t = 0 s: joint coordinate 's.q2' = 0.05 rad is beyond its limits [-1, 0.04]" in said
 
@@ -54,7 +58,9 @@ def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, re
 def test_a_motion_to_where_the_loops_cannot_close_is_refused(changed_scene, refused):
     motion = "motion = { a = { polynomial = [0.6, 2] }, b = { offset = 0.6 } }"
     said = refused("run", changed_scene(LENGTHS, motion=motion, time="time = { times = [0, 0.01, 1] }"))
-    assert said.startswith("screwgauge: t = 1 s: the loops cannot close beyond y = [") or "stay open by" in said
+    assert (
+        said.startswith("screwgauge: t = 1 s: the loops cannot close beyond y = [") or "stay open by" in said
+    )
     assert re.search(r"y = \[ *\d\.\d+ +0\.6", said), said
     assert "shorten the motion or check the geometry" in said
 
@@ -68,12 +74,13 @@ def test_a_loop_that_the_offset_mechanism_cannot_close_is_refused(paper_scene, r
             time="time = { duration = 3, step = 0.05 }",
         ),
     )
-    assert re.search(r"t = [\d.]+ s", said)
-    assert "closes" in said or "close" in said or "singular" in said
+    assert re.search(r"t = 0\.\d+ s: the loops (stay open by \S+ at|cannot close beyond) y = \[", said), said
 
 
 def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused):
-    said = refused("run", paper_scene(motion=b_over_time(0.3, 0.02), time="time = { duration = 5, step = 0.5 }"))
+    said = refused(
+        "run", paper_scene(motion=b_over_time(0.3, 0.02), time="time = { duration = 5, step = 0.5 }")
+    )
     assert "between t = 2.5 s and 3 s: the motion passes through a singular pose near a = 0, b = 0.36" in said
     assert "keep the motion away from it" in said
 
@@ -123,14 +130,22 @@ def test_reaching_a_singular_pose_and_turning_back_is_no_passage(paper_scene):
     check_scene(scene.at([-1, -0.5, 0, 0.5, 1]))
 
 
-@pytest.mark.parametrize("motion", [b_over_time(0, 0, 1e99), "motion = { a = { harmonics = [[1e100, 1e99, 1]] }, b = {} }",
-                                    "motion = { a = { harmonics = [[1e100, 1e100, 0], [1e99, 0, 1e100]] }, b = {} }"])  # fmt: skip
+@pytest.mark.parametrize(
+    "motion",
+    [
+        b_over_time(0, 0, 1e99),
+        "motion = { a = { harmonics = [[1e100, 1e99, 1]] }, b = {} }",
+        "motion = { a = { harmonics = [[1e100, 1e100, 0], [1e99, 0, 1e100]] }, b = {} }",
+    ],
+)
 def test_enormous_numbers_are_refused_without_warnings(motion, paper_scene, refused):
     refused("run", paper_scene(motion=motion, time='time = { times = [0, 1, "1e90"] }'))
 
 
 def test_a_motion_that_overflows_is_refused_with_the_time(paper_scene, refused):
-    said = refused("run", paper_scene(motion=b_over_time(0, 0, 0, 0, 1), time='time = { times = [0, "1e99"] }'))
+    said = refused(
+        "run", paper_scene(motion=b_over_time(0, 0, 0, 0, 1), time='time = { times = [0, "1e99"] }')
+    )
     assert "scene.toml, motion: grows beyond all numbers at t = 1e+99 s" in said
 
 
@@ -164,7 +179,9 @@ def test_a_missing_column_is_named(column, csv_scene, refused):
     assert "t, a, ad, add, b, bd, bdd (derivatives are required)" in said
 
 
-@pytest.mark.parametrize("value", ["nan", "NaN", "", "inf", "-inf", "x", "0;1", "1e400", "1e101", "__import__('os')"])
+@pytest.mark.parametrize(
+    "value", ["nan", "NaN", "", "inf", "-inf", "x", "0;1", "1e400", "1e101", "__import__('os')"]
+)
 def test_a_sample_that_is_no_finite_number_is_named_by_column_and_row(value, csv_scene, refused):
     lines = GOOD_CSV.splitlines()
     lines[2] = f"0.1,0.01,0,{value},0,0,0"
@@ -180,10 +197,14 @@ def test_a_sample_that_is_no_finite_number_is_named_by_column_and_row(value, csv
         ("\n\n", "cannot be read as CSV"),
         ("t,a,b,ad,bd,add,bdd\n", "has no samples"),
         ("a,b\n1,2\n", "column 't' is missing"),
+        ("t,a,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0,0\n", "column 'a' is there twice"),
         ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n", "cannot be read as CSV"),
         ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0,9\n1,0,0,0,0,0,0,9\n", "more fields than the header"),
         ("t,a,b,ad,bd,add,bdd\n0,0,0\n", "column 'ad' is not a finite number in data row 1"),
-        ("t,a,b,ad,bd,add,bdd\n0,True,0,0,0,0,0\n1,False,0,0,0,0,0\n", "column 'a' is not a finite number in data row 1"),
+        (
+            "t,a,b,ad,bd,add,bdd\n0,True,0,0,0,0,0\n1,False,0,0,0,0,0\n",
+            "column 'a' is not a finite number in data row 1",
+        ),
         ("t,a,b,ad,bd,add,bdd\n1,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "the times do not increase"),
         ("t,a,b,ad,bd,add,bdd\n0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "the times do not increase"),
         ("\0\0\0", "motion.csv: "),
@@ -208,16 +229,17 @@ def test_a_csv_in_another_encoding_is_refused(tmp_path, csv_scene, refused):
 
 
 def test_labels_whose_derivatives_collide_are_refused_in_a_csv(write, changed_scene, refused):
-    write("motion.csv", "t,x,xd,xdd\n0,0,0,0\n")
-    changes = 'independent.xd = "s.q3"\n'
-    said = refused("run", changed_scene(changes, motion='motion = { csv = "motion.csv" }'))
-    assert "motion.csv: column" in said
+    write("motion.csv", GOOD_CSV)
+    said = refused("run", changed_scene('independent.ad = "s.q3"', motion='motion = { csv = "motion.csv" }'))
+    assert "motion.csv: columns t, a, ad, add, b, bd, bdd, ad, add, addd share a name" in said
 
 
 @pytest.mark.parametrize("times", [[0.05], [0, 0.2], [-1], [0.3, 0.4], [1e300]])
 def test_times_that_a_csv_does_not_have_are_refused(times, csv_scene):
     scene = load_scene(csv_scene(GOOD_CSV))
-    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"):
+    with pytest.raises(
+        ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"
+    ):
         scene.at(times)
 
 
@@ -226,7 +248,9 @@ def test_times_that_a_csv_has_may_be_chosen_in_any_order(csv_scene):
 
 
 def test_a_time_grid_beside_a_csv_asks_for_its_times(csv_scene, refused):
-    assert "has no sample at t = 0.05 s" in refused("run", csv_scene(GOOD_CSV, "time = { duration = 0.1, step = 0.05 }"))
+    assert "has no sample at t = 0.05 s" in refused(
+        "run", csv_scene(GOOD_CSV, "time = { duration = 0.1, step = 0.05 }")
+    )
 
 
 def test_python_raises_what_the_command_line_says(paper_scene):

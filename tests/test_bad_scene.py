@@ -38,7 +38,9 @@ def test_toml_syntax_error_names_file_and_line(line, paper_scene, refused):
 
 
 @pytest.mark.parametrize(("option", "kind"), [("--engines", "engine"), ("--quantities", "quantity")])
-@pytest.mark.parametrize("names", ["nothing", "screw,joint_position,nothing", "Screw", "screw joint_position"])
+@pytest.mark.parametrize(
+    "names", ["nothing", "screw,joint_position,nothing", "Screw", "screw joint_position"]
+)
 def test_unknown_engine_or_quantity_on_the_command_line_is_refused(option, kind, names, paper_scene, refused):
     said = refused("run", paper_scene(), option, names)
     assert f"screwgauge: unknown {kind} '" in said
@@ -96,8 +98,16 @@ def test_names_given_twice_count_once(paper_scene):
         ("motion = { a = {}, b = {}, c = {} }", "scene.toml, motion: ", "a, b"),
         ("motion = { a = { ofset = 1 }, b = {} }", "scene.toml, motion.a: ", "did you mean 'offset'?"),
         ('motion = { csv = "m.csv", a = {} }', "scene.toml, motion: ", "csv"),
-        ('loads = [{ on = "platform", by = "environment", forces = [0, 0, 1] }]', "loads: ", "did you mean 'force'?"),
-        ("tolerances = { joint_positions = 1e-9 }", "scene.toml, tolerances: ", "did you mean 'joint_position'?"),
+        (
+            'loads = [{ on = "platform", by = "environment", forces = [0, 0, 1] }]',
+            "loads: ",
+            "did you mean 'force'?",
+        ),
+        (
+            "tolerances = { joint_positions = 1e-9 }",
+            "scene.toml, tolerances: ",
+            "did you mean 'joint_position'?",
+        ),
         ('models = { scrow = "x" }', "scene.toml, models: ", "did you mean 'screw'?"),
         ('figures = [{ titel = "x" }]', "scene.toml, figures: ", "did you mean 'title'?"),
     ],
@@ -201,14 +211,29 @@ def test_more_than_ten_million_samples_are_refused_at_once(step, paper_scene, re
 
 
 @pytest.mark.parametrize(
-    "times", [5, "0", [], [[0.0, 1.0]], [True], [None], [float("nan")], [0.0, float("inf")], ["a", 0.5], [1j], {0.0: 1}]
+    "times",
+    [
+        5,
+        "0",
+        [],
+        [[0.0, 1.0]],
+        [True],
+        [None],
+        [float("nan")],
+        [0.0, float("inf")],
+        ["a", 0.5],
+        [1j],
+        {0.0: 1},
+    ],
 )
 def test_python_refuses_times_that_are_none(times):
     with pytest.raises(ScrewgaugeError, match=r"^times: "):
         load_scene("3ups-upu-s").at(times)
 
 
-@pytest.mark.parametrize("times", [[0, 0.5], (0.0,), np.array([0.0, 0.5]), np.array([1, 2]), ["1/3"], [np.float64(1)]])
+@pytest.mark.parametrize(
+    "times", [[0, 0.5], (0.0,), np.array([0.0, 0.5]), np.array([1, 2]), ["1/3"], [np.float64(1)]]
+)
 def test_python_takes_times_of_any_number_type(times):
     assert len(load_scene("3ups-upu-s").at(times).motion) == len(times)
 
@@ -277,7 +302,8 @@ def test_a_value_of_the_wrong_type_is_refused(entry, paper_scene, refused):
 
 def test_rule_without_its_joint_is_refused(write, refused):
     pendulum = Path(__file__).with_name("data") / "pendulum.toml"
-    text = f"mechanism = '{pendulum}'\nrule = 'spherical_axial'\nmotion = {{ a = {{}}, b = {{}} }}\ntime = {{ times = [0] }}"
+    text = f"mechanism = '{pendulum}'\nrule = 'spherical_axial'\nmotion = {{ a = {{}}, b = {{}} }}\n"
+    text += "time = { times = [0] }"
     assert "rule 'spherical_axial' needs a spherical joint" in refused("run", write("s.toml", text))
 
 
@@ -304,7 +330,9 @@ def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene,
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize("arguments", [[], ["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]]
+)
 def test_wrong_usage_exits_with_2(arguments, capfd):
     with pytest.raises(SystemExit) as caught:
         main(arguments)

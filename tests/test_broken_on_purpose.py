@@ -12,7 +12,7 @@ import pytest
 import screwgauge
 from screwgauge.models.generate import write_models
 from screwgauge.reference import screws
-from screwgauge.verdict import first_difference
+from screwgauge.report.verdict import first_difference
 
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])

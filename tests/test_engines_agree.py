@@ -60,13 +60,11 @@ def test_components_are_those_of_the_contract(results):
     assert counts == {
         **dict.fromkeys(("joint_position", "joint_velocity", "joint_acceleration"), 26),
         **dict.fromkeys(("body_angular_velocity", "body_angular_acceleration", "com_acceleration"), 27),
-
-            "tree_force": 14,
-            "tree_force_soft": 14,
-            "generalized_force": 2,
-            "actuator_force": 4,
-            "reaction": 52
-        ,
+        "tree_force": 14,
+        "tree_force_soft": 14,
+        "generalized_force": 2,
+        "actuator_force": 4,
+        "reaction": 52,
     }
     assert len(results.components("tree_force", "mujoco-full")) == 26
     joints = results.components("joint_position")

@@ -17,17 +17,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from screwgauge import write as writing
-from screwgauge.curves import bin_maxima, thin
 from screwgauge.environment import environment
-from screwgauge.figures import Figure, default_figures
-from screwgauge.formatting import digits, markdown_table, number, size
 from screwgauge.reference.errors import OutputError
+from screwgauge.report import write as writing
+from screwgauge.report.curves import bin_maxima, thin
+from screwgauge.report.figures import Figure, default_figures
+from screwgauge.report.formatting import digits, markdown_table, number, size
+from screwgauge.report.svg import inline, tidy
+from screwgauge.report.terminal import format_terminal
+from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.results import Results
 from screwgauge.solution import Failure, Load, Motion, Solution, Timing, Values
-from screwgauge.svg import inline, tidy
-from screwgauge.terminal import format_terminal
-from screwgauge.verdict import first_difference, verdict
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")

@@ -8,9 +8,10 @@ from itertools import combinations
 
 import numpy as np
 
-from screwgauge.condition import draw_condition
-from screwgauge.curves import bin_maxima, envelope
-from screwgauge.drawing import (
+from screwgauge.reference.rotations import Array
+from screwgauge.report.condition import draw_condition
+from screwgauge.report.curves import bin_maxima, envelope
+from screwgauge.report.drawing import (
     Panel,
     component_handles,
     difference_handles,
@@ -19,11 +20,10 @@ from screwgauge.drawing import (
     engine_handles,
     make_panel,
 )
-from screwgauge.figures import Figure, drawable
-from screwgauge.formatting import file_name, missing, number, unit_text
-from screwgauge.reference.rotations import Array
+from screwgauge.report.figures import Figure, drawable
+from screwgauge.report.formatting import file_name, missing, number, unit_text
+from screwgauge.report.sheet import Sheet, Strip, log_scale, style
 from screwgauge.results import Results
-from screwgauge.sheet import Sheet, Strip, log_scale, style
 from screwgauge.solution import Values
 
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.formatting import (
+from screwgauge.report.formatting import (
     Row,
     cell,
     digits,
@@ -19,9 +19,9 @@ from screwgauge.formatting import (
     tick,
     unit_text,
 )
+from screwgauge.report.verdict import compared
 from screwgauge.results import Results
 from screwgauge.solution import Load
-from screwgauge.verdict import compared
 
 LONG = 12  # rows from which a table is folded
 

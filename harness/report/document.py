@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from screwgauge import sections
-from screwgauge.formatting import cell
-from screwgauge.plots import Plot
-from screwgauge.prose import HOW, LIMITATIONS
+from screwgauge.report import sections
+from screwgauge.report.formatting import cell
+from screwgauge.report.plots import Plot
+from screwgauge.report.prose import HOW, LIMITATIONS
+from screwgauge.report.verdict import verdict
 from screwgauge.results import Results
-from screwgauge.verdict import verdict
 
 
 def report_markdown(results: Results, plots: Sequence[Plot]) -> str:

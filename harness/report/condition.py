@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.curves import bin_maxima, sparse
-from screwgauge.drawing import handle, mark, pair_look
+from screwgauge.report.curves import bin_maxima, sparse
+from screwgauge.report.drawing import handle, mark, pair_look
+from screwgauge.report.sheet import Sheet, Strip, log_scale
 from screwgauge.results import Results
-from screwgauge.sheet import Sheet, Strip, log_scale
 
 WIDE = 30.0  # ratio of largest to smallest from which the axis is logarithmic
 
 
 def draw_condition(title: str, results: Results) -> str:
     """One line an engine, the largest of each stretch of samples; markers keep lines apart that coincide."""
-    finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
+    finite = {
+        e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()
+    }
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
     looks = [_look(i, len(results.times)) for i in range(len(lines))]
     handles = [handle(engine, **look) for engine, look in zip(lines, looks, strict=True)]

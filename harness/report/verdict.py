@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from screwgauge.formatting import Row, digits, listed, missing, number, rows, size, unit_text
+from screwgauge.report.formatting import Row, digits, listed, missing, number, rows, size, unit_text
 from screwgauge.results import Results
 
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from screwgauge.curves import bin_maxima, sparse, thin
-from screwgauge.figures import select, short_labels
-from screwgauge.formatting import number
 from screwgauge.reference.rotations import Array
-from screwgauge.sheet import COLOURS, DASHES, GREY, MARKERS
+from screwgauge.report.curves import bin_maxima, sparse, thin
+from screwgauge.report.figures import select, short_labels
+from screwgauge.report.formatting import number
+from screwgauge.report.sheet import COLOURS, DASHES, GREY, MARKERS
 from screwgauge.solution import Values
 
 MAX_CURVES = 12  # in a panel; more cannot be told apart

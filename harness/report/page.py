@@ -8,8 +8,8 @@ from html import escape, unescape
 
 import markdown
 
-from screwgauge.plots import Plot
-from screwgauge.svg import inline
+from screwgauge.report.plots import Plot
+from screwgauge.report.svg import inline
 
 CSS = """
 :root { color-scheme: light; }

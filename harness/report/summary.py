@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.formatting import Row, rows
+from screwgauge.report.formatting import Row, rows
+from screwgauge.report.verdict import first_difference
 from screwgauge.results import Results
-from screwgauge.verdict import first_difference
 
 PAIR_KEYS = ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")

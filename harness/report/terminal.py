@@ -6,9 +6,9 @@ import textwrap
 
 import numpy as np
 
-from screwgauge.formatting import Row, digits, number, rows, size, text_table, tick
+from screwgauge.report.formatting import Row, digits, number, rows, size, text_table, tick
+from screwgauge.report.verdict import compared, verdict
 from screwgauge.results import Results
-from screwgauge.verdict import compared, verdict
 
 COLUMNS = 100
 

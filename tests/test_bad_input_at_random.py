@@ -1,0 +1,168 @@
+"""Whatever is deleted from a description or a scene, or replaced, it is read or refused; nothing else happens."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import tomllib
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import screwgauge
+from screwgauge import ScrewgaugeError, load_scene
+from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
+from screwgauge.preflight import check_home
+from screwgauge.scene import FOLDER, scene_names
+
+TRIES = 150
+BAD: list[Any] = [
+    *(
+        True,
+        0,
+        -1,
+        10**30,
+        -1e-320,
+        1e308,
+        1e99,
+        float("nan"),
+        float("inf"),
+        "",
+        "x",
+        "nan",
+        "1/0",
+        "9**9**9",
+        "((",
+    ),
+    *(
+        "__import__('os')",
+        "ground",
+        "platform",
+        "leg1.q1",
+        "screw",
+        "com",
+        "S",
+        [],
+        {},
+        [1, 2],
+        [1, 2, 3],
+        [[1, 2, 3]],
+    ),
+    *(
+        {"x": 1},
+        {"x": {"y": []}},
+        [True, True, True],
+        ["a"],
+        [[]],
+        [{}],
+        ["nan"] * 3,
+        [0, 0, 1],
+        [[0, 0, 1]] * 3,
+    ),
+]
+
+
+def toml(value: Any) -> str:
+    """A value as inline TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {toml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+
+
+def document(table: dict[str, Any]) -> str:
+    return "".join(f"{json.dumps(key)} = {toml(value)}\n" for key, value in table.items())
+
+
+def places(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths of all entries below a node."""
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in items:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+def mutate(table: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], str]:
+    """A copy with one entry deleted, renamed or replaced, and what was done."""
+    result = copy.deepcopy(table)
+    *parents, last = chance.choice(list(places(table)))
+    node = result
+    for key in parents:
+        node = node[key]
+    how = chance.choice(["delete", "replace", "replace", "replace", "rename"])
+    if how == "rename" and isinstance(node, dict):
+        node[f"{last}s"] = node.pop(last)
+        return result, f"{[*parents, last]} renamed"
+    if how == "replace":
+        node[last] = copy.deepcopy(chance.choice(BAD))
+        return result, f"{[*parents, last]} = {node[last]!r}"
+    del node[last]
+    return result, f"{[*parents, last]} deleted"
+
+
+def attempt(action, done: str) -> bool:
+    """Whether it went through. Any error but our own fails the test and says what had been done to the file."""
+    try:
+        action()
+    except ScrewgaugeError as error:
+        refusal = str(error)
+    except Exception as error:
+        raise AssertionError(f"{done}: {type(error).__name__}: {error}") from error
+    else:
+        return True
+    assert "\n" not in refusal, done
+    return False
+
+
+@pytest.mark.parametrize("name", mechanism_names())
+def test_a_mutated_mechanism_is_read_or_refused(name, write):
+    chance = random.Random(f"mechanism {name}")
+    table = tomllib.loads(mechanism_path(name).read_text(encoding="utf-8"))
+    read = 0
+    for _ in range(TRIES):
+        changed, done = mutate(table, chance)
+        path = write("m.toml", document(changed))
+        read += attempt(lambda path=path: check_home(load_mechanism(path)), done)
+    assert 0 < read < TRIES
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_mutated_scene_is_read_or_refused(name, write):
+    chance = random.Random(f"scene {name}")
+    table = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    table["figures"] = table["figures"][:1]
+    table["time"] = {"duration": 1, "step": 0.25}
+    read = 0
+    for _ in range(TRIES):
+        changed, done = mutate(table, chance)
+        path = write("s.toml", document(changed))
+        read += attempt(lambda path=path: load_scene(path), done)
+    assert 0 < read < TRIES
+
+
+def test_a_scene_of_a_mutated_mechanism_runs_or_is_refused(write, paper_scene):
+    chance = random.Random("runs")
+    table = tomllib.loads(mechanism_path("3ups-upu-s").read_text(encoding="utf-8"))
+    path = paper_scene(mechanism='mechanism = "m.toml"')
+    ran = 0
+    for _ in range(TRIES // 3):
+        changed, done = mutate(table, chance)
+        write("m.toml", document(changed))
+        ran += attempt(lambda: screwgauge.run(load_scene(path), engines=["screw"]), done)
+    assert ran > 0
+
+
+def test_a_mutated_scene_runs_or_is_refused(write):
+    chance = random.Random("scenes")
+    table = tomllib.loads((FOLDER / "3ups-upu-s.toml").read_text(encoding="utf-8"))
+    table["time"] = {"times": [0, 0.5]}
+    del table["figures"]
+    ran = 0
+    for _ in range(TRIES // 3):
+        changed, done = mutate(table, chance)
+        path = write("s.toml", document(changed))
+        ran += attempt(lambda path=path: screwgauge.run(load_scene(path), engines=["screw"]), done)
+    assert ran > 0

@@ -1,0 +1,195 @@
+"""An engine that is missing or fails is rows that say so; the others go on, the report is written, exit 3."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import load_scene
+from screwgauge.cli import main
+from screwgauge.engines import ENGINES
+from screwgauge.engines.screw import solve
+from screwgauge.models.catalog import mechanism_path
+from screwgauge.solution import Values
+
+QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
+
+
+@pytest.fixture
+def scene(paper_scene):
+    return load_scene(paper_scene())
+
+
+@pytest.fixture
+def engine(monkeypatch):
+    """Puts an engine of the test's own in the place of mujoco."""
+
+    def put(function) -> None:
+        module = ModuleType("engine_of_a_test")
+        module.solve = function
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setitem(ENGINES, "mujoco", f"{module.__name__}:solve")
+
+    return put
+
+
+def raising(error: BaseException):
+    def fail(problem):
+        raise error
+
+    return fail
+
+
+def check_only_mujoco_failed(results, reason: str) -> None:
+    assert results.exit_status == 3
+    assert not results.ok
+    assert list(results.solutions) == ["screw", "pinocchio"]
+    assert list(results.failures) == ["mujoco"]
+    assert reason in results.failures["mujoco"].reason
+    failed = (results.pairs["a"] == "mujoco") | (results.pairs["b"] == "mujoco")
+    for other in ("screw", "pinocchio"):
+        rows = results.pairs[failed & ((results.pairs["a"] == other) | (results.pairs["b"] == other))]
+        assert set(rows["quantity"]) == set(QUANTITIES)
+        assert not rows["ok"].any()
+        assert rows["max_scaled"].isna().all()
+        assert rows["reason"].str.contains(reason, regex=False).all()
+    assert results.pairs[~failed]["ok"].all()
+    assert set(results.pairs[~failed]["quantity"]) == set(QUANTITIES)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [ValueError("bad pose"), RuntimeError("bad\npose"), MemoryError("bad pose"), AssertionError("bad pose"),
+     ZeroDivisionError("bad pose"), OSError(5, "bad pose"), KeyError("bad pose"), np.linalg.LinAlgError("bad pose")],
+    ids=lambda error: type(error).__name__,
+)  # fmt: skip
+def test_an_engine_that_raises_is_rows_with_the_reason(error, engine, scene):
+    engine(raising(error))
+    check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "bad pose")
+
+
+def test_the_reason_names_the_kind_of_error(engine, scene):
+    engine(raising(ZeroDivisionError("x")))
+    assert "ZeroDivisionError" in screwgauge.run(scene, quantities=QUANTITIES).failures["mujoco"].reason
+
+
+@pytest.mark.parametrize("target", ["no_such_module_at_all:solve", "screwgauge.engines.nothing:solve"])
+def test_an_engine_that_is_not_installed_is_rows_that_say_how_to_get_it(target, monkeypatch, scene):
+    monkeypatch.setitem(ENGINES, "mujoco", target)
+    results = screwgauge.run(scene, quantities=QUANTITIES)
+    check_only_mujoco_failed(results, "not installed")
+    assert "pip install" in results.failures["mujoco"].reason
+
+
+@pytest.mark.parametrize(("name", "package"), [("pinocchio", "pin"), ("mujoco", "mujoco")])
+def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, monkeypatch, scene):
+    monkeypatch.delitem(sys.modules, f"screwgauge.engines.{name}", raising=False)
+    monkeypatch.setitem(sys.modules, name, None)  # what an import finds of a package that is not there
+    results = screwgauge.run(scene, engines=["screw", name], quantities=QUANTITIES)
+    assert results.exit_status == 3
+    assert results.failures[name].reason.endswith(f"pip install {package}")
+
+
+@pytest.mark.parametrize(
+    "target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"]
+)
+def test_an_engine_that_is_registered_wrongly_is_a_row(target, monkeypatch, scene):
+    monkeypatch.setitem(ENGINES, "mujoco", target)
+    check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")
+
+
+def solve_right(problem):
+    """The solver of this project, whatever model file the engine in whose place it is was given."""
+    return solve(replace(problem, model=mechanism_path("3ups-upu-s")))
+
+
+def cut_short(problem):
+    found = solve_right(problem)
+    return replace(
+        found, values={k: Values(v.components, v.units, v.array[1:].copy()) for k, v in found.values.items()}
+    )
+
+
+def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(engine, scene):
+    engine(solve_right)
+    assert screwgauge.run(scene, quantities=QUANTITIES).exit_status == 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [(lambda problem: None, "TypeError"), (lambda problem: {}, "TypeError"), (cut_short, "1 samples of")],
+    ids=["None", "dict", "short"],
+)
+def test_an_engine_that_returns_no_solution_is_a_row(answer, reason, engine, scene):
+    engine(answer)
+    check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), reason)
+
+
+@pytest.mark.parametrize(
+    ("components", "units", "shape"),
+    [(("a",), ("m",), (2, 2)), (("a", "b"), ("m",), (2, 2)), (("a",), ("m",), (2,))],
+)
+def test_values_have_a_name_and_a_unit_for_every_column(components, units, shape):
+    with pytest.raises(ValueError, match="values for"):
+        Values(components, units, np.zeros(shape))
+
+
+def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, scene):
+    def with_nan(problem):
+        found = solve_right(problem)
+        array = found.values["joint_position"].array.copy()
+        array[1, 2] = np.nan
+        values = found.values["joint_position"]
+        return replace(
+            found, values={**found.values, "joint_position": Values(values.components, values.units, array)}
+        )
+
+    engine(with_nan)
+    results = screwgauge.run(scene, quantities=QUANTITIES)
+    assert results.exit_status == 1
+    rows = results.pairs[(results.pairs["quantity"] == "joint_position") & (results.pairs["b"] == "mujoco")]
+    lost = rows[rows["worst_component"] == "leg1.q3"]
+    assert len(lost) == 2
+    assert not lost["ok"].any()
+    assert (lost["worst_t"] == 0.5).all()
+    assert lost["reason"].str.contains("not a number").all()
+
+
+def test_interrupting_is_no_failure_of_an_engine(engine, scene):
+    engine(raising(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        screwgauge.run(scene, quantities=QUANTITIES)
+
+
+def test_an_interrupted_run_writes_nothing(engine, paper_scene, tmp_path, capfd):
+    engine(raising(KeyboardInterrupt()))
+    path = paper_scene()
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 130
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
+def test_the_report_is_written_all_the_same(broken, monkeypatch, paper_scene, tmp_path, capfd):
+    for name in broken:
+        monkeypatch.setitem(ENGINES, name, "no_such_module_at_all:solve")
+    out = tmp_path / "out"
+    names = ",".join(QUANTITIES)
+    assert main(["run", str(paper_scene()), "--quantities", names, "--out", str(out)]) == 3
+    said = capfd.readouterr()
+    assert said.err == ""
+    assert "FAILED" in said.out
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert not summary["ok"]
+    for name in ("report.md", "report.html"):
+        report = (out / name).read_text(encoding="utf-8")
+        for engine_ in broken:
+            assert engine_ in report
+        assert "not installed" in report
+    for name in ("errors.csv", "timings.csv", "environment.json"):
+        assert (out / name).is_file()

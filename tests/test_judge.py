@@ -1,0 +1,121 @@
+"""The judge finds a wrong formula by itself: one engine, no second opinion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.judge import judge
+from screwgauge.reference import dynamics, screws
+from screwgauge.solution import Solution, Values
+
+
+@pytest.fixture
+def scene():
+    scene = screwgauge.load_scene("3ups-upu-s-fast")
+    return scene.at(scene.motion.t[:2000:100])
+
+
+def faults(scene) -> dict[str, str]:
+    """Residual out of tolerance -> its worst component, of the screw solver alone."""
+    results = screwgauge.run(scene, engines=["screw"])
+    assert results.exit_status == 1
+    bad = results.judge[~results.judge["ok"]]
+    assert np.isfinite(bad["worst_t"]).all()
+    return dict(zip(bad["residual"], bad["worst_component"], strict=True))
+
+
+def test_nothing_is_found_where_nothing_is_wrong(scene):
+    assert screwgauge.run(scene, engines=["screw"]).ok
+
+
+def test_sign_of_the_lie_bracket(scene, monkeypatch):
+    right = screws.lie_bracket
+    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
+    assert "loop_acceleration" in faults(scene)
+
+
+def test_dropped_gyroscopic_term(scene, monkeypatch):
+    right = dynamics.required_wrench
+
+    def without(lay, at, motion, gravity, loads):
+        F, T = right(lay, at, motion, gravity, loads)
+        return F, T - np.cross(motion.omega, (motion.J @ motion.omega[..., None])[..., 0])
+
+    monkeypatch.setattr(dynamics, "required_wrench", without)
+    found = set(faults(scene))
+    assert {"newton_euler", "virtual_work"} <= found
+    assert "power_balance" not in found  # w x J w does no work: power alone would not have told
+
+
+def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
+    """``v_C = w x r_C`` instead of ``v_O + w x r_C``: the centres of mass no longer move as the bodies do."""
+
+    def printed(twist, acceleration, r):
+        w, beta = twist[..., :3], acceleration[..., :3]
+        return acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, np.cross(w, r))
+
+    monkeypatch.setattr(screws, "acceleration_at", printed)
+    assert "body_motion" in faults(scene)
+
+
+def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
+    """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
+    right = dynamics.force_matrix
+
+    def printed(lay, at, com, reactions):
+        c = right(lay, at, com, reactions).copy()
+        platform = 6 * (lay.mechanism.body_index["platform"] - 1)
+        forces = [k for k, unit in enumerate(reactions.units) if unit == "N"]
+        c[:, platform + 3 : platform + 6, forces] *= -1.0
+        return c
+
+    monkeypatch.setattr(dynamics, "force_matrix", printed)
+    assert faults(scene)["newton_euler"].startswith("platform.m")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "component", "residual", "named"),
+    [
+        ("joint_position", "leg3.q2", "loop_closure", "leg3.wrist"),
+        ("joint_velocity", "leg4.q3", "loop_rate", "leg4.wrist"),
+        ("joint_acceleration", "leg2.q1", "loop_acceleration", "leg2.wrist"),
+        ("joint_position", "s.q1", "loop_closure", "a as asked"),
+        ("com_acceleration", "leg1.upper.y", "body_motion", "leg1.upper.y"),
+        ("body_angular_velocity", "leg2.lower.x", "body_motion", "leg2.lower.x"),
+        ("reaction", "leg4.slide.mx", "newton_euler", "leg4."),
+        ("actuator_force", "leg1", "newton_euler", "leg1."),
+        ("generalized_force", "b", "virtual_work", "b"),
+    ],
+)
+def test_one_wrong_number_is_named_with_its_place_and_time(scene, quantity, component, residual, named):
+    solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+    found = judge(scene, _disturbed(solution, quantity, component, row=7))
+    rows = found[(found["residual"] == residual) & ~found["ok"]]
+    assert any(name.startswith(named) for name in rows["worst_component"]), found[~found["ok"]].to_string()
+    assert scene.motion.t[7] in set(rows["worst_t"])
+
+
+def _disturbed(solution: Solution, quantity: str, component: str, row: int) -> Solution:
+    values = solution.values[quantity]
+    array = values.array.copy()
+    array[row, values.components.index(component)] += 1e-6 * np.abs(array).max()
+    return replace(
+        solution, values={**solution.values, quantity: Values(values.components, values.units, array)}
+    )
+
+
+def test_what_is_not_a_number_fails(scene):
+    solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+    values = solution.values["reaction"]
+    array = values.array.copy()
+    array[3, 5] = np.nan
+    lost = replace(
+        solution, values={**solution.values, "reaction": Values(values.components, values.units, array)}
+    )
+    rows = judge(scene, lost).set_index(["residual", "unit"])
+    assert not rows.loc[("newton_euler", "N"), "ok"]
+    assert "not a number" in rows.loc[("newton_euler", "N"), "reason"]
