@@ -102,7 +102,9 @@ def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
     bench = commands.add_parser(
         "bench", parents=[common], help="error against run time of many methods and settings"
     )
-    bench.add_argument("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file")
+    bench.add_argument(
+        "scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file"
+    )
     bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
     bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     bench.add_argument(
@@ -176,8 +178,8 @@ def _bench(options: argparse.Namespace) -> int:
     from screwgauge.bench.terminal import format_terminal
     from screwgauge.bench.write import write_bench
     from screwgauge.progress import Line
+    from screwgauge.report.write import check_writable
     from screwgauge.scene import load_scene
-    from screwgauge.write import check_writable
 
     plan = QUICK if options.quick else FULL
     if options.budget is not None:
@@ -197,7 +199,10 @@ def _bench(options: argparse.Namespace) -> int:
             line.show("report", 0.0)
             write_bench(found, out)
     except KeyboardInterrupt:
-        print(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.", file=sys.stderr)
+        print(
+            f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.",
+            file=sys.stderr,
+        )
         return 130
     print(format_terminal(found))
     print(f"\nreport: {out / 'report.html'}")

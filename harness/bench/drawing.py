@@ -17,9 +17,9 @@ from screwgauge.bench.looks import Look, looks
 from screwgauge.bench.rows import LEVELS, Row
 from screwgauge.bench.run import Bench
 from screwgauge.bench.slopes import Fit
-from screwgauge.plots import Plot
-from screwgauge.sheet import GREY, log_scale, style
-from screwgauge.svg import tidy
+from screwgauge.report.plots import Plot
+from screwgauge.report.sheet import GREY, log_scale, style
+from screwgauge.report.svg import tidy
 
 WIDTH, HEIGHT = 11.0, 6.6  # inches
 ZERO = 1e-17  # where an error of exactly zero is drawn

@@ -10,8 +10,8 @@ from typing import Any
 
 from screwgauge.models.generate import model_texts
 from screwgauge.reference.errors import OutputError
+from screwgauge.report.summary import json_text
 from screwgauge.scene import Scene
-from screwgauge.summary import json_text
 
 NAME = "bench.partial.jsonl"
 VERSION = 1  # of the protocol: raise it when old pieces no longer fit new ones

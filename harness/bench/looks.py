@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from screwgauge.sheet import COLOURS, GREY
+from screwgauge.report.sheet import COLOURS, GREY
 
 #: Beginning of a family's name -> colour and who that is; the first that fits.
 CAMPS = (

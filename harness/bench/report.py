@@ -12,9 +12,9 @@ from screwgauge.bench.prose import LEAVING, LIMITS, PROTOCOL, READ
 from screwgauge.bench.rows import CUT, FAILED, LEVELS, Row, reach
 from screwgauge.bench.run import Bench
 from screwgauge.bench.slopes import table as slope_table
-from screwgauge.formatting import cell, listed, markdown_table, missing, number, rows, size, tick
-from screwgauge.plots import Plot
-from screwgauge.sections import facts, folded
+from screwgauge.report.formatting import cell, listed, markdown_table, missing, number, rows, size, tick
+from screwgauge.report.plots import Plot
+from screwgauge.report.sections import facts, folded
 
 
 def report_markdown(bench: Bench, plots: Sequence[Plot]) -> str:

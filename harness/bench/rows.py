@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.bench.contestant import NOTHING, Contestant
-from screwgauge.formatting import digits
+from screwgauge.report.formatting import digits
 
 COLUMNS = [
     *(

@@ -8,7 +8,7 @@ from screwgauge.bench.report import duration, headline
 from screwgauge.bench.rows import LEVELS, reach
 from screwgauge.bench.run import Bench
 from screwgauge.bench.slopes import table
-from screwgauge.formatting import number, rows, text_table, tick
+from screwgauge.report.formatting import number, rows, text_table, tick
 
 COLUMNS = 100
 

@@ -11,9 +11,9 @@ from screwgauge.bench.report import report_markdown
 from screwgauge.bench.rows import bench_table, reach, timing_table
 from screwgauge.bench.run import Bench
 from screwgauge.bench.slopes import table as slope_table
-from screwgauge.page import report_html
-from screwgauge.summary import json_text
-from screwgauge.write import write_files
+from screwgauge.report.page import report_html
+from screwgauge.report.summary import json_text
+from screwgauge.report.write import write_files
 
 
 def write_bench(bench: Bench, out: Path) -> Path:
