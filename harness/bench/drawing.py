@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from screwgauge.bench.contestant import QUANTITIES
-from screwgauge.bench.labels import place
+from screwgauge.bench.labels import Label, place
 from screwgauge.bench.looks import Look, looks
 from screwgauge.bench.rows import LEVELS, Row
 from screwgauge.bench.run import Bench
@@ -36,7 +36,7 @@ def make_plots(bench: Bench) -> list[Plot]:
     """All pictures of the report."""
     lines = dict.fromkeys((row.contestant.line, row.contestant.given) for row in bench.rows)
     look = looks(list(lines))
-    plots = []
+    plots: list[Plot] = []
     with style():
         for quantity in QUANTITIES[::-1]:
             rows = [row for row in bench.rows if row.quantity == quantity and _drawable(row)]
@@ -113,11 +113,10 @@ def _duration(microseconds: float) -> str:
     return f"{microseconds:g} µs"
 
 
-def _wanted(
-    groups: dict[tuple[str, bool], list[Row]], look: dict[tuple[str, bool], Look]
-) -> list[tuple[float, float, str, str]]:
+def _wanted(groups: dict[tuple[str, bool], list[Row]], look: dict[tuple[str, bool], Look]) -> list[Label]:
     """Labels: the ends of each line first, then what lies between."""
-    ends, between = [], []
+    ends: list[Label] = []
+    between: list[Label] = []
     for key, group in groups.items():
         for i, row in enumerate(group):
             if row.contestant.label:

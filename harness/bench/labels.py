@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+Label = tuple[float, float, str, str]
 SIZE = 7.5  # points
 _LETTER, _LINE = 0.60, 1.25  # widths and heights of letters, in sizes
 _PLACES = (
@@ -25,9 +26,7 @@ _PLACES = (
 )
 
 
-def place(
-    ax: Any, wanted: Sequence[tuple[float, float, str, str]], points: Sequence[tuple[float, float]]
-) -> int:
+def place(ax: Any, wanted: Sequence[Label], points: Sequence[tuple[float, float]]) -> int:
     """Writes labels where there is room for them.
 
     Args:

@@ -22,6 +22,7 @@ from screwgauge.bench.score import score
 from screwgauge.bench.threads import one_thread
 from screwgauge.driver import Report
 from screwgauge.environment import environment
+from screwgauge.quantities import SOLVED
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene import Scene
 
@@ -186,7 +187,7 @@ class _Work:
                 seconds, solution = timing.once(call, self.protocol.clock)
                 everything = whole.setdefault(trial.engine, solution.values)
                 gap, worst = leaving_out.difference(solution.values, everything, trial.compared)
-                reason = f"changes {worst}" if gap > leaving_out.SOLVED else ""
+                reason = f"changes {worst}" if gap > SOLVED else ""
                 result = {"status": OK, "n_sample": len(self.case.times), "first": seconds, "difference": gap}
                 result["reason"] = reason
                 self.calls[trial.key] = call

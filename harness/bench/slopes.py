@@ -7,8 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from screwgauge.bench.rows import Row
+from screwgauge.reference.rotations import Array
+
+Mask = NDArray[np.bool_]
 
 COLUMNS = ["family", "parameter", "quantity", "expected", "fitted", "ok"]
 WITHIN = 0.1  # of the expected slope
@@ -50,9 +54,9 @@ class Fit:
 
     rule: Rule
     name: str
-    x: np.ndarray[tuple[int], np.dtype[np.float64]]
-    error: np.ndarray[tuple[int], np.dtype[np.float64]]
-    used: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    x: Array
+    error: Array
+    used: Mask
 
     @property
     def slope(self) -> float:
@@ -84,7 +88,7 @@ def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
     return found
 
 
-def _window(rule: Rule, x: np.ndarray, error: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _window(rule: Rule, x: Array, error: Array) -> Mask:
     if not rule.by_error:
         return np.asarray(x <= rule.most)
     low = SMALL
