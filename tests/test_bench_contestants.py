@@ -95,6 +95,15 @@ def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
     assert two.max_scaled < 1e-12 < one.max_scaled < 1e-6
 
 
+def test_single_precision_closes_loops_that_closed_form_leaves_open():
+    rows = bench(
+        screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]
+    ).rows
+    errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
+    assert errors["closed-form", "joint_position"] > 1e-3
+    assert errors["float32", "joint_position"] < 1e-5
+
+
 def test_the_solver_stays_in_single_precision(paper):
     lay = layout(in_precision(paper, np.float32))
     arrays = [lay.path, lay.loop, paper.home.astype(np.float32), *(body.com for body in lay.mechanism.bodies)]
@@ -124,7 +133,8 @@ def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatc
     monkeypatch.setattr(
         registry, "import_module", lambda name: __import__(name) if "such" in name else _Module
     )
-    rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN).rows
+    names = [entry.name for entry in entries]
+    rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names).rows
     assert [row.status for row in rows] == ["failed", "failed"]
     assert "not installed" in rows[0].reason
     assert rows[1].reason == "ZeroDivisionError: no luck"

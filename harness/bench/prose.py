@@ -23,11 +23,18 @@ PROTOCOL = """\
   so that what slows the machine for a while slows all alike. The garbage collector waits meanwhile.
 - `bench.csv` has the shortest of the rounds, since disturbances only add; `timings.csv` also the median.
 - The clock is `perf_counter_ns`; the row `floor` is an empty loop over the samples under the same clock.
-- BLAS and OpenMP have one thread each, set before numpy is imported: at these matrix sizes more threads cost time,
-  and how many there are would depend on the machine.
+- {threads}
 - After {budget} s nothing further begins; what is missing then is marked `cut short`.
 - A contestant that raises or returns what is not a number is a row with its reason."""
 
+ONE_THREAD = (
+    "BLAS and OpenMP have one thread each, set before numpy is imported: at these matrix sizes more threads cost time, "
+    "and how many there are would depend on the machine."
+)
+MORE_THREADS = (
+    "**The number of threads was not fixed**: numpy had been imported before. `screwgauge bench` on the command line "
+    "fixes it to one."
+)
 LIMITS = (
     "Run times are of this machine, this Python and this load; the order of magnitude travels, the digits do not.",
     "Contestants in Python loops carry the loop; a C++ program around the same library would not.",

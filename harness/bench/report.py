@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.bench.drawing import WORDS
-from screwgauge.bench.prose import LEAVING, LIMITS, PROTOCOL, READ
+from screwgauge.bench.prose import LEAVING, LIMITS, MORE_THREADS, ONE_THREAD, PROTOCOL, READ
 from screwgauge.bench.rows import CUT, FAILED, LEVELS, Row, reach
 from screwgauge.bench.run import Bench
 from screwgauge.bench.slopes import table as slope_table
@@ -44,7 +44,7 @@ def report_markdown(bench: Bench, plots: Sequence[Plot]) -> str:
         "## All rows",
         _all(bench.rows),
         "## How it was timed",
-        PROTOCOL.format(samples=bench.n_compared, rounds=bench.plan.rounds, budget=number(bench.plan.budget)),
+        _protocol(bench),
         "## Environment",
         facts(bench.environment, "Not recorded."),
         "## Known limitations",
@@ -132,6 +132,14 @@ def _slopes(bench: Bench) -> str:
         for r in rows(slope_table(bench.fits))
     ]
     return markdown_table(["family", "varied", "quantity", "expected", "fitted", "within 10 %"], body, (3, 4))
+
+
+def _protocol(bench: Bench) -> str:
+    threads = ONE_THREAD if bench.environment["one_thread"] else MORE_THREADS
+    plan = bench.plan
+    return PROTOCOL.format(
+        samples=bench.n_compared, rounds=plan.rounds, budget=number(plan.budget), threads=threads
+    )
 
 
 def _failures(bench: Bench) -> str:
