@@ -62,7 +62,7 @@ def _work_precision(
     _heading(
         canvas,
         title,
-        f"Lower left is better. Each point: one setting; scaled error against the engine {reference}.",
+        f"Lower left is better. Each point: one setting; scaled error against the engine {reference}. T: duration of the motion.",
     )
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in rows:
@@ -70,6 +70,7 @@ def _work_precision(
     points = [(1e6 * row.per_sample, max(row.max_scaled, ZERO)) for row in rows]
     x, y = np.array(points).T
     _axes(ax, x, y)
+    lines: list[list[tuple[float, float]]] = []
     for key, group in groups.items():
         at = np.array([(1e6 * r.per_sample, max(r.max_scaled, ZERO)) for r in group])
         joined = any(r.contestant.parameter for r in group) or len({r.contestant.name for r in group}) == 1
@@ -79,7 +80,9 @@ def _work_precision(
             zorder=3,
             clip_on=False,
         )
-    place(ax, _wanted(groups, look), points)
+        if joined:
+            lines.append([(float(a), float(b)) for a, b in at])
+    place(ax, _wanted(groups, look), points, lines)
     handles = [Line2D([], [], label=name, **look[name, given].style()) for name, given in groups]
     _legend(canvas, handles)
     return _svg(canvas)
@@ -103,6 +106,9 @@ def _axes(ax: Any, x: Any, y: Any) -> None:
     ax.set_ylabel("largest scaled error")
     for level in LEVELS:
         ax.axhline(level, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+        if y.min() / 2 <= level <= y.max() * 2:
+            words, place_ = f"{-np.log10(level):.0f} digits", ax.get_yaxis_transform()
+            ax.text(0.995, level, words, transform=place_, ha="right", va="bottom", size=7.5, color=GREY)
     ax.tick_params(length=3)
 
 
@@ -124,7 +130,7 @@ def _wanted(groups: dict[tuple[str, bool], list[Row]], look: dict[tuple[str, boo
                     1e6 * row.per_sample,
                     max(row.max_scaled, ZERO),
                     row.contestant.label,
-                    look[key].colour,
+                    look[key].ink,
                 )
                 (ends if i in (0, len(group) - 1) else between).append(label)
     return ends + between
@@ -175,7 +181,7 @@ def _slope(ax: Any, fit: Fit, colour: str) -> None:
         level = np.mean(np.log10(fit.error[fit.used]) - fit.rule.expected * np.log10(x))
         ends = np.array([x.min() / 2, x.max() * 2])
         ax.plot(ends, 10**level * ends**fit.rule.expected, color=GREY, linewidth=1.0, zorder=1)
-    log_scale(ax, float(fit.error.min()), float(fit.error.max()))
+    log_scale(ax, float(fit.error.min()) / 2, float(fit.error.max()) * 2)
     words = WORDS[fit.rule.quantity]
     ax.set_title(
         f"{fit.rule.line}\n{words}: slope {fit.slope:.3f}, expected {fit.rule.expected:g}",

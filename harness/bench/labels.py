@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 Label = tuple[float, float, str, str]
+Lines = Sequence[Sequence[tuple[float, float]]]
 SIZE = 7.5  # points
 _LETTER, _LINE = 0.60, 1.25  # widths and heights of letters, in sizes
 _PLACES = (
@@ -26,13 +28,14 @@ _PLACES = (
 )
 
 
-def place(ax: Any, wanted: Sequence[Label], points: Sequence[tuple[float, float]]) -> int:
+def place(ax: Any, wanted: Sequence[Label], points: Sequence[tuple[float, float]], lines: Lines = ()) -> int:
     """Writes labels where there is room for them.
 
     Args:
         ax: Axes with their final limits and scales.
         wanted: (x, y, text, colour), the most important first.
         points: All points that must stay free, in data coordinates.
+        lines: Polylines that labels must not cross, each a list of points.
 
     Returns:
         How many labels found no room.
@@ -43,6 +46,8 @@ def place(ax: Any, wanted: Sequence[Label], points: Sequence[tuple[float, float]
         return ax.transData.transform(np.array(pairs, dtype=float).reshape(-1, 2)) * scale
 
     taken = [(x - 4.0, y - 4.0, x + 4.0, y + 4.0) for x, y in to_points(points)]
+    for line in lines:
+        taken += [(x - 1.0, y - 1.0, x + 1.0, y + 1.0) for x, y in _along(to_points(line))]
     (x0, y0), (x1, y1) = ax.transAxes.transform([(0, 0), (1, 1)]) * scale
     left_over = 0
     for x, y, text, colour in wanted:
@@ -67,6 +72,15 @@ def place(ax: Any, wanted: Sequence[Label], points: Sequence[tuple[float, float]
         else:
             left_over += 1
     return left_over
+
+
+def _along(corners: Any) -> list[Any]:
+    """Points on a polyline, as close together as a letter is small."""
+    found: list[Any] = []
+    for start, end in pairwise(corners):
+        n = int(np.hypot(*(end - start)) / 3.0) + 2
+        found += list(start + np.linspace(0.0, 1.0, n)[:, None] * (end - start))
+    return found
 
 
 def _box(x: float, y: float, dx: float, dy: float, text: str) -> tuple[float, float, float, float]:

@@ -27,6 +27,12 @@ class Look:
     marker: str
     hollow: bool
 
+    @property
+    def ink(self) -> str:
+        """A darker shade, for text."""
+        parts = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
+        return "#" + "".join(f"{int(0.68 * part):02x}" for part in parts)
+
     def style(self, size: float = 6.0) -> dict[str, Any]:
         """Keyword arguments of a line."""
         face = "white" if self.hollow else self.colour

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from screwgauge.bench.contestant import count
 from screwgauge.bench.drawing import WORDS
 from screwgauge.bench.prose import LEAVING, LIMITS, MORE_THREADS, ONE_THREAD, PROTOCOL, READ
 from screwgauge.bench.rows import CUT, FAILED, LEVELS, Row, reach
@@ -74,7 +75,7 @@ def headline(bench: Bench) -> str:
         parts.append(f"{good} of {len(bench.fits)} slopes are as expected.")
     if failed:
         parts.append(
-            f"{len(failed)} rows failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}."
+            f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}."
         )
     if cut or (bench.leaving_out["status"] == CUT).any():
         names = listed(dict.fromkeys(r.contestant.name for r in cut)) or "what leaving out buys"
