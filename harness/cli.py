@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,12 +34,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             print(f"screwgauge: {error}", file=sys.stderr)
         return 2
-    except BrokenPipeError:  # the reader of a pipe has gone
-        sys.stderr.close()
-        return 0
     except KeyboardInterrupt:
         print("screwgauge: interrupted; nothing was written.", file=sys.stderr)
         return 130
+
+
+def _say(text: str) -> None:
+    """Prints; a reader of the pipe who has gone changes nothing about the exit status."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,6 +101,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
     _add_bench(commands, common)
+
+    paper = commands.add_parser(
+        "paper", parents=[common], help="measure the errata of the paper, each by its effect"
+    )
+    paper.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/paper")
+    paper.set_defaults(command=_paper)
     return parser
 
 
@@ -121,7 +133,7 @@ def _names(text: str | None) -> list[str] | None:
 def _list(options: argparse.Namespace) -> int:
     from screwgauge.listing import listing
 
-    print(listing(options.what))
+    _say(listing(options.what))
     return 0
 
 
@@ -134,13 +146,13 @@ def _models(options: argparse.Namespace) -> int:
     check_home(mechanism)
     out = options.out or Path("screwgauge-out") / mechanism.name
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
-        print(path)
+        _say(str(path))
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table
 
     rows = check_models(mechanism, out)
-    print(check_table(rows))
+    _say(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -160,10 +172,10 @@ def _run(options: argparse.Namespace) -> int:
         line.show("report", 0.0)
         results.write(out, samples=options.samples)
     if options.json:
-        print(summary_text(results))
+        _say(summary_text(results))
     else:
-        print(format_terminal(results))
-        print(f"\nreport: {out / 'report.html'}")
+        _say(format_terminal(results))
+        _say(f"\nreport: {out / 'report.html'}")
     return results.exit_status
 
 
@@ -207,6 +219,23 @@ def _bench(options: argparse.Namespace) -> int:
     print(format_terminal(found))
     print(f"\nreport: {out / 'report.html'}")
     return 0
+
+
+def _paper(options: argparse.Namespace) -> int:
+    from screwgauge.paper.document import format_terminal, write_paper
+    from screwgauge.paper.measure import measure
+    from screwgauge.progress import Line
+    from screwgauge.report.write import check_writable
+
+    out = options.out or Path("screwgauge-out") / "paper"
+    check_writable(out)
+    with Line(sys.stderr) as line:
+        paper = measure(line.show)
+        line.show("report", 1.0)
+        write_paper(paper, out)
+    print(format_terminal(paper))
+    print(f"\nreport: {out / 'report.html'}")
+    return 0 if paper.complete else 1
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
-from screwgauge.solution import Failure, Solution, Values
+from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
 UNDETERMINED = "undetermined"
@@ -46,14 +46,16 @@ def compare(
     errors: list[dict[str, Any]] = []
     pairs: list[dict[str, Any]] = []
     scales = natural_scales(scene.mechanism)
+    # what has radii is the reference: first of its pairs, and the measure of all others
+    ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
     for quantity in QUANTITIES:
-        for a, b in combinations(solutions.values(), 2):
+        for a, b in combinations(ordered, 2):
             if quantity not in a.values or quantity not in b.values or not _comparable(quantity, a, b):
                 continue
             if a.values[quantity].components != b.values[quantity].components:
                 pairs.append(_incomparable(scene, quantity, a, b))
                 continue
-            reference = _reference(solutions, a.values[quantity], quantity)
+            reference = _reference(ordered, a.values[quantity], quantity)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
@@ -70,9 +72,9 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not quantity.startswith("tree_force") or not (names[0] < names[1] or names[1] < names[0])
 
 
-def _reference(solutions: Mapping[str, Solution], like: Values, quantity: str) -> Values:
+def _reference(solutions: Sequence[Solution], like: Values, quantity: str) -> Values:
     """The values of the first engine of the run that has these components: one scale for all pairs."""
-    found = (s.values[quantity] for s in solutions.values() if quantity in s.values)
+    found = (s.values[quantity] for s in solutions if quantity in s.values)
     return next(values for values in found if values.components == like.components)
 
 
@@ -87,6 +89,8 @@ def _components(
     scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, scale: float, mobility: Mobility
 ) -> Iterator[dict[str, Any]]:
     first, second = a.values[quantity], b.values[quantity]
+    rows = common_rows(len(scene.motion), a, b)
+    t = scene.motion.t[rows]
     derived = max(a.tolerances.get(quantity, 0.0), b.tolerances.get(quantity, 0.0)) / scale
     tolerance = scene.tolerance(quantity) + derived
     ruled = QUANTITIES[quantity].ruled
@@ -95,7 +99,7 @@ def _components(
     for k, component in enumerate(first.components):
         if first.units[k] != unit:
             continue
-        difference = np.abs(first.array[:, k] - second.array[:, k])
+        difference = np.abs(first.array[rows, k] - second.array[rows, k])
         i, worst = _worst(difference)
         open_ = ruled and not determined.get(component, True)
         yield {
@@ -108,7 +112,7 @@ def _components(
             "rms": float(np.sqrt(np.mean(difference**2))),
             "max_scaled": worst / scale,
             "scale": scale,
-            "worst_t": float(scene.motion.t[i]),
+            "worst_t": float(t[i]),
             "rule": UNDETERMINED if open_ else scene.rule if ruled else "",
             "unique": unique.get(component, True) if ruled else True,
             "tolerance": tolerance,

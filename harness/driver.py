@@ -12,9 +12,9 @@ import pandas as pd
 from screwgauge.compare import compare
 from screwgauge.engines import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
-from screwgauge.judge import COLUMNS, judge
+from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.models.generate import stem, write_models
-from screwgauge.preflight import check_scene
+from screwgauge.preflight import check_actuation, check_scene
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mobility import Mobility
@@ -22,7 +22,8 @@ from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
 
-_PACKAGES = {"pinocchio": "pin"}  # distributions that are not called like their module
+#: Distributions that are not called like their module.
+_PACKAGES = {"pinocchio": "pin", "flint": "python-flint"}
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
@@ -49,6 +50,7 @@ def run(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     progress("preflight", 0.0)
     mobility = check_scene(scene)
+    check_actuation(scene, mobility, wanted)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
@@ -135,4 +137,5 @@ def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, 
         motion=scene.motion,
         quantities=quantities,
         progress=lambda share: progress(name, share),
+        wording=scene.wording(),
     )

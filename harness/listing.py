@@ -10,7 +10,7 @@ from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.scene import load_scene, scene_names
 
-_PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco"}
+_PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco", "truth": "flint"}
 
 
 def listing(what: str | None) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import closure_system, positions
@@ -57,6 +59,30 @@ def check_scene(scene: Scene) -> Mobility:
         _check_limits(scene, at, motion.t, motion.y)
         before = _check_regular(lay, at, motion.t, motion.y, before)
     return _mobility(lay, scene)
+
+
+def check_actuation(scene: Scene, found: Mobility, quantities: Collection[str]) -> None:
+    """Refuses forces that the actuators cannot deliver, and a rule that does not fit their number.
+
+    Raises:
+        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
+    """
+    if not any(QUANTITIES[name].ruled for name in quantities):
+        return
+    mechanism = scene.mechanism
+    driven = len(mechanism.actuators) - found.actuation_redundancy
+    if driven < len(mechanism.independent):
+        raise DescriptionError(
+            f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms",
+            mechanism.where,
+            "actuate more joints, or ask for no actuator_force and reaction",
+        )
+    if scene.rule == "spherical_axial" and found.actuation_redundancy != 2:
+        raise DescriptionError(
+            f"rule spherical_axial needs 2 redundant actuators, not {found.actuation_redundancy}",
+            mechanism.where,
+            "use the rule min_norm",
+        )
 
 
 def _check_jumps(scene: Scene) -> None:

@@ -73,6 +73,26 @@ class Results:
         """Shape (n_sample, n_component)."""
         return self.quantity(quantity, engine).array
 
+    def radius(self, quantity: str, engine: str | None = None) -> Array:
+        """Rigorous radius of the truth: no true value is farther from the exact midpoint than this.
+
+        The values themselves are those midpoints rounded to doubles. NaN at samples that the truth did not solve.
+
+        Returns:
+            Shape (n_sample, n_component).
+
+        Raises:
+            UnknownNameError: No engine has radii for this quantity.
+        """
+        engines = [engine] if engine else list(self.solutions)
+        for name in engines:
+            if name in self.solutions and quantity in self.solutions[name].radius:
+                return self.solutions[name].radius[quantity]
+        known = dict.fromkeys(
+            q for name in engines if name in self.solutions for q in self.solutions[name].radius
+        )
+        raise UnknownNameError("radius", quantity, known or ["none, as the engine truth was not run"])
+
     def components(self, quantity: str, engine: str | None = None) -> tuple[str, ...]:
         """Names in column order."""
         return self.quantity(quantity, engine).components
@@ -83,6 +103,8 @@ class Results:
         Raises:
             OutputError: The folder cannot be written.
         """
+        from screwgauge.paper.document import paper_section
         from screwgauge.report.write import write_results
 
-        return write_results(self, Path(out), samples=samples)
+        # measured here: a run that writes no report does not wait for it
+        return write_results(self, Path(out), samples=samples, paper=paper_section(self.scene))

@@ -19,7 +19,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.report.figures import Figure
-from screwgauge.solution import Load, Motion
+from screwgauge.solution import Load, Motion, Wording
 
 FOLDER = Path(__file__).parent / "scenes"
 RULES = ("min_norm", "spherical_axial")
@@ -45,6 +45,7 @@ class Scene:
         models: Model files that replace the generated ones, by engine.
         figures: What the report draws.
         drive: The motion as a function of time.
+        text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Scene:
     models: Mapping[str, Path]
     figures: tuple[Figure, ...]
     drive: Drive = field(repr=False)
+    text: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def at(self, times: Sequence[float] | Array) -> Scene:
         """The same scene on other times [s].
@@ -72,6 +74,15 @@ class Scene:
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
             raise DescriptionError(f"{times!r} is not a list of times", "times", "give a list of times in s")
         return replace(self, motion=self.drive(_times(list(times), "times")))
+
+    def wording(self) -> Wording:
+        """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""
+        motion, gravity, loads = (self.text.get(key) for key in ("motion", "gravity", "loads"))
+        return Wording(
+            motion=motion if motion and _same_motion(motion, self) else None,
+            gravity=gravity if gravity and np.array_equal(vector(gravity, "gravity"), self.gravity) else None,
+            loads=tuple(loads) if loads is not None and _same_loads(loads, self) else None,
+        )
 
     def tolerance(self, quantity: str) -> float:
         return self.tolerances.get(quantity, QUANTITIES[quantity].tolerance)
@@ -130,7 +141,27 @@ def _read(path: Path) -> Scene:
         models=_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=tuple(_figure(item, f"{where}, figures") for item in _list(data, "figures", where)),
         drive=drive,
+        text={
+            "motion": motion_table,
+            "gravity": data.get("gravity", [0, 0, "-9.81"]),
+            "loads": _list(data, "loads", where),
+        },
     )
+
+
+def _same_motion(table: dict[str, Any], scene: Scene) -> bool:
+    """Whether the scene moves as the table says; never so for samples, whose doubles are what is meant."""
+    if "csv" in table:
+        return False
+    drive, _ = read_drive(table, list(scene.mechanism.independent), Path(), "motion")
+    now, said = scene.motion, drive(scene.motion.t)
+    pairs = ((now.y, said.y), (now.yd, said.yd), (now.ydd, said.ydd))
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _same_loads(tables: list[Any], scene: Scene) -> bool:
+    said = [_load(table, scene.mechanism, "loads") for table in tables]
+    return [load.numbers() for load in said] == [load.numbers() for load in scene.loads]
 
 
 def _mechanism_file(name: str, folder: Path, where: str) -> Path:
@@ -202,7 +233,7 @@ def _grid(table: Any, sampled: Array | None, where: str) -> Array:
     step = _positive(required(table, "step", where), f"{where}.step")
     _check_count(duration / step, where)
     # multiples of the step; a duration that is no whole number of steps ends at the last one before it
-    return np.arange(int(duration / step * (1 + 1e-12)) + 1) * step
+    return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
 def _load(table: Any, mechanism: Mechanism, where: str) -> Load:

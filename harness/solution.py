@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
+
+Rows = NDArray[np.intp]
+"""Indices of samples."""
 
 Progress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""
@@ -36,7 +40,7 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
-    def part(self, rows: slice) -> Motion:
+    def part(self, rows: slice | Rows) -> Motion:
         return Motion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
 
 
@@ -56,6 +60,26 @@ class Load:
     force: Array
     torque: Array
 
+    def numbers(self) -> tuple[str, list[float] | None, list[float], list[float]]:
+        """The load as plain values, which can be compared and written down."""
+        point = None if self.point is None else self.point.tolist()
+        return self.body, point, self.force.tolist(), self.torque.tolist()
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """The text of what was rounded to doubles, for who reads it exactly; None where the doubles are meant.
+
+    Attributes:
+        motion: Label -> table of the motion.
+        gravity: Three numbers.
+        loads: Tables of the loads.
+    """
+
+    motion: Mapping[str, Any] | None = None
+    gravity: list[Any] | None = None
+    loads: tuple[Mapping[str, Any], ...] | None = None
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
@@ -67,6 +91,7 @@ class Problem:
         gravity: World axes [m/s^2], shape (3,); None leaves the model file's own.
         rule: ``min_norm`` or ``spherical_axial``.
         quantities: Names of what is wanted; nothing else is computed.
+        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
     """
 
     model: Path
@@ -77,6 +102,7 @@ class Problem:
     motion: Motion
     quantities: frozenset[str]
     progress: Progress = lambda share: None
+    wording: Wording = Wording()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,6 +141,9 @@ class Solution:
         condition: Condition number of the closure rows with the selection of y. Shape (n,).
         notes: Sentences for the report, such as samples where a rule is singular.
         tolerances: Absolute tolerances that the engine derives itself, quantity -> value.
+        radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
+            An engine that has them is the reference of the others.
+        rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
     """
 
     engine: str
@@ -124,6 +153,17 @@ class Solution:
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
     tolerances: Mapping[str, float] = field(default_factory=dict)
+    radius: Mapping[str, Array] = field(default_factory=dict)
+    rows: Rows | None = None
+
+
+def common_rows(n: int, *solutions: Solution) -> Rows:
+    """The samples, of n, that all of them solved."""
+    rows: Rows = np.arange(n)
+    for solution in solutions:
+        if solution.rows is not None:
+            rows = np.intersect1d(rows, solution.rows)
+    return rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from screwgauge.reference.description import read_mechanism
+from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 
@@ -44,9 +46,24 @@ def load_mechanism(name: str | Path) -> Mechanism:
         ScrewgaugeError: It does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
+    return read_mechanism(path, _finder(path))
+
+
+def mechanism_tables(name: str | Path) -> dict[str, Any]:
+    """The tables of a description as text, with what it extends: numbers that nothing has rounded yet.
+
+    Raises:
+        ScrewgaugeError: It does not exist or cannot be read.
+    """
+    path = mechanism_path(name)
+    return read_tables(path, _finder(path))
+
+
+def _finder(path: Path) -> Callable[[str], Path]:
+    """Finds what a description extends: a file beside it, or a built-in one."""
 
     def find(base: str) -> Path:
         beside = path.parent / base
         return beside if is_file(beside) else mechanism_path(base)
 
-    return read_mechanism(path, find)
+    return find

@@ -78,7 +78,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     Raises:
         DescriptionError: The file does not describe a mechanism.
     """
-    data = _with_base(path, find, seen=())
+    data = read_tables(path, find)
     where = str(path)
     check_keys(data, _TOP, where)
     name = _name(required(data, "name", where), f"{where}, name")
@@ -99,14 +99,15 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     return mechanism
 
 
-def _with_base(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...]) -> dict[str, Any]:
+def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The tables of a description, merged with those that it extends; numbers are still text."""
     if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
     data = read_toml(path)
     if "extends" not in data:
         return data
     base = find(_text(data.pop("extends"), f"{path}, extends"))
-    return merge(_with_base(base, find, (*seen, path.resolve())), data)
+    return merge(read_tables(base, find, (*seen, path.resolve())), data)
 
 
 def _text(value: Any, where: str) -> str:

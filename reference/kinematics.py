@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
+from screwgauge.reference.continuation import OPEN, check_closed, corrector, follow, newton, partial_rates
 from screwgauge.reference.pose import Layout, Pose, loop_matrix, pose
 from screwgauge.reference.rotations import Array
 
@@ -62,9 +62,13 @@ def positions(lay: Layout, y: Array, t: Array) -> Pose:
         )
 
     start = closed_form(lay, y)
-    if start is None:
-        home = lay.mechanism.home
-        start = follow(corrector(evaluate), home, home[columns], y, t)
+    if start is not None:
+        q, _, error = newton(evaluate, start, y)
+        # from farther away Newton's method may end on another branch, or nowhere
+        if (error < OPEN).all() and np.abs(q - start).max(initial=0.0) < 0.3:
+            return pose(lay, q)
+    home = lay.mechanism.home
+    start = follow(corrector(evaluate), home, home[columns], y, t)
     q, _, error = newton(evaluate, start, y)
     check_closed(error, y, t)
     return pose(lay, q)

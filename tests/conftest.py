@@ -17,6 +17,14 @@ def paper() -> Mechanism:
     return load_mechanism("3ups-upu-s")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory):
+    """Truths are not kept in the user's own folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SCREWGAUGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture
 def write(tmp_path: Path):
     """Writes a text file into the test's own folder and returns its path."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge import ScrewgaugeError
+from screwgauge import ScrewgaugeError, load_scene, run
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.preflight import check_home
 from screwgauge.reference import linear
@@ -406,3 +406,24 @@ def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):
     said = capfd.readouterr().err
     assert "Traceback" in said
     assert "unknown scene 'nothing'" in said
+
+
+@pytest.mark.parametrize(("idle", "driven"), [((1, 2, 3, 4), 0), ((2, 3, 4), 1), ((2, 4), 1)])
+def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed_scene, refused):
+    changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)
+    said = refused("run", changed_scene(changes), "--engines", "screw")
+    assert f"changed.toml: the actuated joints drive {driven} of 2 freedoms" in said
+
+
+def test_a_mechanism_without_actuators_still_moves(changed_scene):
+    changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in (1, 2, 3, 4))
+    scene = load_scene(changed_scene(changes))
+    wanted = ["joint_acceleration", "generalized_force"]
+    assert run(scene, engines=["screw", "pinocchio", "mujoco"], quantities=wanted).exit_status == 0
+
+
+@pytest.mark.parametrize("idle", [(4,), (3, 4)])
+def test_the_axial_rule_needs_as_many_redundant_actuators_as_it_fixes(idle, changed_scene, refused):
+    changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)
+    said = refused("run", changed_scene(changes, rule='rule = "spherical_axial"'))
+    assert f"rule spherical_axial needs 2 redundant actuators, not {2 - len(idle)}" in said

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judge import judge
+from screwgauge.judging.judge import judge
 from screwgauge.reference import dynamics, screws
 from screwgauge.solution import Solution, Values
 

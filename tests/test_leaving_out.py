@@ -29,7 +29,8 @@ def test_screw_alone_imports_no_engine():
 def test_screw_alone_on_the_command_line_imports_no_engine(tmp_path):
     code = (
         "import screwgauge.cli\n"
-        f"screwgauge.cli.main(['run', '--engines', 'screw', '--quantities', 'joint_position', '--out', {str(tmp_path)!r}])"
+        "options = ['--engines', 'screw', '--quantities', 'joint_position']\n"
+        f"assert screwgauge.cli.main(['run', *options, '--out', {str(tmp_path)!r}]) == 0"
     )
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy"}
 
@@ -50,3 +51,18 @@ def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
     assert set(alone.values) == {quantity}
     assert (alone.values[quantity].array == everything.values[quantity].array).all()
     assert len(alone.timings) < len(everything.timings)
+
+
+def test_a_reader_who_leaves_changes_no_exit_status(tmp_path):
+    """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
+    scene = tmp_path / "strict.toml"
+    scene.write_text(
+        'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\n[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n'
+        "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n"
+    )
+    code = "import sys, screwgauge.cli; sys.exit(screwgauge.cli.main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "run", str(scene), "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        complaint = process.stderr.read()
+    assert (process.returncode, complaint) == (1, b"")

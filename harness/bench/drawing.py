@@ -62,7 +62,7 @@ def _work_precision(
     _heading(
         canvas,
         title,
-        f"Lower left is better. Each point: one setting; scaled error against the engine {reference}. T: duration of the motion.",
+        f"Lower left is better. Each point: one setting; error against the engine {reference}. T: the motion's duration.",
     )
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in rows:

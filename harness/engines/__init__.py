@@ -16,6 +16,7 @@ ENGINES = {
     "mujoco": "screwgauge.engines.mujoco:solve",
     "pinocchio-full": "screwgauge.engines.pinocchio:solve",
     "mujoco-full": "screwgauge.engines.mujoco:solve",
+    "truth": "screwgauge.engines.truth:solve",
 }
 
 MEANINGS = {
@@ -24,6 +25,7 @@ MEANINGS = {
     "mujoco": "MuJoCo on the MJCF, minimal cut",
     "pinocchio-full": "Pinocchio, all joints in the tree",
     "mujoco-full": "MuJoCo, all joints in the tree",
+    "truth": "ball arithmetic with rigorous radii, on request (needs python-flint)",
 }
 
 

@@ -6,6 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -30,7 +31,16 @@ def solve(problem: Problem) -> Solution:
     if problem.loops is None:
         raise ModelFileError("has no loops file", str(problem.model), "put NAME.loops.toml beside it")
     file = read_loops(problem.loops)
-    return solve_tree(problem, MujocoTree(problem.model, file, problem.gravity), file)
+    warnings: list[str] = []
+    # MuJoCo's own handler writes MUJOCO_LOG.TXT into the working directory
+    mujoco.set_mju_user_warning(warnings.append)
+    try:
+        solution = solve_tree(problem, MujocoTree(problem.model, file, problem.gravity), file)
+    finally:
+        mujoco.set_mju_user_warning(None)
+    return replace(
+        solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)))
+    )
 
 
 class MujocoTree:

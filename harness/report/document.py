@@ -12,8 +12,12 @@ from screwgauge.report.verdict import verdict
 from screwgauge.results import Results
 
 
-def report_markdown(results: Results, plots: Sequence[Plot]) -> str:
-    """The text of ``report.md``; plots are linked as ``plots/NAME.svg``."""
+def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") -> str:
+    """The text of ``report.md``; plots are linked as ``plots/NAME.svg``.
+
+    Args:
+        paper: The section "The paper, checked", left out if empty.
+    """
     found = verdict(results)
     parts = [
         f"# {cell(results.scene.title or results.scene.name)}: verification report",
@@ -32,6 +36,7 @@ def report_markdown(results: Results, plots: Sequence[Plot]) -> str:
         _plots(plots, len(results.solutions)),
         "## Mechanism",
         sections.facts(results.mobility, "No facts of the mechanism were computed."),
+        *(["## The paper, checked", paper] if paper else []),
         "## How it was compared",
         HOW,
         "## Run times",

@@ -66,24 +66,28 @@ def mark(engine: int, n: int) -> dict[str, Any]:
 
 
 def draw_curves(
-    ax: Any, panel: Panel, arrays: Mapping[str, Array], keys: Sequence[str], t: Array, height: float
+    ax: Any, panel: Panel, curves: Mapping[str, tuple[Array, Array]], keys: Sequence[str], height: float
 ) -> None:
-    """The first engine as lines, the others as sparse marks in the same colours."""
+    """The first engine as lines, the others as sparse marks in the same colours.
+
+    Args:
+        curves: Engine -> its times (n,) and its values (n, n_component).
+    """
     for column, name in zip(panel.drawn, panel.names, strict=True):
-        for k, array in enumerate(arrays.values()):
+        for k, (t, array) in enumerate(curves.values()):
             v, colour = array[:, column], look(keys, name)
             if k:
-                at = sparse(len(t), k - 1, len(arrays) - 1)
+                at = sparse(len(t), k - 1, len(curves) - 1)
                 ax.plot(t[at], v[at], color=colour["color"], **mark(k, len(t)))
             else:
                 ax.plot(*thin(t, v, height), **colour, marker="." if len(t) < 2 else None)
 
 
 def draw_differences(
-    ax: Any, lines: Sequence[Array], t: Array, tolerance: float | None, floor: float, zero: bool
+    ax: Any, lines: Sequence[tuple[Array, Array]], tolerance: float | None, floor: float, zero: bool
 ) -> None:
     """Envelopes of the differences, one line a pair; grey lines for the tolerance and for zero."""
-    for i, line in enumerate(lines):
+    for i, (t, line) in enumerate(lines):
         at, peak = bin_maxima(t, line)
         look = {**mark(i + 1, 1), **pair_look(i)} if len(t) < 2 else pair_look(i)
         ax.plot(at, np.where(peak < floor, floor, peak), **look)

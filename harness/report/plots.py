@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from screwgauge.report.figures import Figure, drawable
 from screwgauge.report.formatting import file_name, missing, number, unit_text
 from screwgauge.report.sheet import Sheet, Strip, log_scale, style
 from screwgauge.results import Results
-from screwgauge.solution import Values
+from screwgauge.solution import Values, common_rows
 
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 
@@ -52,43 +51,52 @@ def make_plots(results: Results) -> list[Plot]:
 
 
 def _figure(figure: Figure, results: Results) -> str:
-    values = {
-        e: s.values[figure.quantity] for e, s in results.solutions.items() if figure.quantity in s.values
-    }
+    # an engine that solved only some samples comes last: the first one is drawn as lines
+    solutions = sorted(results.solutions.items(), key=lambda item: item[1].rows is not None)
+    values = {e: s.values[figure.quantity] for e, s in solutions if figure.quantity in s.values}
     first, t = next(iter(values.values())), results.times
     panels = [make_panel(label, patterns, figure.unit, first) for label, patterns in figure.panels]
+    rows = {engine: common_rows(len(t), results.solutions[engine]) for engine in values}
     arrays = {engine: _aligned(has, first.components) for engine, has in values.items()}
     keys = list(dict.fromkeys(name for panel in panels for name in panel.names))
-    pairs = [pair for pair in combinations(arrays, 2) if pair in _compared(figure, results)]
+    pairs = _compared(figure, results)
     drawn, others = _drawn(arrays, pairs)
-    lines = [[envelope(arrays[a][:, p.columns], arrays[b][:, p.columns]) for a, b in pairs] for p in panels]
+    curves = {engine: (t[rows[engine]], array[rows[engine]]) for engine, array in arrays.items()}
+    shared = [np.intersect1d(rows[a], rows[b]) for a, b in pairs]
+    lines = [
+        [
+            (t[at], envelope(arrays[a][at][:, p.columns], arrays[b][at][:, p.columns]))
+            for at, (a, b) in zip(shared, pairs, strict=True)
+        ]
+        for p in panels
+    ]
     tolerance = _tolerance(figure, results) if pairs else None
-    floor, top, zero = _bounds([line for panel in lines for line in panel], tolerance)
+    floor, top, zero = _bounds([line for panel in lines for _, line in panel], tolerance)
     sheet = Sheet(
         figure.title,
         [panel.label for panel in panels],
         [Strip(component_handles(keys)), Strip(engine_handles(list(drawn), len(t)))],
-        notes=[*others, *_left_out(panels), *_gaps(arrays, panels, t)],
+        notes=[*others, *_left_out(panels), *_gaps(curves, panels)],
         lower_strips=[Strip(difference_handles(pairs, tolerance, zero))] if pairs else (),
         lower=bool(pairs),
     )
     height = _height([array[:, p.drawn] for p in panels for array in drawn.values()])
     for ax, panel in zip(sheet.upper, panels, strict=True):
-        draw_curves(ax, panel, drawn, keys, t, height)
+        draw_curves(ax, panel, {engine: curves[engine] for engine in drawn}, keys, height)
     sheet.upper[0].set_ylabel(f"{figure.quantity.replace('_', ' ')} [{unit_text(figure.unit)}]")
     for ax, panel_lines in zip(sheet.lower, lines, strict=False):
-        draw_differences(ax, panel_lines, t, tolerance, floor, zero)
+        draw_differences(ax, panel_lines, tolerance, floor, zero)
     if sheet.lower:
         log_scale(sheet.lower[0], floor / 10 if zero else floor, top)
         sheet.lower[0].set_ylabel(f"difference [{unit_text(figure.unit)}]")
     return sheet.svg()
 
 
-def _compared(figure: Figure, results: Results) -> set[tuple[str, str]]:
-    """Pairs of engines that were compared in the quantity of the figure."""
+def _compared(figure: Figure, results: Results) -> list[tuple[str, str]]:
+    """Pairs of engines that were compared in the quantity of the figure, in their order there."""
     table = results.errors
     here = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
-    return set(zip(here["a"], here["b"], strict=True))
+    return list(dict.fromkeys(zip(here["a"], here["b"], strict=True)))
 
 
 def _drawn(
@@ -146,10 +154,10 @@ def _left_out(panels: Sequence[Panel]) -> list[str]:
     return [f"Curves: the {kept} of {total} components that move most. Differences: all {total}."]
 
 
-def _gaps(arrays: Mapping[str, Array], panels: Sequence[Panel], t: Array) -> list[str]:
+def _gaps(curves: Mapping[str, tuple[Array, Array]], panels: Sequence[Panel]) -> list[str]:
     """A sentence for each engine that has gaps in this figure."""
     notes, columns = [], [i for panel in panels for i in panel.columns]
-    for engine, array in arrays.items():
+    for engine, (t, array) in curves.items():
         bad = np.flatnonzero(~np.isfinite(array[:, columns]).all(axis=1))
         if len(bad):
             span = f"t = {number(t[bad[0]])} s" + (f" to {number(t[bad[-1]])} s" if len(bad) > 1 else "")

@@ -31,11 +31,11 @@ LIMITATIONS = (
     "Agreement is shown at the samples, not between them, and only on this trajectory.",
     "Errors are measured against the largest component of a quantity: a component a thousand times smaller "
     "has three digits less.",
-    "Everything is double precision. Near a singular pose digits are lost in proportion to the condition "
-    "number, in every engine alike.",
+    "Everything but the engine truth is double precision. Near a singular pose digits are lost in proportion "
+    "to the condition number, in every engine alike.",
     "Engines that agree can be wrong together: in the description, in the motion, or in what they share.",
     "Joints are ideal and bodies rigid: no friction, clearance, contact or elasticity is compared.",
     "Run times are of this machine and this run; they say nothing about an engine's accuracy per second.",
     "Plots are thinned to what a screen shows, without losing a peak: differences are the largest of each "
-    "stretch of samples. The tables use every sample.",
+    "stretch of samples. The tables use every sample that both engines solved.",
 )

@@ -25,7 +25,7 @@ TIMING_COLUMNS = list(Timing.__dataclass_fields__)
 SAMPLES = "samples.parquet"
 
 
-def write_results(results: Results, out: Path, *, samples: bool = False) -> Path:
+def write_results(results: Results, out: Path, *, samples: bool = False, paper: str = "") -> Path:
     """Writes summary, tables, environment, report and plots; see `Results.write`.
 
     Files of an earlier run in the same folder are replaced; other files there stay.
@@ -33,6 +33,7 @@ def write_results(results: Results, out: Path, *, samples: bool = False) -> Path
     Args:
         out: Folder, made if need be.
         samples: Also every sample of every engine, as Parquet.
+        paper: A section of the report on the paper.
 
     Returns:
         The folder.
@@ -42,7 +43,7 @@ def write_results(results: Results, out: Path, *, samples: bool = False) -> Path
     """
     if samples:
         _need_pyarrow()
-    return write_files(out, _texts(results), frame=_samples(results) if samples else None)
+    return write_files(out, _texts(results, paper), frame=_samples(results) if samples else None)
 
 
 def check_writable(out: Path, *, samples: bool = False) -> None:
@@ -131,10 +132,10 @@ def _cannot(out: Path, error: OSError) -> OutputError:
     return OutputError(f"the folder cannot be written ({reason})", str(out), "choose another with --out")
 
 
-def _texts(results: Results) -> dict[str, str]:
+def _texts(results: Results, paper: str) -> dict[str, str]:
     """Every file of the run as text, path below the folder -> content."""
     plots = make_plots(results)
-    report = report_markdown(results, plots)
+    report = report_markdown(results, plots, paper)
     timings = [timing for solution in results.solutions.values() for timing in solution.timings]
     errors = results.errors[ERROR_COLUMNS]
     return {

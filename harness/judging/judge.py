@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
-from screwgauge.balance import newton_euler, power_balance, required_wrenches, virtual_work
-from screwgauge.kinetics import Moving, walk
+from screwgauge.judging.balance import newton_euler, power_balance, required_wrenches, virtual_work
+from screwgauge.judging.kinetics import Moving, walk
+from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.rotations import Array, vee
-from screwgauge.residual import Residual
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution, Values
 
@@ -22,10 +24,21 @@ COLUMNS = [
 
 def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.DataFrame:
     """All residuals that the computed quantities allow. One row per residual and unit."""
+    if solution.rows is not None:  # it solved some of the samples: these are judged
+        scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
     rows = [
         _row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _solved(solution: Solution) -> Solution:
+    """The solution on its own samples only."""
+    values = {
+        name: Values(has.components, has.units, has.array[solution.rows])
+        for name, has in solution.values.items()
+    }
+    return replace(solution, values=values, rows=None)
 
 
 def residuals(scene: Scene, solution: Solution) -> list[Residual]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.kinetics import Moving, walk
+from screwgauge.judging.kinetics import Moving, walk
+from screwgauge.judging.residual import Residual
 from screwgauge.quantities import natural_scales
 from screwgauge.reference import linear
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array
-from screwgauge.residual import Residual
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution
 

@@ -1,0 +1,252 @@
+"""The engine `truth`: the mechanism in ball arithmetic, with a rigorous radius for every value.
+
+It reads the text of the description and of the scene exactly, takes the doubles of the times as they are, and solves
+at most `MOST` of the samples, spread evenly. Of the float64 solver it uses the positions, as a guess that
+nothing rests on: they are certified anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import flint
+import numpy as np
+from flint import arb, ctx
+
+import screwgauge
+import screwgauge.reference
+import screwgauge.truth
+from screwgauge.assemble import Clock, Names, component_names, stages
+from screwgauge.models.catalog import load_mechanism, mechanism_tables
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.dynamics import joint_reactions
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Problem, Rows, Solution, Timing, Values, empty
+from screwgauge.truth import cache
+from screwgauge.truth.certify import NotCertified
+from screwgauge.truth.forces import RoutesDisagree
+from screwgauge.truth.linkage import Linkage
+from screwgauge.truth.motion import drive, read_terms, samples
+from screwgauge.truth.samples import Sampler
+
+BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
+MOST = 201
+_OPEN = ("tree_force", "tree_force_soft")  # of the open tree: nothing to certify that RNEA does not know
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any."""
+
+    mid: dict[str, Array]
+    radius: dict[str, Array]
+    reasons: list[str]
+    spent: dict[str, float]
+
+
+def solve(problem: Problem) -> Solution:
+    """Every quantity of a mechanism described by TOML, in balls.
+
+    Raises:
+        NotCertified: Not one of the samples could be certified.
+        RoutesDisagree: Two enclosures of one force are disjoint.
+    """
+    mechanism = load_mechanism(problem.model)
+    _check(problem, mechanism)
+    n = len(problem.motion)
+    rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
+    depth = stages(problem.quantities - set(_OPEN))
+    version = cache.code_version(*_folders(), extra=flint.__version__)
+    key = _key(problem, rows, depth)
+    stored, note = cache.read(key, version)
+    notes = [note]
+    if stored is None:
+        table = _compute(problem, mechanism, rows, depth)
+        notes.append(cache.write(key, version, _pack(table)))
+    else:
+        table = _unpack(stored)
+    return _solution(problem, mechanism, rows, table, notes, cached=stored is not None)
+
+
+def _check(problem: Problem, mechanism: Mechanism) -> None:
+    if len(mechanism.independent) != problem.motion.y.shape[1]:
+        what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
+        raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
+    for load in problem.loads:
+        if load.body not in mechanism.body_index:
+            raise ModelFileError(
+                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
+            )
+
+
+def _folders() -> list[Path]:
+    files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
+    return [Path(str(file)).parent for file in files]
+
+
+def _key(problem: Problem, rows: Rows, depth: str) -> str:
+    """Hash of all input: text where there is any, else the bytes of the doubles."""
+    said, motion = problem.wording, problem.motion.part(rows)
+    loads = [load.numbers() for load in problem.loads]
+    gravity = None if problem.gravity is None else problem.gravity.tolist()
+    return cache.digest(
+        mechanism_tables(problem.model),
+        said.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
+        [said.gravity, gravity],
+        [said.loads, loads],
+        motion.t.tobytes(),
+        [problem.rule, depth, BITS],
+    )
+
+
+def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> _Table:
+    motion, clock = problem.motion, Clock()
+    start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
+    found: list[dict[str, list[arb]] | None] = []
+    reasons: list[str] = []
+    with ctx.workprec(BITS):
+        linkage = Linkage(mechanism, mechanism_tables(problem.model))
+        sampler = Sampler(linkage, problem, depth, clock)
+        said = problem.wording.motion
+        terms = None if said is None else read_terms(said, list(mechanism.independent))
+        for i, row in enumerate(rows.tolist()):
+            y = samples(motion, row) if terms is None else drive(terms, float(motion.t[row]))
+            try:
+                found.append(sampler.sample(y, start[i]))
+            except RoutesDisagree as error:
+                raise RoutesDisagree(
+                    error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy
+                ) from None
+            except NotCertified as error:
+                found.append(None)
+                reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
+            problem.progress((i + 1) / len(rows))
+        if all(one is None for one in found):
+            where, _, what = reasons[0].partition(": ")
+            raise NotCertified(
+                f"no sample can be certified: {what}", where, "keep the motion away from singular poses"
+            )
+        return _Table(*_arrays(found), reasons, dict(clock.spent))
+
+
+def _where(mechanism: Mechanism, t: float, y: Array) -> str:
+    pose = ", ".join(f"{label} = {value:.6g}" for label, value in zip(mechanism.independent, y, strict=True))
+    return f"t = {t:g} s, {pose}"
+
+
+def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
+
+    A ball that holds zero is centred there: what vanishes by symmetry is zero, not 1e-58.
+    """
+    first = next(one for one in found if one is not None)
+    mid = {name: np.full((len(found), len(balls)), np.nan) for name, balls in first.items()}
+    radius = {name: array.copy() for name, array in mid.items()}
+    for i, one in enumerate(found):
+        for name, balls in (one or {}).items():
+            zero = [ball.contains(0) for ball in balls]
+            mid[name][i] = [0.0 if at else float(ball.mid()) for ball, at in zip(balls, zero, strict=True)]
+            size = [
+                float(ball.abs_upper() if at else ball.rad()) for ball, at in zip(balls, zero, strict=True)
+            ]
+            radius[name][i] = np.nextafter(size, np.inf)
+    return mid, radius
+
+
+def _pack(table: _Table) -> dict[str, Array]:
+    return {
+        **{f"mid.{name}": array for name, array in table.mid.items()},
+        **{f"radius.{name}": array for name, array in table.radius.items()},
+        "reasons": np.array(table.reasons, dtype=str),
+        "stages": np.array(list(table.spent), dtype=str),
+        "seconds": np.array(list(table.spent.values())),
+    }
+
+
+def _unpack(stored: cache.Arrays) -> _Table:
+    def part(prefix: str) -> dict[str, Array]:
+        return {name.removeprefix(prefix): array for name, array in stored.items() if name.startswith(prefix)}
+
+    spent = dict(zip(stored["stages"].tolist(), stored["seconds"].tolist(), strict=True))
+    return _Table(part("mid."), part("radius."), stored["reasons"].tolist(), spent)
+
+
+def _solution(
+    problem: Problem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
+) -> Solution:
+    n = len(problem.motion)
+    done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
+    names = _names(mechanism)
+    wanted = [name for name in QUANTITIES if name in table.mid and name in problem.quantities]
+
+    def spread(array: Array) -> Array:
+        full = np.full((n, array.shape[1]), np.nan)
+        full[rows] = array
+        full.setflags(write=False)
+        return full
+
+    solved = rows[done]
+    how = f"{BITS} bits" + (", from the cache" if cached else "")
+    covers = "{} of the samples solved, once" + (", when the cache file was written" if cached else "")
+    return Solution(
+        engine="truth",
+        version=f"{screwgauge.__version__}, python-flint {flint.__version__}",
+        values={name: Values(*names[name], spread(table.mid[name])) for name in wanted},
+        condition=empty(n),
+        timings=tuple(
+            Timing("truth", how, stage, len(rows), seconds, seconds, covers.format(stage))
+            for stage, seconds in table.spent.items()
+        ),
+        notes=tuple(
+            note for note in [*_notes(table, names, mechanism, f"{len(solved)} of {n}"), *notes] if note
+        ),
+        radius={name: spread(table.radius[name]) for name in wanted},
+        rows=None if len(solved) == n else solved,
+    )
+
+
+def _names(mechanism: Mechanism) -> Names:
+    lay = layout(mechanism)
+    reactions = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
+    return component_names(
+        mechanism.joints,
+        [body.name for body in mechanism.bodies],
+        mechanism.independent,
+        (),
+        mechanism.actuator_names,
+        (reactions.names, reactions.units),
+    )
+
+
+def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
+    sizes = {
+        (name, unit): _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
+        for name in table.mid
+        for unit in names[name][1]
+    }
+    worst = max(sizes, key=lambda key: sizes[key])
+    note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst[0]}, {worst[1]})"
+    if "reaction" in table.mid:
+        note += "; the two routes to the forces overlap at every one"
+    notes = [note]
+    if 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.independent) > len(mechanism.coordinates):
+        notes.append(
+            "the mechanism is overconstrained: that its redundant loops close was seen to hold within the balls, "
+            "which is no proof; reactions that they leave open are one choice that balances"
+        )
+    if table.reasons:
+        notes.append(
+            f"not certified at {len(table.reasons)} samples, left out; the first: {table.reasons[0]}"
+        )
+    return notes
+
+
+def _scaled_radius(table: _Table, name: str, columns: list[int]) -> float:
+    largest = float(np.nanmax(np.abs(table.mid[name][:, columns])))
+    return float(np.nanmax(table.radius[name][:, columns])) / (largest or 1.0)

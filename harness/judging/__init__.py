@@ -1,0 +1,1 @@
+"""Judges one engine by the laws of mechanics alone; shares no motion formula with the screw solver."""

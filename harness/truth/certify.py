@@ -1,0 +1,124 @@
+"""Positions that are proved: Newton's method in high precision, then an interval Newton step (Krawczyk's operator).
+
+The start may be any guess; nothing is believed of it. Where Krawczyk's operator maps a small box into its own
+interior, the box holds one and only one solution of the closing equations, and the image encloses it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.truth.exact import identity
+from screwgauge.truth.linkage import Linkage, error
+
+NEWTON = 40  # steps; four do from a double start, the rest is for poor ones
+
+
+class NotCertified(ScrewgaugeError):
+    """A pose for which no enclosure could be proved."""
+
+
+def independent_rows(J: Array, n: int) -> list[int]:
+    """n rows of full rank, the selection (last) rows first; all rows where there are only n.
+
+    A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
+    checked: they hold within the enclosures.
+    """
+    if len(J) == n:
+        return list(range(n))
+    left = J.copy()
+    chosen: list[int] = []
+    order = list(range(len(J)))[::-1]
+    for _ in range(n):
+        size = np.linalg.norm(left, axis=1)
+        size[chosen] = -1.0
+        best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
+        if size[best] < 1e-9:
+            raise NotCertified(
+                "the closing equations are singular", "", "keep the motion away from this pose"
+            )
+        chosen.append(best)
+        unit = left[best] / size[best]
+        left = left - np.outer(left @ unit, unit)
+    return sorted(chosen)
+
+
+class Certifier:
+    """Certifies the joint coordinates of one linkage for given independent coordinates."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        self.linkage = linkage
+        self.n = len(linkage.mechanism.coordinates)
+
+    def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
+        """Encloses the joint coordinates.
+
+        Args:
+            y: Independent coordinates.
+            start: An unverified guess of all joint coordinates.
+
+        Returns:
+            Balls of the coordinates, the Jacobian over them (square, of the rows chosen), and these rows.
+
+        Raises:
+            NotCertified: No box could be verified.
+        """
+        m = [arb(x) for x in start]
+        J = _floats(self.linkage.jacobian(m))
+        rows = independent_rows(J, self.n)
+        try:
+            Y = arb_mat(np.linalg.inv(J[rows]).tolist())
+        except np.linalg.LinAlgError:
+            raise NotCertified(
+                "the closing equations are singular", "", "keep the motion away from this pose"
+            ) from None
+        last = 1e3  # [rad or m] a larger step leads nowhere
+        for _ in range(NEWTON):
+            d = (Y * self._error(m, y, rows)).entries()
+            size = max(float(x.abs_upper()) for x in d)
+            if not size < last:  # down to rounding, or lost
+                break
+            m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
+            last = size / 2
+            if size < 2.0 ** (40 - ctx.prec):
+                break
+        return *self._verify(m, y, Y, rows), rows
+
+    def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
+        """Closing errors and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
+        jets = [[x] for x in q]
+        found: list[arb] = []
+        for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
+            if not G[0, 0] + G[1, 1] + G[2, 2] > 1:  # turned by more than a right angle: not near closing
+                raise NotCertified("a loop is far from closed", "", "check the motion")
+            found += error(G)
+        chosen = self.linkage.mechanism.independent_columns
+        found += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
+        return arb_mat([[found[i]] for i in rows])
+
+    def _verify(
+        self, m: list[arb], y: Sequence[arb], Y: arb_mat, rows: Sequence[int]
+    ) -> tuple[list[arb], arb_mat]:
+        d = Y * self._error(m, y, rows)
+        r = max((x.abs_upper() for x in d.entries()), key=float) * 4 + arb(2) ** (8 - ctx.prec)
+        for _ in range(3):
+            radius = float(r)
+            box = [arb(x, radius) for x in m]
+            J = self.linkage.jacobian(box)
+            J = arb_mat([J.tolist()[i] for i in rows]) if len(rows) < J.nrows() else J
+            offset = arb_mat([[arb(0, radius)] for _ in m])
+            step = (identity(self.n) - Y * J) * offset - d
+            image = [x + dx for x, dx in zip(m, step.entries(), strict=True)]
+            if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
+                return image, J
+            r = r * 64
+        raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
+
+
+def _floats(M: arb_mat) -> Array:
+    return np.array([[float(x.mid()) for x in row] for row in M.tolist()])

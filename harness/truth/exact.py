@@ -1,0 +1,155 @@
+"""Reads the text of descriptions and scenes into balls: decimals as exact rationals, expressions as enclosures."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+from flint import arb, arb_mat, ctx, fmpq
+
+Vector = list[arb]
+
+_FUNCTIONS: dict[str, Callable[[arb], arb]] = {
+    name: getattr(arb, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
+}
+
+
+def number(value: Any) -> arb:
+    """A ball that holds the number which the text means, of the working precision.
+
+    Args:
+        value: A checked entry of a description: int or text. A float stands for itself, exactly.
+    """
+    if isinstance(value, float):
+        return arb(value)
+    text = str(value).strip()
+    return _evaluate(ast.parse(text, mode="eval").body, text)
+
+
+def _evaluate(node: ast.expr, text: str) -> arb:
+    match node:
+        case ast.Constant(value=int() as value):
+            return arb(value)
+        case ast.Constant():  # its own text: the parser has already rounded the value
+            exact = Fraction((ast.get_source_segment(text, node) or "").replace("_", ""))
+            return arb(fmpq(exact.numerator, exact.denominator))
+        case ast.Name(id="pi"):
+            return arb.pi()
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = _evaluate(operand, text)
+            return -inner if isinstance(op, ast.USub) else inner
+        case ast.BinOp(left=left, op=op, right=right):
+            return _combine(op, _evaluate(left, text), _evaluate(right, text))
+        case ast.Call(func=ast.Name(id=name), args=[argument]):
+            return _FUNCTIONS[name](_evaluate(argument, text))
+    raise ValueError(f"'{text}' cannot be read as a number")
+
+
+def _combine(op: ast.operator, a: arb, b: arb) -> arb:
+    match op:
+        case ast.Add():
+            return a + b
+        case ast.Sub():
+            return a - b
+        case ast.Mult():
+            return a * b
+        case ast.Div():
+            return a / b
+        case ast.Pow():
+            return a**b
+    raise ValueError("unknown operation")
+
+
+def vector(values: Any) -> Vector:
+    """A list of numbers."""
+    return [number(value) for value in values]
+
+
+def unit_vector(values: Any) -> Vector:
+    """A vector divided by its norm: the text may give a unit vector in rounded decimals."""
+    v = vector(values)
+    norm = dot(v, v).sqrt()
+    return [x / norm for x in v]
+
+
+def rotation_matrix(value: Any) -> arb_mat:
+    """``{axis, angle}``, ``{matrix}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
+    result = identity(3)
+    for step in value if isinstance(value, list) else [value]:
+        if "matrix" in step:
+            result = result * _orthonormal(step["matrix"])
+        else:
+            angle = number(step["angle"])
+            A = skew(unit_vector(step["axis"]))
+            result = result * (identity(3) + A * angle.sin() + (A * A) * (1 - angle.cos()))
+    return result
+
+
+def _orthonormal(rows: Any) -> arb_mat:
+    """Decimals of a matrix are orthonormal only to their last digit; Gram and Schmidt make it a rotation."""
+    first = unit_vector(rows[0])
+    second = vector(rows[1])
+    along = dot(first, second)
+    second = [y - along * x for x, y in zip(first, second, strict=True)]
+    norm = dot(second, second).sqrt()
+    second = [y / norm for y in second]
+    return arb_mat([first, second, cross(first, second)])
+
+
+def placement(table: Mapping[str, Any]) -> arb_mat:
+    """A frame ``{position, rotation}`` as a homogeneous matrix. Shape (4, 4)."""
+    return rigid(rotation_matrix(table.get("rotation", [])), vector(table.get("position", [0, 0, 0])))
+
+
+def rigid(R: arb_mat, p: Vector) -> arb_mat:
+    """Homogeneous matrix of a rotation and an origin. Shape (4, 4)."""
+    rows = R.tolist()
+    return arb_mat([*([*rows[i], p[i]] for i in range(3)), [0, 0, 0, 1]])
+
+
+def inverse(T: arb_mat) -> arb_mat:
+    """Inverse of a homogeneous matrix whose rotation is one. Shape (4, 4)."""
+    r = T.tolist()
+    columns = [[r[0][j], r[1][j], r[2][j]] for j in range(3)]
+    p = [r[0][3], r[1][3], r[2][3]]
+    return arb_mat([*([*c, -dot(c, p)] for c in columns), [0, 0, 0, 1]])
+
+
+@cache
+def identity(n: int) -> arb_mat:
+    return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def solve(A: arb_mat, b: arb_mat) -> arb_mat:
+    """Encloses the solution of ``A x = b``.
+
+    Elimination is ten times as fast as preconditioning, and its balls are wider; where they take more than three
+    eighths of the digits, or where it fails, preconditioning is next.
+
+    Raises:
+        ZeroDivisionError: A may be singular.
+    """
+    try:
+        x = A.solve(b, algorithm="lu")
+        if all(ball.rel_one_accuracy_bits() > 5 * ctx.prec // 8 for ball in x.entries()):
+            return x
+    except ZeroDivisionError:
+        pass
+    return A.solve(b, algorithm="precond")
+
+
+def skew(v: Vector) -> arb_mat:
+    """Matrix of the cross product. Shape (3, 3)."""
+    x, y, z = v
+    return arb_mat([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def dot(a: Vector, b: Vector) -> arb:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

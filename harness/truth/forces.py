@@ -1,0 +1,186 @@
+"""Forces by two routes that share no equation: virtual power, and the balance of every body; they must overlap.
+
+Route 1 is Lagrange's form with homogeneous matrices: ``Q_j = sum trace(dT/dy_j P T''^T) - ...``, where no angular
+velocity appears. Route 2 balances force and moment of each body and solves for every reaction at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import arb, arb_mat
+
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.reactions import by_role
+from screwgauge.truth.certify import NotCertified
+from screwgauge.truth.exact import Vector, cross, dot
+from screwgauge.truth.kinematics import State, point, spin
+from screwgauge.truth.linkage import Linkage
+
+WORLD: tuple[list[arb], ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
+
+
+class RoutesDisagree(NotCertified):
+    """The two routes to the forces have disjoint enclosures: one of them is wrong."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallLoad:
+    """A load in balls: force [N] and torque [N m] in world axes, on a point of a body (None: centre of mass)."""
+
+    body: int
+    point: Vector | None
+    force: Vector
+    torque: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknown:
+    """A unit force or a unit moment that the parent of a joint exerts on its child at a point."""
+
+    name: str
+    unit: str
+    joint: Joint
+    force: Vector | None
+    moment: Vector | None
+    point: Vector
+
+
+def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
+    """Route 1: what the actuators must deliver for each independent coordinate [N m or N]."""
+    found = []
+    second = [2 * T[2] for T in now.bodies]
+    for j in range(now.partial.ncols()):
+        virtual = linkage.place([[q[0], now.partial[i, j]] for i, q in enumerate(now.q)])
+        Q = arb(0)
+        for mass, T, A in zip(linkage.masses, virtual[1:], second[1:], strict=True):
+            Q += _trace(T[1] * mass.pseudo, A) - mass.mass * dot(gravity, point(T[1], mass.com))
+        for load in loads:
+            T = virtual[load.body]
+            at = linkage.masses[load.body - 1].com if load.point is None else load.point
+            Q -= dot(load.force, point(T[1], at)) + dot(load.torque, spin(T, 1))
+        found.append(Q)
+    return found
+
+
+def _trace(A: arb_mat, B: arb_mat) -> arb:
+    """``trace(A B^T)``."""
+    return sum((x * y for x, y in zip(A.entries(), B.entries(), strict=True)), arb(0))
+
+
+def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
+    """Smallest actuator forces with ``B^T f = Q``. Shape (n_actuator, 1)."""
+    Bt = B.transpose()
+    try:
+        return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
+    except ZeroDivisionError:
+        raise NotCertified(
+            "the actuators may not move every coordinate", "", "keep away from this pose"
+        ) from None
+
+
+def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
+    """The reaction components of all joints, in the order of the results."""
+    joints = linkage.mechanism.joints
+    return [unknown for i in by_role(joints) for unknown in _components(linkage, now, joints[i])]
+
+
+def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
+    frames, index = linkage.frames[joint.name], linkage.mechanism.body_index
+    parent, child = (
+        now.bodies[index[joint.parent]][0] * frames.parent,
+        now.bodies[index[joint.child]][0] * frames.child,
+    )
+    at = [child[i, 3] for i in range(3)]
+    columns = [point(child, axis, 0) for axis in WORLD]
+    world = [(f"f{name}", True, axis) for name, axis in zip("xyz", WORLD, strict=True)]
+    if joint.kind in "SU":
+        parts = world
+    else:
+        across = _across(frames.axes[0], child)
+        parts = [(f"f{name}", True, d) for name, d in across] if joint.kind in "PC" else world
+        if joint.kind in "RC":
+            parts = parts + [(f"m{name}", False, d) for name, d in across]
+        elif joint.kind == "P":
+            parts = parts + [(f"m{name}", False, d) for name, d in zip("xyz", columns, strict=True)]
+    if joint.kind == "U":
+        normal = cross(point(parent, frames.axes[0], 0), point(child, frames.axes[1], 0))
+        size = dot(normal, normal).sqrt()
+        parts = [*parts, ("m", False, [x / size for x in normal])]
+    return [
+        Unknown(
+            f"{joint.name}.{label}",
+            "N" if force else "N m",
+            joint,
+            d if force else None,
+            None if force else d,
+            at,
+        )
+        for label, force, d in parts
+    ]
+
+
+def _across(axis: Vector, child: arb_mat) -> list[tuple[str, Vector]]:
+    """Two directions across an axis: those of the joint frame where it is one of them (see the README)."""
+    k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
+    others = [i for i in range(3) if i != k]
+    if all(axis[i] == 0 for i in others):
+        return [("xyz"[i], point(child, WORLD[i], 0)) for i in others]
+    first = cross(axis, WORLD[others[0]])
+    size = dot(first, first).sqrt()
+    first = [x / size for x in first]
+    return [("1", point(child, first, 0)), ("2", point(child, cross(axis, first), 0))]
+
+
+def driving(linkage: Linkage, now: State) -> list[Unknown]:
+    """The actuators as unit forces or moments along their axes."""
+    found, index = [], linkage.mechanism.body_index
+    for joint in linkage.mechanism.actuators:
+        frames = linkage.frames[joint.name]
+        child = now.bodies[index[joint.child]][0] * frames.child
+        axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
+        turns = joint.kind == "R"
+        found.append(Unknown(joint.name, "", joint, None if turns else axis, axis if turns else None, at))
+    return found
+
+
+def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
+    """Columns: what each unknown exerts on each body, force and moment about its centre of mass. (m, 6 n_body)."""
+    index = linkage.mechanism.body_index
+    com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]
+    columns = []
+    for part in parts:
+        column = [arb(0)] * (6 * len(com))
+        for side, sign in ((index[part.joint.child], 1), (index[part.joint.parent], -1)):
+            if not side:
+                continue
+            f, moment = part.force, part.moment
+            if f is not None:
+                moment = cross([p - c for p, c in zip(part.point, com[side - 1], strict=True)], f)
+                column[6 * side - 6 : 6 * side - 3] = [x * sign for x in f]
+            column[6 * side - 3 : 6 * side] = [x * sign for x in moment or WORLD[0]]
+        columns.append(column)
+    return columns
+
+
+def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
+    """Newton's and Euler's side: force and moment that joints and actuators must exert on each body. (6 n_body,)."""
+    right: list[arb] = []
+    for i, (mass, T) in enumerate(zip(linkage.masses, now.bodies[1:], strict=True), 1):
+        F = [mass.mass * (2 * a - g) for a, g in zip(point(T[2], mass.com), gravity, strict=True)]
+        R = arb_mat([row[:3] for row in T[0].tolist()[:3]])
+        J = R * mass.tensor * R.transpose()
+        w, b = spin(T, 1), spin(T, 2)
+        Jw = (J * arb_mat([[x] for x in w])).entries()
+        Jb = (J * arb_mat([[x] for x in b])).entries()
+        M = [x + y for x, y in zip(Jb, cross(w, Jw), strict=True)]
+        for load in loads:
+            if load.body == i:
+                F = [x - f for x, f in zip(F, load.force, strict=True)]
+                M = [x - m for x, m in zip(M, load.torque, strict=True)]
+                if load.point is not None:
+                    arm = point(T[0], [p - c for p, c in zip(load.point, mass.com, strict=True)], 0)
+                    M = [x - m for x, m in zip(M, cross(arm, load.force), strict=True)]
+        right += [*F, *M]
+    return right

@@ -1,0 +1,224 @@
+"""A mechanism in balls: bodies by the tree, loops by the joints left out, as products of homogeneous matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flint import arb, arb_mat
+
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.truth.exact import (
+    Vector,
+    identity,
+    inverse,
+    number,
+    placement,
+    rotation_matrix,
+    skew,
+    unit_vector,
+    vector,
+)
+from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
+from screwgauge.truth.jets import inverse as jet_inverse
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mass:
+    """Mass [kg], centre of mass [m], tensor about it [kg m^2] (3, 3), and pseudo-inertia at the origin (4, 4).
+
+    The pseudo-inertia is the integral of ``r r^T dm`` over homogeneous points r; with it the power of the inertia on
+    a virtual velocity ``dT`` is ``trace(dT P T''^T)``.
+    """
+
+    mass: arb
+    com: Vector
+    tensor: arb_mat
+    pseudo: arb_mat
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """A joint in balls: its frames on parent and child (4, 4), and its axes in them."""
+
+    parent: arb_mat
+    child: arb_mat
+    axes: list[Vector]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """One freedom: ``exp(sign q D)``, D being the derivative at zero. `square` is D D."""
+
+    column: int
+    sign: int
+    turns: bool
+    D: arb_mat
+    square: arb_mat
+
+    def matrix(self, q: Jet) -> MatrixJet:
+        """Series of the homogeneous matrix for the series of the coordinate."""
+        if not self.turns:
+            return [identity(4) + self.D * (q[0] * self.sign), *(self.D * (x * self.sign) for x in q[1:])]
+        sin, cos = sin_cos([x * self.sign for x in q])
+        first = identity(4) + self.D * sin[0] + self.square * (1 - cos[0])
+        return [first, *(self.D * s - self.square * c for s, c in zip(sin[1:], cos[1:], strict=True))]
+
+
+Step = Move | arb_mat
+
+
+class Linkage:
+    """The tree walk of a mechanism and its loops.
+
+    Attributes:
+        mechanism: Structure and names; none of its numbers are used.
+        frames: Joint name -> frames and axes in balls.
+        masses: Of each body.
+        axial: Joint and direction, as text, of the rule ``spherical_axial``.
+        loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
+    """
+
+    def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any]) -> None:
+        self.mechanism = mechanism
+        self.frames = {joint.name: _frames(tables["joints"][joint.name]) for joint in mechanism.joints}
+        axial = tables.get("spherical_axial")
+        self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
+        self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
+        columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
+        tree, index = spanning_tree(mechanism), mechanism.body_index
+        self.edges = [
+            (
+                index[edge.near],
+                index[edge.far],
+                self._steps(edge.joint, columns[edge.joint.name], edge.reverse),
+            )
+            for edge in tree.edges
+        ]
+        self.cuts = [
+            (
+                index[j.parent],
+                index[j.child],
+                self._steps(j, columns[j.name], False),
+                self.frames[j.name].child,
+            )
+            for j in tree.cuts
+        ]
+        path: list[set[int]] = [set() for _ in index]
+        for near, far, steps in self.edges:
+            path[far] = path[near] | {step.column for step in steps if isinstance(step, Move)}
+        self.loops = [
+            _sides(path[parent] | {step.column for step in steps if isinstance(step, Move)}, path[child])
+            for parent, child, steps, _ in self.cuts
+        ]
+
+    def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
+        """Frame, freedoms, frame back: from the parent to the child, or the other way."""
+        frames, sign = self.frames[joint.name], -1 if reverse else 1
+        moves: list[Step] = [
+            _move(column, sign, turns, frames.axes[min(i, len(frames.axes) - 1)])
+            for i, (column, turns) in enumerate(zip(columns, KINDS[joint.kind], strict=True))
+        ]
+        start, end = (frames.child, frames.parent) if reverse else (frames.parent, frames.child)
+        steps: list[Step] = [start, *(moves[::-1] if reverse else moves), inverse(end)]
+        return [step for step in steps if isinstance(step, Move) or not _is_identity(step)]
+
+    def place(self, q: Sequence[Jet], spots: dict[int, arb_mat] | None = None) -> list[MatrixJet]:
+        """Homogeneous matrices of all bodies, ground first, for the series of the joint coordinates.
+
+        Args:
+            spots: Filled, where given, with ``sign P D P^-1`` of each tree freedom, P being its frame.
+        """
+        order = len(q[0])
+        ground = [identity(4), *(arb_mat(4, 4) for _ in range(order - 1))]
+        bodies: list[MatrixJet] = [ground] * len(self.mechanism.body_index)
+        for near, far, steps in self.edges:
+            bodies[far] = _walk(bodies[near], steps, q, spots)
+        return bodies
+
+    def close(
+        self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
+    ) -> list[MatrixJet]:
+        """For each loop the matrix ``G = via tree^-1`` of its two ways to one body: the identity where it closes."""
+        gaps = []
+        for parent, child, steps, _ in self.cuts:
+            gaps.append(mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child])))
+        return gaps
+
+    def jacobian(self, q: Sequence[arb]) -> arb_mat:
+        """Derivative of the closing errors and of the selected coordinates. Shape (6 n_cut + k, n_q)."""
+        jets = [[x] for x in q]
+        spots: dict[int, arb_mat] = {}
+        bodies = self.place(jets, spots)
+        gaps = self.close(jets, bodies, spots)
+        rows = [[arb(0)] * len(q) for _ in range(6 * len(gaps))]
+        for c, ([G], loop) in enumerate(zip(gaps, self.loops, strict=True)):
+            for column, on_via, on_tree in loop:
+                spot = spots[column]
+                change = spot * G if not on_tree else -(G * spot) if not on_via else spot * G - G * spot
+                for i, value in enumerate(error(change)):
+                    rows[6 * c + i][column] = value
+        chosen = self.mechanism.independent_columns
+        return arb_mat(rows + [[arb(int(i == column)) for i in range(len(q))] for column in chosen])
+
+
+def error(G: arb_mat) -> list[arb]:
+    """Six numbers that vanish where G is the identity, and only there if its turn is less than pi."""
+    r = G.tolist()
+    turn = [(r[2][1] - r[1][2]) / 2, (r[0][2] - r[2][0]) / 2, (r[1][0] - r[0][1]) / 2]
+    return [*turn, r[0][3], r[1][3], r[2][3]]
+
+
+def _walk(
+    T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int, arb_mat] | None
+) -> MatrixJet:
+    for step in steps:
+        if isinstance(step, Move):
+            if spots is not None:
+                spots[step.column] = T[0] * (step.D * step.sign) * inverse(T[0])
+            T = mul(T, step.matrix(q[step.column]))
+        else:
+            T = [x * step for x in T]
+    return T
+
+
+def _is_identity(T: arb_mat) -> bool:
+    """Whether it surely is; the operator != of balls would say no wherever it only may be."""
+    return bool(identity(4) == T)
+
+
+def _sides(via: set[int], tree: set[int]) -> list[tuple[int, bool, bool]]:
+    return [(column, column in via, column in tree) for column in sorted(via | tree)]
+
+
+def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
+    A = skew(axis).tolist() if turns else [[0, 0, 0]] * 3
+    p = [0, 0, 0] if turns else axis
+    D = arb_mat([*([*A[i], p[i]] for i in range(3)), [0, 0, 0, 0]])
+    return Move(column, sign, turns, D, D * D)
+
+
+def _frames(table: Mapping[str, Any]) -> Frames:
+    return Frames(
+        parent=placement(table.get("parent_frame", {})),
+        child=placement(table.get("child_frame", {})),
+        axes=[unit_vector(axis) for axis in table["axes"]],
+    )
+
+
+def _mass(table: Mapping[str, Any]) -> Mass:
+    mass, c = number(table["mass"]), vector(table.get("com", [0, 0, 0]))
+    xx, xy, xz, yy, yz, zz = (
+        number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
+    )
+    J = arb_mat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if "inertia_rotation" in table:
+        R = rotation_matrix(table["inertia_rotation"])
+        J = R * J * R.transpose()
+    half = J.trace() / 2
+    second = [[half * int(i == j) - J[i, j] + mass * c[i] * c[j] for j in range(3)] for i in range(3)]
+    first = [mass * x for x in c]
+    pseudo = arb_mat([*([*second[i], first[i]] for i in range(3)), [*first, mass]])
+    return Mass(mass, c, J, pseudo)

@@ -1,0 +1,108 @@
+"""One sample of the truth: every quantity as balls, the two routes to the forces checked against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from flint import arb, arb_mat
+
+from screwgauge.assemble import Clock
+from screwgauge.solution import Load, Problem
+from screwgauge.truth.balance import newton_euler
+from screwgauge.truth.certify import Certifier
+from screwgauge.truth.exact import Vector, number, vector
+from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
+from screwgauge.truth.jets import Jet
+from screwgauge.truth.kinematics import State, point, spin, state
+from screwgauge.truth.linkage import Linkage
+
+Balls = Mapping[str, Sequence[arb]]
+"""Quantity -> its components."""
+
+
+class Sampler:
+    """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
+
+    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock) -> None:
+        self.linkage, self.depth, self.clock = linkage, depth, clock
+        self.certifier = Certifier(linkage)
+        self.axial = problem.rule == "spherical_axial"
+        if problem.gravity is None:
+            self.gravity = [arb(0), arb(0), number("-9.81")]
+        else:
+            self.gravity = vector(problem.wording.gravity or problem.gravity.tolist())
+        index = linkage.mechanism.body_index
+        if problem.wording.loads is None:
+            self.loads = [_doubles(load, index[load.body]) for load in problem.loads]
+        else:
+            self.loads = [_said(table, index) for table in problem.wording.loads]
+
+    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> dict[str, list[arb]]:
+        """All quantities at one time.
+
+        Args:
+            y: Series of the independent coordinates.
+            start: An unverified guess of the joint coordinates.
+
+        Raises:
+            NotCertified: Something could not be enclosed.
+        """
+        if self.depth == "q":
+            with self.clock.stage("positions"):
+                q, _, _ = self.certifier.solve([x[0] for x in y], start)
+            return {"joint_position": q}
+        with self.clock.stage("positions, rates and accelerations"):
+            now = state(self.certifier, y, start)
+        out = _motion(self.linkage, now)
+        if self.depth == "f":
+            out |= self._forces(now)
+        return out
+
+    def _forces(self, now: State) -> dict[str, list[arb]]:
+        linkage, k = self.linkage, now.partial.ncols()
+        rows = linkage.mechanism.actuated_columns
+        B = arb_mat([[now.partial[row, j] for j in range(k)] for row in rows])
+        with self.clock.stage("forces by virtual power"):
+            Q = generalized_force(linkage, now, self.gravity, self.loads)
+            f = min_norm(B, Q)
+        with self.clock.stage("forces by the balance of all bodies"):
+            reactions, f_second = newton_euler(linkage, now, B, self.gravity, self.loads, self.axial)
+        Q_second = (B.transpose() * f_second).entries()
+        pairs = [*zip(Q, Q_second, strict=True)]
+        if self.axial:
+            f = f_second
+        else:
+            pairs += zip(f.entries(), f_second.entries(), strict=True)
+        if not all(a.overlaps(b) for a, b in pairs):
+            raise RoutesDisagree("the two routes to the forces do not overlap", "", "report this")
+        return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
+
+
+def _motion(linkage: Linkage, now: State) -> dict[str, list[arb]]:
+    bodies = list(zip(now.bodies[1:], linkage.masses, strict=True))
+    return {
+        "joint_position": [x[0] for x in now.q],
+        "joint_velocity": [x[1] for x in now.q],
+        "joint_acceleration": [2 * x[2] for x in now.q],
+        "body_angular_velocity": [w for T, _ in bodies for w in spin(T, 1)],
+        "body_angular_acceleration": [b for T, _ in bodies for b in spin(T, 2)],
+        "com_acceleration": [2 * a for T, mass in bodies for a in point(T[2], mass.com)],
+    }
+
+
+def _doubles(load: Load, body: int) -> BallLoad:
+    """A load whose doubles are meant exactly."""
+    at = None if load.point is None else vector(load.point.tolist())
+    return BallLoad(body, at, vector(load.force.tolist()), vector(load.torque.tolist()))
+
+
+def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
+    """A load as its text says: what a body exerts on the environment comes back with the other sign."""
+    body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
+    at: Any = table.get("point", "com")
+
+    def signed(key: str) -> Vector:
+        return [x * sign for x in vector(table.get(key, [0, 0, 0]))]
+
+    return BallLoad(index[body], None if at == "com" else vector(at), signed("force"), signed("torque"))

@@ -1,0 +1,90 @@
+"""The platform's twist, the input of the paper's scheme: the right one, and eq. (60) as printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from screwgauge.reference.chains import closed_form
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.graph import output_body
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, rates
+from screwgauge.reference.pose import Layout, across, pose
+from screwgauge.reference.rotations import Array
+
+TWISTS = ("right", "printed", "literal")
+CLOSED = 1e-9  # rad, m: a loop that the driving joint alone closes is closed to rounding, about 1e-15
+
+
+class Driven(Protocol):
+    """The independent coordinates [rad or m] and their derivatives. Shape (n, k) each."""
+
+    @property
+    def y(self) -> Array: ...
+    @property
+    def yd(self) -> Array: ...
+    @property
+    def ydd(self) -> Array: ...
+
+
+Drive = Callable[[Array], Driven]
+"""Takes times [s], shape (n,)."""
+
+
+def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right") -> tuple[Array, Array]:
+    """Twist and acceleration screw of the platform at O, the input of the scheme.
+
+    The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
+    that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
+
+    Returns:
+        Shapes (n, 6), (n, 6).
+
+    Raises:
+        UnknownNameError: There is no such twist.
+    """
+    if twist not in TWISTS:
+        raise UnknownNameError("twist", twist, TWISTS)
+    if twist != "right":
+        V, A = fixed_axes(motion)
+        if twist == "literal":
+            body = lay.mechanism.body(output_body(lay.mechanism))
+            V = subtracted(V, body.com)
+        return V, A
+    alone = _driver_alone(lay, motion)
+    if alone is not None:
+        return alone
+    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
+    platform = lay.mechanism.body_index[output_body(lay.mechanism)]
+    return rate.V[:, platform], accelerations(lay, rate, motion.ydd)[1][:, platform]
+
+
+def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
+    """From the joint with the independent coordinates; None where that leaves a loop open."""
+    q = closed_form(lay, motion.y)
+    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).gap).max() > CLOSED:
+        return None
+    mechanism, n = lay.mechanism, len(q)
+    joint = next(j for j in mechanism.joints if set(mechanism.independent.values()) <= set(j.coordinates))
+    columns = lay.columns[joint.name]
+    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    S = np.stack(across(joint, q[:, columns], *ground)[2], axis=2)
+    w, beta = np.zeros((2, n, q.shape[1]))
+    w[:, mechanism.independent_columns], beta[:, mechanism.independent_columns] = motion.yd, motion.ydd
+    w, beta = w[:, columns], beta[:, columns]
+    return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
+
+
+def fixed_axes(motion: Driven) -> tuple[Array, Array]:
+    """Eq. (60) in structure: rates and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
+    V, A = np.zeros((2, len(motion.y), 6))
+    k = motion.y.shape[1]
+    V[:, :k], A[:, :k] = motion.yd, motion.ydd
+    return V, A
+
+
+def subtracted(V: Array, r_P: Array) -> Array:
+    """Eqs. (22)-(23) as printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
+    return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

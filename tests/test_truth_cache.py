@@ -1,0 +1,104 @@
+"""A finished truth is found again by its content; a damaged or stale file is computed anew, and said so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines import truth as engine
+from screwgauge.truth import cache
+
+QUANTITIES = ["joint_position", "joint_velocity"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Counts computed samples."""
+    found, sample = [], engine.Sampler.sample
+
+    def counted(self, y, start):
+        found.append(1)
+        return sample(self, y, start)
+
+    monkeypatch.setattr(engine.Sampler, "sample", counted)
+    return found
+
+
+def solve(times=(0.1, 0.2), name="3ups-upu-s", quantities=QUANTITIES):
+    results = screwgauge.run(screwgauge.load_scene(name).at(times), engines=["truth"], quantities=quantities)
+    assert not results.failures, results.failures
+    return results
+
+
+def notes(results):
+    return " ".join(results.solutions["truth"].notes)
+
+
+def test_second_run_computes_nothing_and_gives_the_same(calls):
+    first, second = solve(), solve()
+    assert len(calls) == 2
+    for quantity in QUANTITIES:
+        assert np.array_equal(first.values(quantity), second.values(quantity))
+        assert np.array_equal(first.radius(quantity), second.radius(quantity))
+    assert "from the cache" in second.solutions["truth"].timings[0].setting
+    assert "anew" not in notes(second)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"times": (0.1, 0.25)},
+        {"name": "3ups-upu-s-table2-scene"},
+        {"quantities": ["joint_position"]},
+    ],
+)
+def test_other_input_is_computed(calls, other, write):
+    scene = "mechanism = '3ups-upu-s-table2'\nmotion = { a = {}, b = {} }\ntime = { times = [0] }\n"
+    if "name" in other:
+        other = {"name": write("t.toml", scene)}
+    solve()
+    solve(**other)
+    assert len(calls) == 4
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda data: data[:-10], "damaged"),
+        (lambda data: b"", "damaged"),
+        (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged"),
+        (lambda data: data.replace(data.split(b" ")[1], b"0" * 64, 1), "another version"),
+    ],
+)
+def test_damaged_or_stale_file_is_computed_anew_and_said_so(calls, folder, damage, said):
+    solve()
+    (file,) = folder.iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    again = solve()
+    assert len(calls) == 4
+    assert said in notes(again)
+    assert "computed anew" in notes(again)
+    assert "anew" not in notes(solve())  # mended
+    assert len(calls) == 4
+
+
+def test_folder_that_cannot_be_used_costs_only_a_sentence(folder, calls):
+    folder.write_text("a file")
+    assert "the cache cannot be" in notes(solve())
+    assert len(calls) == 2
+
+
+def test_folder_is_found_by_the_environment(monkeypatch, tmp_path):
+    assert cache.folder() == tmp_path / "cache"
+    monkeypatch.delenv(cache.VARIABLE)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache.folder() == tmp_path / "screwgauge" / "truth"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert cache.folder().parts[-3:] == (".cache", "screwgauge", "truth")
