@@ -82,6 +82,16 @@ def test_projection_is_exact_and_the_naive_reading_is_not(found):
     assert worst(found, "mj-inverse-naive", "actuator_force") > 0.1
 
 
+def test_the_paper_as_printed_does_not_get_better_with_smaller_steps(found):
+    errors = [
+        r.max_scaled
+        for r in found.rows
+        if r.contestant.name == "paper-printed" and r.quantity == "joint_position"
+    ]
+    assert min(errors) > 0.1
+    assert worst(found, "paper-corrected", "joint_position", "RK4, step = 0.001") < 1e-9
+
+
 def test_refinement_removes_the_softness(found):
     assert worst(found, "mj-forward", "joint_acceleration", "0.9999") > 0.1
     assert worst(found, "mj-refinement", "joint_acceleration", "0.9999, 5 passes") < 1e-9

@@ -46,7 +46,7 @@ def test_lines_without_rows_have_no_slope():
 
 
 def test_every_family_on_the_paper_scene_has_its_slope():
-    names = ["differences", "constraint-dynamics", "mj-forward", "missing-jdotv"]
+    names = ["differences", "constraint-dynamics", "mj-forward", "missing-jdotv", "paper-corrected"]
     scene = screwgauge.load_scene("3ups-upu-s")
     found = bench(scene, plan=Plan(samples=11, rounds=1, budget=60.0, quick=True), contestants=names)
     slopes = table(found.fits)
@@ -54,5 +54,5 @@ def test_every_family_on_the_paper_scene_has_its_slope():
         rule.line for rule in RULES if rule.line.split(" ")[0] in {r.contestant.family for r in found.rows}
     }
     assert set(slopes["family"]) == expected
-    assert len(slopes) == 6
+    assert len(slopes) == 8
     assert slopes["ok"].all(), slopes.to_string()

@@ -62,7 +62,7 @@ def _work_precision(
     _heading(
         canvas,
         title,
-        f"Lower left is better. Each point: one setting; error against the engine {reference}. T: the motion's duration.",
+        f"Lower left is better. Each point is one setting; errors are against {reference}. T: duration of the motion.",
     )
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in rows:

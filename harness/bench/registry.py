@@ -33,7 +33,8 @@ REGISTRY = (
     Entry("finite-differences", "differences", f"{_HERE}.contestants_difference:interior"),
     Entry("finite-differences", "differences-ends", f"{_HERE}.contestants_difference:ends"),
     Entry("missing-jdotv", "missing-jdotv", f"{_HERE}.contestants_difference:missing_jdotv"),
-    # the paper's own scheme: contestants_paper:literal and contestants_paper:corrected stand here
+    Entry("paper-printed", "paper-printed", f"{_HERE}.contestants_paper:literal"),
+    Entry("paper-corrected", "paper-corrected", f"{_HERE}.contestants_paper:corrected"),
     Entry("pinocchio", "pinocchio-path", f"{_HERE}.contestants_pinocchio:path"),
     Entry("pinocchio", "pinocchio-rnea", f"{_HERE}.contestants_pinocchio:rnea"),
     Entry("pinocchio-forward", "constraint-dynamics", f"{_HERE}.contestants_pinocchio:ladder"),

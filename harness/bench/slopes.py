@@ -41,6 +41,8 @@ class Rule:
 RULES = (
     Rule("finite-differences (interior)", "joint_velocity", 2.0),
     Rule("finite-differences (interior)", "joint_acceleration", 2.0),
+    Rule("paper-corrected (Euler)", "joint_position", 1.0),
+    Rule("paper-corrected (RK4)", "joint_position", 4.0),
     Rule("pinocchio-forward (1 iteration)", "joint_acceleration", 1.0),
     Rule("pinocchio-forward (2 iterations)", "joint_acceleration", 2.0),
     Rule("mujoco-forward (solimp)", "joint_acceleration", 1.0, most=0.0102, by_error=False),  # from d = 0.99
@@ -92,7 +94,8 @@ def _window(rule: Rule, x: Array, error: Array) -> Mask:
     if not rule.by_error:
         return np.asarray(x <= rule.most)
     low = SMALL
-    if (error < 3.0 * error.min()).sum() > 1:  # a plateau: there is a floor
+    flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * rule.expected * np.log(x[1] / x[0])
+    if flat:  # at its small end the line follows no power law: there is a floor
         low = max(low, FLOOR * float(error.min()))
     return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
 
