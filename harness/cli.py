@@ -120,7 +120,7 @@ def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
     bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
     bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     bench.add_argument(
-        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 40 with --quick)"
+        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 48 with --quick)"
     )
     bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
     bench.set_defaults(command=_bench)

@@ -38,7 +38,7 @@ class Plan:
 
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
-QUICK = Plan(samples=41, rounds=3, budget=40.0, quick=True)
+QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
