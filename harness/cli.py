@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from screwgauge import __version__
 from screwgauge.reference.errors import ScrewgaugeError
@@ -99,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
+    _add_bench(commands, common)
 
     paper = commands.add_parser(
         "paper", parents=[common], help="measure the errata of the paper, each by its effect"
@@ -106,6 +108,22 @@ def _parser() -> argparse.ArgumentParser:
     paper.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/paper")
     paper.set_defaults(command=_paper)
     return parser
+
+
+def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
+    bench = commands.add_parser(
+        "bench", parents=[common], help="error against run time of many methods and settings"
+    )
+    bench.add_argument(
+        "scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file"
+    )
+    bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
+    bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
+    bench.add_argument(
+        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 48 with --quick)"
+    )
+    bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
+    bench.set_defaults(command=_bench)
 
 
 def _names(text: str | None) -> list[str] | None:
@@ -159,6 +177,48 @@ def _run(options: argparse.Namespace) -> int:
         _say(format_terminal(results))
         _say(f"\nreport: {out / 'report.html'}")
     return results.exit_status
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from screwgauge.bench.threads import fix_threads
+
+    fix_threads()  # before anything imports numpy
+    from dataclasses import replace
+
+    from screwgauge.bench.journal import NAME
+    from screwgauge.bench.run import FULL, QUICK, bench, check_budget
+    from screwgauge.bench.terminal import format_terminal
+    from screwgauge.bench.write import write_bench
+    from screwgauge.progress import Line
+    from screwgauge.report.write import check_writable
+    from screwgauge.scene import load_scene
+
+    plan = QUICK if options.quick else FULL
+    if options.budget is not None:
+        plan = replace(plan, budget=check_budget(options.budget))
+    scene = load_scene(options.scene)
+    out = options.out or Path("screwgauge-out") / scene.name
+    check_writable(out)
+    try:
+        with Line(sys.stderr) as line:
+            found = bench(
+                scene,
+                plan=plan,
+                contestants=_names(options.contestants),
+                journal=out / NAME,
+                progress=line.show,
+            )
+            line.show("report", 0.0)
+            write_bench(found, out)
+    except KeyboardInterrupt:
+        print(
+            f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.",
+            file=sys.stderr,
+        )
+        return 130
+    print(format_terminal(found))
+    print(f"\nreport: {out / 'report.html'}")
+    return 0
 
 
 def _paper(options: argparse.Namespace) -> int:

@@ -36,7 +36,7 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     n = len(y)
     q = np.tile(mechanism.home, (n, 1))
     q[:, mechanism.independent_columns] = y
-    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
     R, p, _ = across(driver, q[:, lay.columns[driver.name]], *ground)
     for leg in legs:
         _leg(lay, leg, R, p, q)
@@ -53,7 +53,7 @@ def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
     coincide = (base.child_frame, slide.parent_frame, slide.child_frame, wrist.parent_frame)
     normal = np.cross(base.axes[0], base.axes[1])
     return all(frame.is_identity for frame in coincide) and bool(
-        np.allclose(slide.axes[0], normal, rtol=0, atol=1e-14)
+        np.abs(slide.axes[0] - normal).max() <= 64 * np.finfo(normal.dtype).eps
     )
 
 
@@ -69,7 +69,7 @@ def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> 
     q[:, lay.columns[base.name]] = np.stack([q1, q2], axis=1)
     q[:, lay.columns[slide.name][0]] = np.sqrt(u * u + v * v + w * w)
     n = len(q)
-    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
+    ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
     R_leg, _, _ = across(base, q[:, lay.columns[base.name]], *ground)
     axes = wrist.axes if len(wrist.axes) == 3 else np.vstack([wrist.axes, np.cross(*wrist.axes)])
     angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, axes)

@@ -92,7 +92,7 @@ def corrector(evaluate: Evaluation) -> Corrector:
 
 def partial_rates(A: Array, k: int) -> Array:
     """Partial rates K with ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
-    right = np.zeros((*A.shape[:2], k))
+    right = np.zeros((*A.shape[:2], k), dtype=A.dtype)
     right[:, -k:] = np.eye(k)
     return linear.solve(A, right)
 

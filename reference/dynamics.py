@@ -62,7 +62,7 @@ def required_wrench(
     Returns:
         Force [N] and moment about the centre of mass [N m] of each body. Shape (n, n_body, 3) each.
     """
-    mass = np.array([body.mass for body in lay.mechanism.bodies])
+    mass = np.array([body.mass for body in lay.mechanism.bodies], dtype=motion.a.dtype)
     F = mass[:, None] * (motion.a - gravity)
     Jw = (motion.J @ motion.omega[..., None])[..., 0]
     T = (motion.J @ motion.beta[..., None])[..., 0] + np.cross(motion.omega, Jw)

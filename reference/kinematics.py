@@ -38,7 +38,7 @@ class Rates:
 
 def closure_system(lay: Layout, at: Pose) -> Array:
     """Loop screws over the selection of y: ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + k, n_q)."""
-    selection = np.eye(at.q.shape[1])[lay.mechanism.independent_columns]
+    selection = np.eye(at.q.shape[1], dtype=at.q.dtype)[lay.mechanism.independent_columns]
     E = np.broadcast_to(selection, (len(at.q), *selection.shape))
     return np.concatenate([loop_matrix(lay, at), E], axis=1)
 
@@ -138,7 +138,7 @@ def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
             terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign
         )
         body[:, index[edge.far]] = body[:, index[edge.near]] + far
-    loop = np.zeros((len(terms), len(lay.tree.cuts), 6))
+    loop = np.zeros((len(terms), len(lay.tree.cuts), 6), dtype=terms.dtype)
     for c, joint in enumerate(lay.tree.cuts):
         parent, child = index[joint.parent], index[joint.child]
         via = body[:, parent] + _bias_across(terms, lay.columns[joint.name], rate.V[:, parent], 1.0)

@@ -29,7 +29,8 @@ def solve(A: Array, b: Array) -> Array:
         except np.linalg.LinAlgError:
             pass  # one matrix of the stack is exactly singular
     finite = np.isfinite(A).all(axis=(-1, -2), keepdims=True)
-    return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=1e-13) @ b, np.nan)
+    rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # single precision has no 1e-13
+    return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=rcond) @ b, np.nan)
 
 
 def condition(A: Array) -> Array:

@@ -51,11 +51,11 @@ def layout(mechanism: Mechanism) -> Layout:
     """Spanning tree, paths and loops of a mechanism."""
     tree, index = spanning_tree(mechanism), mechanism.body_index
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
-    path = np.zeros((len(index), len(mechanism.coordinates)))
+    path = np.zeros((len(index), len(mechanism.coordinates)), dtype=mechanism.home.dtype)
     for edge in tree.edges:
         path[index[edge.far]] = path[index[edge.near]]
         path[index[edge.far], columns[edge.joint.name]] = -1.0 if edge.reverse else 1.0
-    loop = np.zeros((len(tree.cuts), path.shape[1]))
+    loop = np.zeros((len(tree.cuts), path.shape[1]), dtype=path.dtype)
     for row, joint in zip(loop, tree.cuts, strict=True):
         row += path[index[joint.parent]] - path[index[joint.child]]
         row[columns[joint.name]] = 1.0
@@ -106,9 +106,9 @@ def across(
 def pose(lay: Layout, q: Array) -> Pose:
     """Poses and screws for joint coordinates `q`, shape (n, n_q); the loops need not be closed."""
     n, index = len(q), lay.mechanism.body_index
-    R = np.empty((n, len(index), 3, 3))
-    p = np.zeros((n, len(index), 3))
-    S = np.empty((n, q.shape[1], 6))
+    R = np.empty((n, len(index), 3, 3), dtype=q.dtype)
+    p = np.zeros((n, len(index), 3), dtype=q.dtype)
+    S = np.empty((n, q.shape[1], 6), dtype=q.dtype)
     R[:, 0] = np.eye(3)
     for edge in lay.tree.edges:
         near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
@@ -116,7 +116,7 @@ def pose(lay: Layout, q: Array) -> Pose:
             edge.joint, q[:, columns], R[:, near], p[:, near], reverse=edge.reverse
         )
         S[:, columns] = np.stack(found, axis=1)
-    gap = np.empty((n, len(lay.tree.cuts), 6))
+    gap = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
     for c, joint in enumerate(lay.tree.cuts):
         parent, child, columns = index[joint.parent], index[joint.child], lay.columns[joint.name]
         R_via, p_via, found = across(joint, q[:, columns], R[:, parent], p[:, parent])

@@ -35,7 +35,7 @@ def rotation(axis: Array, angle: Array) -> Array:
     K = skew(axis)
     angle = np.asarray(angle)[..., None, None]
     # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
-    return np.eye(3) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)
+    return np.eye(3, dtype=K.dtype) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)
 
 
 def triad_angles(R: Array, axes: Array) -> Array:

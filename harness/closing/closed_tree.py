@@ -181,20 +181,28 @@ class _Work:
                     :, i
                 ]
         a = linear.solve(A, right[..., None])[..., 0]
+        wanted, bodies = self.problem.quantities, [self.loops.index[name] for name in self.file.bodies]
+        if "com_acceleration" in wanted:
+            com = self.tree.com_accelerations(q, v, a)
+            out["com_acceleration"] = com[:, [b - 1 for b in bodies]].reshape(len(v), -1)
+        if not wanted & {"joint_acceleration", "body_angular_acceleration", "tree_force_soft"}:
+            return a
         V, acceleration = self.tree.accelerations(q, v, a)
         cut_a = {name: self._cut_bias(charts[name], name, cut_v[name], V, acceleration) for name in charts}
         out["joint_acceleration"] = self._joints(a, cut_a)
-        bodies = [self.loops.index[name] for name in self.file.bodies]
         out["body_angular_acceleration"] = acceleration[:, bodies, :3].reshape(len(v), -1)
-        com = self.tree.com_accelerations(q, v, a)
-        out["com_acceleration"] = com[:, [b - 1 for b in bodies]].reshape(len(v), -1)
-        m = A.shape[1] - motion.y.shape[1]
+        if "tree_force_soft" in wanted:
+            self._measure(A, at, v, V, acceleration)
+        return a
+
+    def _measure(self, A: Array, at: BodyPoses, v: Array, V: Array, acceleration: Array) -> None:
+        """Largest closure residual of position, rate and acceleration, which a stiff constraint turns into force."""
+        m = A.shape[1] - len(self.loops.independent)
         rate, residual = (A[:, :m] @ v[..., None]), self.loops.bias(at, V, acceleration)
         measured = np.array([self.gap, np.abs(rate).max(initial=0.0), np.abs(residual).max(initial=0.0)])
         # an engine's own evaluation of the same rows rounds differently
         sizes = [np.abs(array).max(initial=0.0) for array in (at.p, V, acceleration)]
         self.residuals = measured + 8 * linear.EPS * np.array(sizes)
-        return a
 
     def _cut_bias(self, chart: Chart, name: str, rates: Array, V: Array, A: Array) -> Array:
         joint = next(joint for joint in self.loops.cut if joint.name == name)
@@ -205,11 +213,10 @@ class _Work:
         self, at: BodyPoses, A: Array, K: Array, qva: tuple[Array, Array, Array], out: dict[str, Array]
     ) -> None:
         wanted, order = self.problem.quantities, [self.tree.coordinates.index(n) for n in self._tree_names()]
-        if not (wanted & {"tree_force", "tree_force_soft"} or self.depth == "f"):
-            return
-        with self.clock.stage("tree forces"):
-            tau = self.tree.tree_force(*qva)
-        out["tree_force"] = tau[:, order]
+        if "tree_force" in wanted or self.depth == "f":
+            with self.clock.stage("tree forces"):
+                tau = self.tree.tree_force(*qva)
+            out["tree_force"] = tau[:, order]
         if "tree_force_soft" in wanted:
             with self.clock.stage("soft tree forces"):
                 soft, tolerance = self.tree.soft_force(*qva, self.residuals)
@@ -233,13 +240,15 @@ class _Work:
         load = self._loads(at)
         need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-        B = K[:, self.driven]
-        f = min_norm(B, Q)
+        out["generalized_force"] = Q
+        if not self.problem.quantities & {"actuator_force", "reaction"}:
+            return
+        f = min_norm(K[:, self.driven], Q)
         G = A[:, : A.shape[1] - K.shape[2]]
         if self.problem.rule == "spherical_axial":
             f, condition = axial_forces(self.file, self.loops, at, G, need, self.driven)
             self.rule_condition.extend(condition)
-        out["generalized_force"], out["actuator_force"] = Q, f
+        out["actuator_force"] = f
         if "reaction" in self.problem.quantities:
             rest = need.copy()
             rest[:, self.driven] -= f

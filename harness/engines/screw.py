@@ -21,6 +21,9 @@ from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
 
+#: Quantities for which no body's own motion is needed.
+_JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
+
 
 def solve(problem: Problem) -> Solution:
     """Positions, rates, accelerations and forces of a mechanism described by TOML."""
@@ -36,7 +39,12 @@ def solve(problem: Problem) -> Solution:
             raise ModelFileError(
                 f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
             )
-    work = _Work(problem, layout(mechanism))
+    return solve_layout(problem, layout(mechanism))
+
+
+def solve_layout(problem: Problem, lay: Layout) -> Solution:
+    """Solves a problem for a mechanism that is loaded and laid out."""
+    work = _Work(problem, lay)
     solution = assemble(
         "screw",
         screwgauge.__version__,
@@ -90,6 +98,8 @@ class _Work:
         lay, problem, n = self.lay, self.problem, len(ydd)
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
+            if problem.quantities <= _JOINTS:
+                return
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
         out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
         out["com_acceleration"] = motion.a.reshape(n, -1)
@@ -116,6 +126,8 @@ class _Work:
         lay, problem = self.lay, self.problem
         Q = dynamics.generalized_force(lay, rate, motion, F, T)
         out["generalized_force"] = Q
+        if not problem.quantities & {"actuator_force", "reaction"}:
+            return
         B = rate.K[:, lay.mechanism.actuated_columns]
         f = dynamics.min_norm(B, Q)
         axial = problem.rule == "spherical_axial"

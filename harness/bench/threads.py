@@ -1,0 +1,26 @@
+"""Fixes the number of threads to one. Imports nothing: BLAS reads the variables when numpy is first imported."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+
+
+def fix_threads() -> bool:
+    """One thread for BLAS and OpenMP.
+
+    Returns:
+        Whether it takes effect: False if numpy is there already, with whatever it was started with.
+    """
+    if "numpy" in sys.modules:
+        return one_thread()
+    for name in VARIABLES:
+        os.environ[name] = "1"
+    return True
+
+
+def one_thread() -> bool:
+    """Whether every variable says one thread."""
+    return all(os.environ.get(name) == "1" for name in VARIABLES)

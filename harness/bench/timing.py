@@ -1,0 +1,88 @@
+"""The timing protocol: rounds over all contestants, each call after an unclocked one, within a budget."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter_ns
+from typing import Any
+
+#: A call shorter than this [s] is made once without the clock right before the measured one: it refills the caches
+#: that the contestant before has emptied. Longer ones fill them in a fraction of their own time.
+WARM_BELOW = 0.05
+#: From these durations [s] on, so many rounds are enough: what lasts longer is disturbed less.
+ENOUGH = ((5.0, 1), (0.5, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """How often and how long is measured.
+
+    Attributes:
+        rounds: Times that each contestant is measured.
+        deadline: Reading of the clock [ns] at which no further measurement begins.
+        clock: Returns nanoseconds.
+    """
+
+    rounds: int
+    deadline: float
+    clock: Callable[[], int] = perf_counter_ns
+
+    @property
+    def over(self) -> bool:
+        return self.clock() >= self.deadline
+
+
+def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
+    """Seconds of one call, and what it returned. The garbage collector waits outside."""
+    on = gc.isenabled()
+    gc.disable()
+    try:
+        start = clock()
+        result = call()
+        end = clock()
+    finally:
+        if on:
+            gc.enable()
+    return (end - start) * 1e-9, result
+
+
+def measure(
+    calls: Mapping[str, Callable[[], Any]],
+    protocol: Protocol,
+    record: Callable[[str, float], None],
+    known: Mapping[str, list[float]],
+    first: Mapping[str, float],
+) -> list[str]:
+    """Measures all contestants in turn, round after round: what slows the machine for a while slows all alike.
+
+    Args:
+        calls: Key -> what is measured; already called once, outside the clock.
+        record: Takes key and seconds of each measurement.
+        known: Key -> seconds measured so far; `record` adds to it.
+        first: Key -> seconds of that first call, which say how often and how warm it has to be measured.
+
+    Returns:
+        Keys that the budget left without a single measurement.
+    """
+    for turn in range(protocol.rounds):
+        for key, call in calls.items():
+            before = known.get(key, [])
+            shortest = min([first[key], *before])
+            if len(before) > turn or len(before) >= enough(shortest, protocol.rounds):
+                continue
+            if protocol.over:
+                return [k for k in calls if not known.get(k)]
+            if shortest < WARM_BELOW:
+                call()
+            record(key, once(call, protocol.clock)[0])
+    return []
+
+
+def enough(seconds: float, rounds: int) -> int:
+    """Rounds for a contestant whose call lasts so long."""
+    for limit, few in ENOUGH:
+        if seconds >= limit:
+            return min(few, rounds)
+    return rounds

@@ -1,0 +1,193 @@
+"""Every contestant does what its row says, and what cannot work is a row with its reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.bench import registry
+from screwgauge.bench.contestant import QUANTITIES, Contestant, Outcome
+from screwgauge.bench.run import Plan, bench
+from screwgauge.bench.score import score
+from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
+from screwgauge.reference.pose import layout
+from screwgauge.reference.precision import in_precision
+from screwgauge.solution import Values
+
+PLAN = Plan(samples=5, rounds=1, budget=60.0, quick=True)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """All contestants but the finite differences, which take long, on five samples of the paper's scene."""
+    names = [entry.name for entry in registry.REGISTRY if entry.family != "finite-differences"]
+    return bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names)
+
+
+def worst(found, name: str, quantity: str, setting: str = "") -> float:
+    rows = [r for r in found.rows if r.contestant.name == name and r.quantity == quantity]
+    return max(row.max_scaled for row in rows if setting in row.contestant.setting)
+
+
+def test_there_are_enough_of_them(found):
+    assert len(found.rows) >= 40
+    assert len({row.contestant.family for row in found.rows}) >= 8
+
+
+def test_every_row_has_an_error_and_a_time_or_a_reason(found):
+    for row in found.rows:
+        if row.status == "ok":
+            assert row.time_s > 0
+            assert row.scored or row.quantity == "none"
+        else:
+            assert row.reason
+    assert [r.contestant.name for r in found.rows if r.status != "ok"] == ["four-bar"]
+
+
+def test_no_two_contestants_share_a_key(found):
+    keys = [(row.contestant.key, row.quantity) for row in found.rows]
+    assert len(set(keys)) == len(keys)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(
+    "name", ["closed-form", "screw-trajectory", "screw-per-sample", "pinocchio-path", "mujoco-path"]
+)
+def test_whole_paths_agree_with_the_reference(found, name, quantity):
+    assert worst(found, name, quantity) < 1e-12
+
+
+def test_newton_improves_with_every_step():
+    scene = screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 2.0, 51))  # close enough for a prediction
+    plan = Plan(samples=51, rounds=1, budget=60.0, quick=True)
+    found = bench(scene, plan=plan, contestants=["newton"])
+    steps = ("0 Newton", "1 Newton", "2 Newton", "to rounding")
+    errors = [worst(found, "newton", "joint_position", step) for step in steps]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 1e-4
+    assert errors[-1] < 1e-13
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_single_precision_has_seven_digits_less_rounding(found, quantity):
+    assert 1e-8 < worst(found, "float32", quantity) < 1e-5
+
+
+def test_projection_is_exact_and_the_naive_reading_is_not(found):
+    assert worst(found, "mj-inverse-projected", "actuator_force") < 1e-12
+    assert worst(found, "pinocchio-rnea", "actuator_force") < 1e-12
+    assert worst(found, "mj-inverse-naive", "actuator_force") > 0.1
+
+
+def test_the_paper_as_printed_does_not_get_better_with_smaller_steps(found):
+    errors = [
+        r.max_scaled
+        for r in found.rows
+        if r.contestant.name == "paper-printed" and r.quantity == "joint_position"
+    ]
+    assert min(errors) > 0.1
+    assert worst(found, "paper-corrected", "joint_position", "RK4, step = 0.001") < 1e-9
+
+
+def test_refinement_removes_the_softness(found):
+    assert worst(found, "mj-forward", "joint_acceleration", "0.9999") > 0.1
+    assert worst(found, "mj-refinement", "joint_acceleration", "0.9999, 5 passes") < 1e-9
+
+
+def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
+    default, one, two = (row for row in found.rows if row.contestant.name == "four-bar")
+    assert default.status == "failed"
+    assert "rank 2 of 3" in default.reason
+    assert np.isnan(default.max_scaled)
+    assert two.max_scaled < 1e-12 < one.max_scaled < 1e-6
+
+
+def test_single_precision_closes_loops_that_closed_form_leaves_open():
+    rows = bench(
+        screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]
+    ).rows
+    errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
+    assert errors["closed-form", "joint_position"] > 1e-3
+    assert errors["float32", "joint_position"] < 1e-5
+
+
+def test_the_solver_stays_in_single_precision(paper):
+    lay = layout(in_precision(paper, np.float32))
+    arrays = [lay.path, lay.loop, paper.home.astype(np.float32), *(body.com for body in lay.mechanism.bodies)]
+    assert {array.dtype for array in arrays} == {np.dtype(np.float32)}
+    assert paper.bodies[0].com.dtype == np.float64
+
+
+def test_an_unknown_contestant_is_named_with_a_hint():
+    with pytest.raises(UnknownNameError, match="did you mean 'mj-forward'"):
+        registry.choose(["mj-foward"])
+    with pytest.raises(ScrewgaugeError):
+        registry.choose([])
+
+
+def test_families_and_contestants_can_be_chosen():
+    assert {e.family for e in registry.choose(["mujoco", "floor"])} == {"mujoco", "floor"}
+    assert [e.name for e in registry.choose(["mujoco-path"])] == ["mujoco-path"]
+    assert registry.choose(None) == registry.REGISTRY
+
+
+def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatch):
+    entries = (
+        registry.Entry("absent", "absent", "no_such_engine:contestants"),
+        registry.Entry("broken", "broken", f"{__name__}:broken"),
+    )
+    monkeypatch.setattr(registry, "REGISTRY", entries)
+    monkeypatch.setattr(
+        registry, "import_module", lambda name: __import__(name) if "such" in name else _Module
+    )
+    names = [entry.name for entry in entries]
+    rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names).rows
+    assert [row.status for row in rows] == ["failed", "failed"]
+    assert "not installed" in rows[0].reason
+    assert rows[1].reason == "ZeroDivisionError: no luck"
+
+
+class _Module:
+    @staticmethod
+    def broken(quick: bool) -> list[Contestant]:
+        def prepare(case):
+            raise ZeroDivisionError("no luck")
+
+        return [Contestant("setting", ("joint_position",), "nothing", prepare)]
+
+
+def test_a_mechanism_without_closed_form_says_so():
+    scene = screwgauge.load_scene(Path(__file__).parent / "data" / "four-bar-scene.toml")
+    rows = bench(scene, plan=PLAN, contestants=["closed-form", "newton", "mujoco-path"]).rows
+    assert {r.status for r in rows if r.contestant.name == "closed-form"} == {"failed"}
+    assert "no closed form" in rows[0].reason
+    assert {r.status for r in rows if r.contestant.name != "closed-form"} == {"ok"}
+
+
+def values(array: list[list[float]], units: tuple[str, ...] = ("rad", "m")) -> Values:
+    return Values(("x", "y"), units, np.array(array))
+
+
+def test_errors_are_scaled_by_unit():
+    found = score(
+        Outcome(values([[1.0, 5.0], [1.0, 3.0]])), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0}
+    )
+    assert found.max_scaled == 0.5
+    assert found.rms_scaled == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
+
+
+def test_one_number_that_is_none_fails_the_row():
+    found = score(
+        Outcome(values([[np.nan, 1.0], [1.0, 1.0]])), values([[1.0, 1.0], [1.0, 1.0]]), {"rad": 1.0, "m": 1.0}
+    )
+    assert np.isnan(found.max_scaled)
+    assert found.reason == "not a number at 1 of 2 samples"
+
+
+def test_samples_that_the_reference_lacks_do_not_count():
+    truth = values([[np.nan, 1.0], [1.0, 1.0]])
+    found = score(Outcome(values([[7.0, 7.0], [1.0, 1.5]])), truth, {"rad": 1.0, "m": 1.0})
+    assert found.max_scaled == 0.5

@@ -1,0 +1,84 @@
+"""An interrupted bench keeps what it has, and takes it up only if nothing has changed."""
+
+from __future__ import annotations
+
+import pytest
+
+import screwgauge
+from screwgauge.bench.journal import Journal, stamp
+from screwgauge.reference.errors import OutputError
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "out" / "bench.partial.jsonl"
+
+
+def test_results_and_times_come_back(path):
+    first = Journal(path, "stamp")
+    first.keep("a", {"status": "ok", "n_sample": 3})
+    first.time("a", 0.25)
+    first.time("a", 0.5)
+    second = Journal(path, "stamp")
+    assert second.results == {"a": {"status": "ok", "n_sample": 3}}
+    assert second.times == {"a": [0.25, 0.5]}
+    assert "Resumed: 1 " in second.note
+
+
+def test_not_a_number_comes_back(path):
+    Journal(path, "stamp").keep("a", {"scores": [float("nan")]})
+    assert str(Journal(path, "stamp").results["a"]["scores"][0]) == "nan"
+
+
+def test_another_stamp_starts_afresh_and_says_so(path):
+    Journal(path, "old").keep("a", {})
+    fresh = Journal(path, "new")
+    assert not fresh.results
+    assert "have changed" in fresh.note
+    assert not Journal(path, "new").results
+
+
+def test_a_line_cut_off_while_it_was_written_is_dropped(path):
+    first = Journal(path, "stamp")
+    first.time("a", 0.25)
+    with path.open("a", encoding="utf-8") as file:
+        file.write('{"key": "a", "ti')
+    second = Journal(path, "stamp")
+    assert second.times == {"a": [0.25]}
+    second.time("a", 0.5)
+    assert Journal(path, "stamp").times == {"a": [0.25, 0.5]}
+
+
+@pytest.mark.parametrize("text", ["", "no JSON at all\n", "[1, 2]\n", "\x00\n"])
+def test_a_file_of_something_else_is_no_journal(path, text):
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    journal = Journal(path, "stamp")
+    assert not journal.results
+    journal.time("a", 1.0)
+    assert Journal(path, "stamp").times == {"a": [1.0]}
+
+
+def test_a_complete_bench_leaves_none(path):
+    journal = Journal(path, "stamp")
+    journal.remove()
+    assert not path.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(OutputError, match="cannot be written"):
+        Journal(tmp_path / "file" / "bench.partial.jsonl", "stamp")
+
+
+def test_the_stamp_knows_scene_environment_and_extent():
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0])
+    stamps = [
+        stamp(scene, {}, False),
+        stamp(scene, {"cpu": "another"}, False),
+        stamp(scene, {}, True),
+        stamp(scene.at([0.0, 2.0]), {}, False),
+        stamp(screwgauge.load_scene("3ups-upu-s-eq55").at([0.0, 1.0]), {}, False),
+    ]
+    assert len(set(stamps)) == len(stamps)
+    assert stamp(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), {}, False) == stamps[0]

@@ -1,0 +1,139 @@
+"""What was not asked for is not executed: calls are counted, not time. And leaving out changes no number."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+import screwgauge
+from screwgauge.bench.run import Plan, bench
+from screwgauge.closing import closed_tree
+from screwgauge.engines import screw
+from screwgauge.reference import dynamics
+
+
+@pytest.fixture
+def calls(monkeypatch) -> Counter[str]:
+    """How often each stage of the solver and of the tree engines is executed."""
+    found: Counter[str] = Counter()
+
+    def count(owner: object, name: str, stage: str) -> None:
+        original = getattr(owner, name)
+
+        def counted(*args, **kwargs):
+            found[stage] += 1
+            return original(*args, **kwargs)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    for name in ("positions", "rates", "accelerations"):
+        count(screw, name, name)
+    for name in ("body_motion", "required_wrench", "generalized_force", "min_norm"):
+        count(dynamics, name, name)
+    for name in ("joint_reactions", "force_matrix", "solve_newton_euler"):
+        count(dynamics, name, "reactions")
+    count(closed_tree, "partial_rates", "rates")
+    count(closed_tree, "min_norm", "min_norm")
+    count(closed_tree, "joint_reactions", "reactions")
+    from screwgauge.engines.mujoco import MujocoTree
+    from screwgauge.engines.pinocchio import PinocchioTree
+
+    for tree in (MujocoTree, PinocchioTree):
+        for name in ("accelerations", "com_accelerations", "tree_force", "soft_force", "transmitted"):
+            count(tree, name, name)
+    return found
+
+
+def run(engine: str, *quantities: str) -> None:
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.5])
+    results = screwgauge.run(scene, engines=[engine], quantities=quantities)
+    assert set(results.solutions[engine].values) == set(quantities)
+
+
+def executed(calls: Counter[str]) -> set[str]:
+    return {stage for stage, n in calls.items() if n}
+
+
+SCREW = [
+    (["joint_position"], {"positions"}),
+    (["joint_velocity"], {"positions", "rates"}),
+    (["joint_acceleration"], {"positions", "rates", "accelerations"}),
+    (["com_acceleration"], {"positions", "rates", "accelerations", "body_motion"}),
+]
+FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "stages"),
+    [
+        *SCREW,
+        (["tree_force"], FORCES),
+        (["generalized_force"], FORCES | {"generalized_force"}),
+        (["actuator_force"], FORCES | {"generalized_force", "min_norm"}),
+        (["reaction"], FORCES | {"generalized_force", "min_norm", "reactions"}),
+    ],
+)
+def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
+    monkeypatch.setattr(
+        "screwgauge.driver.judge", lambda scene, solution: __import__("pandas").DataFrame({"ok": []})
+    )
+    run("screw", *asked)
+    assert executed(calls) == stages
+    assert all(n == 1 for stage, n in calls.items() if stage != "reactions")
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize(
+    ("asked", "stages"),
+    [
+        (["joint_position"], set()),
+        (["joint_velocity"], set()),
+        (["joint_acceleration"], {"accelerations"}),
+        (["com_acceleration"], {"accelerations", "com_accelerations"}),
+        (["tree_force"], {"accelerations", "tree_force"}),
+        (["tree_force_soft"], {"accelerations", "soft_force"}),
+        (["generalized_force"], {"accelerations", "tree_force"}),
+        (["actuator_force"], {"accelerations", "tree_force", "min_norm"}),
+        (["reaction"], {"accelerations", "tree_force", "min_norm", "transmitted", "reactions"}),
+    ],
+)
+def test_tree_engines_execute_only_what_is_needed(calls, engine, asked, stages):
+    run(engine, *asked)
+    found = executed(calls) - {"rates"}
+    # Pinocchio's constraints are rigid: its soft joint forces are the plain ones
+    assert found - {"tree_force"} == stages - {"tree_force"} if "soft_force" in stages else found == stages
+
+
+def test_actuator_forces_need_body_accelerations_once_and_joint_accelerations_twice(calls):
+    run("pinocchio", "actuator_force")
+    assert calls["accelerations"] == 1
+    run("pinocchio", "joint_acceleration")
+    assert calls["accelerations"] == 3
+
+
+@pytest.fixture(scope="module")
+def table():
+    plan = Plan(samples=3, rounds=1, budget=60.0, quick=True)
+    scene = screwgauge.load_scene("3ups-upu-s-fast")
+    return bench(scene, plan=plan, contestants=["leaving-out"]).leaving_out
+
+
+def test_every_engine_has_its_rows(table):
+    assert set(table["engine"]) == {"screw", "pinocchio", "mujoco"}
+    assert (table["status"] == "ok").all()
+    assert table["ratio"].notna().all()
+
+
+def test_what_is_left_is_the_same_to_the_last_bit(table):
+    asked = table[table["group"].isin(["asked for", "absent"])]
+    assert len(asked) == 27
+    assert (asked["max_difference"] == 0.0).all()
+
+
+def test_cut_and_model_parts_change_nothing_but_rounding(table):
+    rest = table[
+        table["group"].isin(["cut", "in the model"]) & ~table["setting"].isin(["contacts", "all of them"])
+    ]
+    assert len(rest) == 6
+    assert rest["unchanged"].all(), rest.to_string()

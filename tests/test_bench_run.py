@@ -1,0 +1,174 @@
+"""`screwgauge bench` from the command line to the files, whole, cut short and interrupted."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pandas as pd
+import pytest
+
+import screwgauge
+from screwgauge.bench import run as run_module
+from screwgauge.bench.drawing import make_plots
+from screwgauge.bench.journal import NAME
+from screwgauge.bench.rows import COLUMNS, CUT, reach
+from screwgauge.bench.run import Plan, bench
+from screwgauge.bench.terminal import format_terminal
+from screwgauge.bench.write import write_bench
+from screwgauge.cli import main
+
+FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
+PLAN = Plan(samples=5, rounds=2, budget=60.0, quick=True)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return screwgauge.load_scene("3ups-upu-s")
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return bench(scene, plan=PLAN, contestants=FEW)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(run_module, "QUICK", PLAN)
+
+
+def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
+    out = write_bench(found, tmp_path / "out")
+    table = pd.read_csv(out / "bench.csv")
+    assert (
+        list(table.columns)
+        == COLUMNS
+        == [
+            *(
+                "family",
+                "contestant",
+                "setting",
+                "quantity",
+                "max_scaled",
+                "rms_scaled",
+                "digits",
+                "time_s",
+                "n_sample",
+            ),
+            *("covers", "status", "reason"),
+        ]
+    )
+    slopes = pd.read_csv(out / "slopes.csv")
+    assert list(slopes.columns) == ["family", "parameter", "quantity", "expected", "fitted", "ok"]
+    assert json.loads((out / "environment.json").read_text(encoding="utf-8"))["packages"]
+    names = {path.name for path in out.iterdir()}
+    assert names >= {"report.md", "report.html", "timings.csv", "leaving_out.csv", "reach.csv", "plots"}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == len(list((out / "plots").glob("*.svg")))
+    assert not re.search(r'(?:src|href)="http', page)
+
+
+def test_a_failure_is_a_row_and_in_the_report(found, tmp_path):
+    out = write_bench(found, tmp_path / "out")
+    table = pd.read_csv(out / "bench.csv")
+    failed = table[table["status"] == "failed"]
+    assert failed["max_scaled"].isna().all()
+    assert failed["reason"].str.contains("rank 2 of 3").all()
+    assert "rank 2 of 3" in (out / "report.md").read_text(encoding="utf-8")
+
+
+def test_the_report_says_what_errors_are_against(found):
+    assert found.reference in ("truth", "screw")
+    assert any(found.reference in note for note in found.notes)
+    if found.reference != "truth":
+        assert "not against a truth" in format_terminal(found)
+
+
+def test_terminal_fits_a_hundred_columns(found):
+    assert max(len(line) for line in format_terminal(found).splitlines()) <= 100
+
+
+def test_plots_are_the_same_for_the_same_data(found):
+    assert [plot.svg for plot in make_plots(found)] == [plot.svg for plot in make_plots(found)]
+
+
+def test_reach_lists_the_quickest_setting_of_each_family(found):
+    table = reach(found.rows)
+    here = table[(table["quantity"] == "joint_position") & (table["error"] == 1e-12)]
+    assert list(here["family"]) == ["closed-form"]
+    assert table["seconds_per_sample"].gt(0).all()
+
+
+def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
+    clock = iter(range(0, 10**15, 10**9))  # every look at the clock costs a second
+    plan = Plan(samples=5, rounds=1, budget=12.0, quick=True)
+    found = bench(scene, plan=plan, contestants=FEW, journal=tmp_path / NAME, clock=lambda: next(clock))
+    cut = [row for row in found.rows if row.status == CUT]
+    kept = [row for row in found.rows if row.status != CUT]
+    assert cut
+    assert kept or (tmp_path / NAME).exists()
+    assert "cut short" in format_terminal(found)
+    assert all("budget" in row.reason for row in cut)
+    assert not found.complete
+    again = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+    assert again.complete
+    assert any("Resumed" in note for note in again.notes)
+    assert not (tmp_path / NAME).exists()
+
+
+def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch):
+    def interrupt(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_module.timing, "measure", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+    scored: list[str] = []
+    original = run_module._Work._scores
+    monkeypatch.setattr(
+        run_module._Work, "_scores", lambda self, c, task: scored.append(c.key) or original(self, c, task)
+    )
+    found = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+    assert not scored
+    assert found.complete
+
+
+def test_the_command_writes_its_report(tmp_path, capsys, small):
+    out = tmp_path / "out"
+    assert main(["bench", "--quick", "--contestants", "closed-form,floor", "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "closed-form" in said.out
+    assert str(out / "report.html") in said.out
+    assert said.err == ""
+    assert (out / "bench.csv").is_file()
+    assert not (out / NAME).exists()
+
+
+def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch, small):
+    def interrupt(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_module.timing, "measure", interrupt)
+    out = tmp_path / "out"
+    assert main(["bench", "--quick", "--contestants", "closed-form", "--out", str(out)]) == 130
+    assert "run the same command again" in capsys.readouterr().err
+    assert (out / NAME).is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--contestants", "nobody"], "unknown contestant 'nobody'"),
+        (["--contestants", ","], "no contestant is named"),
+        (["--budget", "0"], "a budget of 0 s"),
+        (["--budget", "nan"], "a budget of nan s"),
+        (["no-such-scene"], "unknown scene 'no-such-scene'"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, capsys, arguments, message):
+    assert main(["bench", *arguments, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr()
+    assert message in said.err
+    assert said.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

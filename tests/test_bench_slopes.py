@@ -1,0 +1,58 @@
+"""Errors follow the power laws that they should: fitted slopes within ten per cent of the expected ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.bench.contestant import Contestant
+from screwgauge.bench.rows import Row
+from screwgauge.bench.run import Plan, bench
+from screwgauge.bench.slopes import RULES, Rule, fits, table
+
+
+def rows(points: list[tuple[float, float]]) -> list[Row]:
+    def row(x: float, error: float) -> Row:
+        contestant = Contestant(f"{x}", ("q",), "", lambda case: None, parameter=("h", x), family="line")
+        return Row(contestant, "q", error, error, 1, (1.0,), "ok", "")
+
+    return [row(x, error) for x, error in points]
+
+
+def test_a_power_law_is_found_between_floor_and_saturation():
+    x = 10.0 ** -np.arange(9.0)
+    error = 3.0 * x**2 / (1.0 + 3.0 * x**2) + 2e-11
+    (fit,) = fits(rows(list(zip(x, error, strict=True))), [Rule("line", "q", 2.0)])
+    assert fit.slope == pytest.approx(2.0, rel=0.02)
+    assert fit.ok
+    assert not fit.used[[0, -1]].any()
+
+
+def test_another_slope_is_not_ok():
+    (fit,) = fits(rows([(x, 1e-3 * x) for x in (1e-3, 1e-2, 1e-1)]), [Rule("line", "q", 2.0)])
+    assert fit.slope == pytest.approx(1.0)
+    assert not fit.ok
+
+
+def test_two_points_are_no_slope():
+    (fit,) = fits(rows([(1e-3, 1e-6), (1e-2, 1e-4)]), [Rule("line", "q", 2.0)])
+    assert np.isnan(fit.slope)
+    assert not fit.ok
+
+
+def test_lines_without_rows_have_no_slope():
+    assert fits([], RULES) == []
+
+
+def test_every_family_on_the_paper_scene_has_its_slope():
+    names = ["differences", "constraint-dynamics", "mj-forward", "missing-jdotv", "paper-corrected"]
+    scene = screwgauge.load_scene("3ups-upu-s")
+    found = bench(scene, plan=Plan(samples=11, rounds=1, budget=60.0, quick=True), contestants=names)
+    slopes = table(found.fits)
+    expected = {
+        rule.line for rule in RULES if rule.line.split(" ")[0] in {r.contestant.family for r in found.rows}
+    }
+    assert set(slopes["family"]) == expected
+    assert len(slopes) == 8
+    assert slopes["ok"].all(), slopes.to_string()
