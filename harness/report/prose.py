@@ -8,24 +8,26 @@ two derivatives; no engine sees another's result. Every pair of engines is compa
 truth but the engine of that name, if it ran: balls of high precision that provably hold every value.
 
 **Scaled error** of a pair, per quantity and unit: `max_t |a - b| / max(S, 1e-6 S0)`. S is the largest
-magnitude of the truth if it ran, else of the first engine, over all components of that unit and all samples. S0 is the mechanism's own
-measure of that unit (1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L; L the largest distance in the
-description, M the total mass, g = 9.81 m/s²), so that a quantity that is zero throughout is not divided by
-its own rounding. **Digits** are -log10 of it, 17 at most. A value that is not a number is a failure.
+magnitude of the truth if it ran, else of the first engine, over all components of that unit and all
+samples. S0 is the mechanism's own measure of that unit (1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g
+L; L the largest distance in the description, M the total mass, g = 9.81 m/s²), so that a quantity that is
+zero throughout is not divided by its own rounding. **Digits** are -log10 of it, 17 at most. A value that
+is not a number is a failure.
 
 **Judge residuals** need no second engine: closure of the loops, its rate and acceleration; motions of the
-bodies against those of the joints; Newton-Euler equations of each body; power balance; virtual work. Each is scaled by the magnitudes in its own equation.
+bodies against those of the joints; Newton-Euler equations of each body; power balance; virtual work. Each
+is scaled by the magnitudes in its own equation.
 
 **Forces that the mechanics leaves open** (more actuators than freedoms) are compared under the rule named
 in the table. Where *unique* says no, agreement means the same forces under the same rule, not the only
 possible ones.
 
-**What engines share.** Kinematics, inverse dynamics, Jacobians and their drift terms are each engine's own.
-Not independent are: the numpy linear algebra of the closure (Newton steps, rates, accelerations) and of the
-projection onto the actuators; the reading of the joint angles of the joints where loops are cut; and the
-one description of the mechanism from which all model files are written. A mistake in one of these may show
-in no pair. The judge checks the equations behind the first, the model check the files; the angles rest on
-tests."""
+**What engines share.** Kinematics, inverse dynamics, Jacobians and their drift terms are each engine's
+own. Not independent are: the numpy linear algebra of the closure (Newton steps, rates, accelerations) and
+of the projection onto the actuators; the reading of the joint angles of the joints where loops are cut;
+and the one description of the mechanism from which all model files are written. A mistake in one of these
+may show in no pair. The judge checks the equations behind the first, the model check the files; the
+angles rest on tests."""
 
 LIMITATIONS = (
     "Agreement is shown at the samples, not between them, and only on this trajectory.",
