@@ -76,6 +76,19 @@ def required_wrench(
     return F, T
 
 
+def partial_motion(lay: Layout, rate: Rates, com: Array) -> tuple[Array, Array]:
+    """Velocities of the centres of mass and angular velocities per rate of each independent coordinate.
+
+    Args:
+        com: Position of the centres of mass [m]. Shape (n, n_body, 3).
+
+    Returns:
+        ``d v_com / d yd`` and ``d omega / d yd``. Shape (n, n_body, k, 3) each.
+    """
+    partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:], rate.K, rate.pose.S)
+    return partial[..., 3:] + np.cross(partial[..., :3], com[:, :, None]), partial[..., :3]
+
+
 def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T: Array) -> Array:
     """What the actuators must deliver for each independent coordinate, by virtual power.
 
@@ -84,11 +97,8 @@ def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T:
     Returns:
         [N m or N]. Shape (n, k).
     """
-    partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:], rate.K, rate.pose.S)
-    linear_part = partial[..., 3:] + np.cross(partial[..., :3], motion.com[:, :, None])
-    return np.asarray(
-        np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, partial[..., :3])
-    )
+    linear_part, angular_part = partial_motion(lay, rate, motion.com)
+    return np.asarray(np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, angular_part))
 
 
 def joint_reactions(lay: Layout, at: Pose) -> Reactions:

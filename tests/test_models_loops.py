@@ -37,8 +37,9 @@ def test_round_trip(name: str, cut: str, write) -> None:
         )
         np.testing.assert_array_equal(second.parent_points, first.parent_points)
         np.testing.assert_array_equal(second.child_points, first.child_points)
-    assert have.axial is not None
-    assert want.axial is not None
+    assert (have.axial is None) == (want.axial is None) == (mechanism.axial is None)
+    if have.axial is None or want.axial is None:
+        return
     assert have.axial[0] == want.axial[0]
     np.testing.assert_array_equal(have.axial[1], want.axial[1])
 

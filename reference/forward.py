@@ -1,0 +1,270 @@
+"""Forward dynamics: accelerations for given forces, the Newton-Euler system with unknown accelerations.
+
+`forward` projects it onto the independent coordinates, ``M ydd = Q - h`` with ``M = sum of m v_j v_k + w_j J w_k``;
+`forward_dense` solves for all joint accelerations and reactions at once. Both are regular for redundant constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.dynamics import (
+    body_motion,
+    force_matrix,
+    generalized_force,
+    joint_reactions,
+    partial_motion,
+    required_wrench,
+)
+from screwgauge.reference.errors import DescriptionError, SingularPoseError
+from screwgauge.reference.kinematics import Rates, accelerations
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.springs import Load, Spring, check_springs, spring_energy, spring_forces
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forces:
+    """What acts on a mechanism, constant in time or sample by sample.
+
+    Attributes:
+        actuators: Force of each actuator [N or N m]. Shape (n_actuator,) or (n, n_actuator); None is zero.
+        joints: Motor forces along all joint coordinates, added to those. Shape (n_q,) or (n, n_q).
+        gravity: [m/s^2]. Shape (3,).
+        loads: On bodies, see `screwgauge.reference.springs.Load`; forces of shape (3,) or (n, 3).
+        springs: Springs and dampers.
+    """
+
+    actuators: Array | None = None
+    joints: Array | None = None
+    gravity: Array = field(default_factory=GRAVITY.copy)
+    loads: Sequence[Load] = ()
+    springs: Sequence[Spring] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """How a mechanism answers to forces.
+
+    Attributes:
+        ydd: Accelerations of the independent coordinates [rad/s^2 or m/s^2]. Shape (n, k).
+        M: Inertia matrix of the independent coordinates. Shape (n, k, k).
+        condition: Condition number of the closed loops over the independent coordinates. Shape (n,).
+    """
+
+    ydd: Array
+    M: Array
+    condition: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DenseResponse:
+    """The same from the whole system.
+
+    Attributes:
+        qdd: Accelerations of all joint coordinates [rad/s^2 or m/s^2]. Shape (n, n_q).
+        reactions: Components in the order of `names` [N or N m], the smallest where constraints are redundant.
+            Shape (n, m).
+        names: ``a.fx`` and so on.
+    """
+
+    qdd: Array
+    reactions: Array
+    names: tuple[str, ...]
+
+
+def joint_forces(lay: Layout, forces: Forces, n: int) -> Array:
+    """Actuator forces and motor forces along all joint coordinates [N or N m]. Shape (n, n_q)."""
+    mechanism = lay.mechanism
+    total = np.zeros((n, len(mechanism.coordinates)))
+    given = (
+        ("actuator forces", forces.actuators, mechanism.actuated_columns),
+        ("joint forces", forces.joints, list(range(total.shape[1]))),
+    )
+    for what, values, columns in given:
+        if values is None:
+            continue
+        if np.shape(values) not in ((len(columns),), (n, len(columns))):
+            raise DescriptionError(
+                f"{what} of shape {np.shape(values)} for {len(columns)} of them at {n} poses",
+                mechanism.name,
+                f"give an array of shape ({len(columns)},) or ({n}, {len(columns)})",
+            )
+        total[:, columns] += values
+    return total
+
+
+def _applied(lay: Layout, rate: Rates, forces: Forces) -> tuple[Array, list[Load]]:
+    """Forces along joints, shape (n, n_q), and loads on bodies, springs and dampers among them."""
+    check_springs(lay.mechanism, forces.springs)
+    tau, loads = spring_forces(lay, rate, forces.springs)
+    return tau + joint_forces(lay, forces, len(tau)), [*forces.loads, *loads]
+
+
+def _inertia(lay: Layout, linear_part: Array, angular_part: Array, J: Array) -> Array:
+    mass = np.array([body.mass for body in lay.mechanism.bodies])
+    M = np.einsum("b,nbjx,nbkx->njk", mass, linear_part, linear_part)
+    return np.asarray(M + np.einsum("nbjx,nbxy,nbky->njk", angular_part, J, angular_part))
+
+
+def inertia_matrix(lay: Layout, rate: Rates) -> Array:
+    """Inertia matrix of the independent coordinates, kinetic energy being ``yd M yd / 2``. Shape (n, k, k)."""
+    motion = body_motion(lay, rate.pose, rate.V, np.zeros_like(rate.V))
+    return _inertia(lay, *partial_motion(lay, rate, motion.com), motion.J)
+
+
+def forward(lay: Layout, rate: Rates, forces: Forces) -> Response:
+    """Accelerations of the independent coordinates for given forces.
+
+    Only motion is projected, never reactions: what redundant constraints leave open does not matter.
+
+    Args:
+        rate: Closed poses and their rates, from `screwgauge.reference.kinematics.rates`.
+        forces: What acts on the mechanism.
+
+    Raises:
+        SingularPoseError: The independent coordinates do not determine the motion there, or some move no mass.
+    """
+    at = rate.pose
+    condition = linear.condition(rate.A)
+    _check_poses(lay, at.q, condition)
+    tau, loads = _applied(lay, rate, forces)
+    _, A = accelerations(lay, rate, np.zeros((len(at.q), rate.K.shape[2])))
+    motion = body_motion(lay, at, rate.V, A)
+    F, T = required_wrench(lay, at, motion, forces.gravity, loads)
+    M = _inertia(lay, *partial_motion(lay, rate, motion.com), motion.J)
+    _check_inertia(lay, M)
+    Q = np.einsum("nij,ni->nj", rate.K, tau) - generalized_force(lay, rate, motion, F, T)
+    return Response(linear.solve(M, Q[..., None])[..., 0], M, condition)
+
+
+def _check_poses(lay: Layout, q: Array, condition: Array) -> None:
+    bad = np.flatnonzero(~(condition < linear.SINGULAR))
+    if bad.size:
+        y = q[bad[0], lay.mechanism.independent_columns]
+        raise SingularPoseError(
+            "the independent coordinates do not determine the motion there "
+            f"(condition number {condition[bad[0]]:.2g})",
+            f"{lay.mechanism.name} at {_named(lay, y)}",
+            "choose other coordinates or step over the pose",
+        )
+
+
+def _named(lay: Layout, y: Array) -> str:
+    return ", ".join(
+        f"{label} = {value:.9g}" for label, value in zip(lay.mechanism.independent, y, strict=True)
+    )
+
+
+def _check_inertia(lay: Layout, M: Array) -> None:
+    """Coordinates may be in rad and m, so that the matrix is judged with ones on its diagonal."""
+    d = np.sqrt(np.einsum("njj->nj", M))
+    for j, label in enumerate(lay.mechanism.independent):
+        if not (d[:, j] > 0.0).all():
+            raise SingularPoseError(
+                f"the coordinate '{label}' moves no mass", lay.mechanism.name, "give its bodies inertia"
+            )
+    if not (linear.condition(M / (d[:, :, None] * d[:, None, :])) < linear.SINGULAR).all():
+        raise SingularPoseError(
+            "some combination of the independent coordinates moves no mass",
+            lay.mechanism.name,
+            "give the bodies inertia",
+        )
+
+
+def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
+    """All joint accelerations and reactions from the balance of every body and the closure of every loop.
+
+    ``[D -c; G 0] [qdd; R] = [c_a f - W; -bias]`` in the minimum-norm least-squares sense: the check of `forward`.
+    """
+    at, (n, n_q) = rate.pose, rate.pose.q.shape
+    k = rate.K.shape[2]
+    tau, loads = _applied(lay, rate, forces)
+    # any closed motion will do as the one from which the accelerations are counted
+    beta, A = accelerations(lay, rate, np.zeros((n, k)))
+    motion = body_motion(lay, at, rate.V, A)
+    F, T = required_wrench(lay, at, motion, forces.gravity, loads)
+    reactions = joint_reactions(lay, at)
+    m = len(reactions.names)
+    c = force_matrix(lay, at, motion.com, reactions)[..., :m]
+    D = _inertia_of_joints(lay, rate, motion.com, motion.J)
+    right = _joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
+    G = rate.A[:, : rate.A.shape[1] - k]
+    system = np.concatenate(
+        [
+            np.concatenate([D, -c], axis=2),
+            np.concatenate([G, np.zeros((n, G.shape[1], m))], axis=2),
+        ],
+        axis=1,
+    )
+    right = np.concatenate([right, np.zeros((n, G.shape[1]))], axis=1)
+    # equal sizes of the columns, whose units differ; what stays far below is redundancy
+    size = np.linalg.norm(system, axis=1, keepdims=True)
+    size = np.where(size > 0.0, size, 1.0)
+    unknown = np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / size.swapaxes(1, 2)
+    return DenseResponse(beta + unknown[:, :n_q, 0], unknown[:, n_q:, 0], reactions.names)
+
+
+def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
+    """Force and moment about its centre of mass that each body needs per joint acceleration.
+
+    Returns:
+        Shape (n, 6 n_body, n_q).
+    """
+    mass = np.array([body.mass for body in lay.mechanism.bodies])
+    S = lay.path[None, 1:, :, None] * rate.pose.S[:, None]  # (n, n_body, n_q, 6)
+    a = S[..., 3:] + np.cross(S[..., :3], com[:, :, None])
+    force = mass[None, :, None, None] * a
+    moment = np.einsum("nbxy,nbiy->nbix", J, S[..., :3])
+    D = np.concatenate([force, moment], axis=3).swapaxes(2, 3)
+    return np.asarray(D.reshape(len(D), -1, S.shape[2]))
+
+
+def _joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
+    """What forces along the joint coordinates exert on each body (force; moment about its centre of mass).
+
+    A composite joint's force acts along the screw reciprocal to its other freedoms: its power on them is zero.
+
+    Returns:
+        Shape (n, 6 n_body).
+    """
+    index, n = lay.mechanism.body_index, len(tau)
+    W = np.zeros((n, len(lay.mechanism.bodies) + 1, 6))
+    for joint in lay.mechanism.joints:
+        columns = lay.columns[joint.name]
+        point = rate.pose.p[:, index[joint.child]] + rate.pose.R[:, index[joint.child]] @ joint.child_frame.p
+        turns = np.array([turn for turn, _ in joint.freedoms])
+        S = rate.pose.S[:, columns]
+        axes = np.where(turns[None, :, None], S[..., :3], S[..., 3:])
+        moment = _dual(axes[:, turns], tau[:, columns][:, turns])
+        force = _dual(axes[:, ~turns], tau[:, columns][:, ~turns])
+        for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
+            if body:
+                W[:, body, :3] += sign * force
+                W[:, body, 3:] += sign * (moment + np.cross(point - com[:, body - 1], force))
+    return W[:, 1:].reshape(n, -1)
+
+
+def _dual(axes: Array, amount: Array) -> Array:
+    """The smallest vector whose components along the axes are given. (n, m, 3), (n, m) -> (n, 3)."""
+    if not axes.shape[1]:
+        return np.zeros((len(axes), 3))
+    return (np.linalg.pinv(axes) @ amount[..., None])[..., 0]
+
+
+def energy(lay: Layout, rate: Rates, forces: Forces) -> Array:
+    """Kinetic energy and that stored in gravity and springs [J]. Shape (n,)."""
+    at = rate.pose
+    yd = rate.w[:, lay.mechanism.independent_columns]
+    kinetic = 0.5 * np.einsum("nj,njk,nk->n", yd, inertia_matrix(lay, rate), yd)
+    bodies = lay.mechanism.bodies
+    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in bodies])[..., None])[..., 0]
+    height = com @ forces.gravity
+    mass = np.array([body.mass for body in bodies])
+    return np.asarray(kinetic - height @ mass + spring_energy(lay, at, forces.springs))

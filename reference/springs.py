@@ -1,0 +1,157 @@
+"""Springs and dampers, across a joint or between points of two bodies: what they exert, and their energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference import screws
+from screwgauge.reference.errors import DescriptionError, SingularPoseError, UnknownNameError
+from screwgauge.reference.kinematics import Rates
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.rotations import Array
+
+#: (body, point in it or None for its centre of mass, force [N], torque [N m]), acting on the body.
+Load = tuple[str, Array | None, Array, Array]
+
+
+def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
+    values = {"stiffness": stiffness, "rest": rest, "damping": damping}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise DescriptionError(f"{name} {value:g} is not finite", where, "give a finite number")
+    for name in ("stiffness", "damping"):
+        if values[name] < 0.0:
+            raise DescriptionError(
+                f"{name} {values[name]:g} is negative", where, "a spring or damper cannot give energy"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class JointSpring:
+    """A spring and damper along one joint coordinate, ``tau = -k (q - q0) - c qd``.
+
+    Attributes:
+        coordinate: Name of the joint coordinate.
+        stiffness: k [N/m or N m/rad], not negative.
+        rest: q0, where it exerts nothing [m or rad].
+        damping: c [N s/m or N m s/rad], not negative.
+    """
+
+    coordinate: str
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointSpring:
+    """A spring and damper on the line between points of two bodies, tension ``k (l - l0) + c ld``.
+
+    It pushes as well as it pulls.
+
+    Attributes:
+        first, second: Names of the bodies; one may be the ground.
+        first_point, second_point: The points in their body frames [m]. Shape (3,).
+        stiffness: k [N/m], not negative.
+        rest: l0 [m], not negative.
+        damping: c [N s/m], not negative.
+    """
+
+    first: str
+    first_point: Array
+    second: str
+    second_point: Array
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        where = f"spring between {self.first} and {self.second}"
+        _check(where, self.stiffness, self.rest, self.damping)
+        if self.rest < 0.0:
+            raise DescriptionError(f"rest length {self.rest:g} m is negative", where, "give a length")
+        if self.first == self.second:
+            raise DescriptionError("joins a body to itself", where, "name two bodies")
+
+
+Spring = JointSpring | PointSpring
+
+
+def check_springs(mechanism: Mechanism, springs: Iterable[Spring]) -> None:
+    """Refuses springs at bodies or coordinates that the mechanism does not have."""
+    for spring in springs:
+        if isinstance(spring, JointSpring):
+            if spring.coordinate not in mechanism.coordinates:
+                raise UnknownNameError("coordinate", spring.coordinate, mechanism.coordinates, "spring")
+            continue
+        for body in (spring.first, spring.second):
+            if body not in mechanism.body_index:
+                raise UnknownNameError("body", body, mechanism.body_index, "spring")
+
+
+def _ends(lay: Layout, at: Pose, spring: PointSpring) -> tuple[Array, Array]:
+    """World positions of the two points [m]. Shape (n, 3) each."""
+    i, j = (lay.mechanism.body_index[body] for body in (spring.first, spring.second))
+    return at.p[:, i] + at.R[:, i] @ spring.first_point, at.p[:, j] + at.R[:, j] @ spring.second_point
+
+
+def spring_forces(lay: Layout, rate: Rates, springs: Sequence[Spring]) -> tuple[Array, list[Load]]:
+    """What springs and dampers exert.
+
+    Returns:
+        On the joint coordinates [N or N m], shape (n, n_q), and as loads on bodies, forces of shape (n, 3).
+
+    Raises:
+        SingularPoseError: The two points of a spring meet, where it has no direction.
+    """
+    at, index = rate.pose, lay.mechanism.body_index
+    tau = np.zeros_like(at.q)
+    loads: list[Load] = []
+    for spring in springs:
+        if isinstance(spring, JointSpring):
+            i = lay.mechanism.coordinates.index(spring.coordinate)
+            tau[:, i] -= spring.stiffness * (at.q[:, i] - spring.rest) + spring.damping * rate.w[:, i]
+            continue
+        a, b = _ends(lay, at, spring)
+        length = np.linalg.norm(b - a, axis=1, keepdims=True)
+        if not (length > 0.0).all():
+            raise SingularPoseError(
+                "its points meet, so that it has no direction",
+                f"spring between {spring.first} and {spring.second}",
+                "move its points or shorten the motion",
+            )
+        along = (b - a) / length
+        v = [
+            screws.velocity_at(rate.V[:, index[body]], r)
+            for body, r in ((spring.first, a), (spring.second, b))
+        ]
+        speed = np.sum(along * (v[1] - v[0]), axis=1, keepdims=True)
+        pull = (spring.stiffness * (length - spring.rest) + spring.damping * speed) * along
+        for body, point, force in (
+            (spring.first, spring.first_point, pull),
+            (spring.second, spring.second_point, -pull),
+        ):
+            if index[body]:  # the ground needs no balance
+                loads.append((body, point, force, np.zeros(3)))
+    return tau, loads
+
+
+def spring_energy(lay: Layout, at: Pose, springs: Sequence[Spring]) -> Array:
+    """Energy stored in all springs [J]. Shape (n,)."""
+    energy = np.zeros(len(at.q))
+    for spring in springs:
+        if isinstance(spring, JointSpring):
+            stretch = at.q[:, lay.mechanism.coordinates.index(spring.coordinate)] - spring.rest
+        else:
+            a, b = _ends(lay, at, spring)
+            stretch = np.linalg.norm(b - a, axis=1) - spring.rest
+        energy += 0.5 * spring.stiffness * stretch**2
+    return energy

@@ -1,0 +1,188 @@
+"""Forward dynamics: what inverse dynamics asked for brings back the motion, by two routes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
+from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
+from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.pose import layout
+from screwgauge.reference.springs import JointSpring, PointSpring
+
+DATA = Path(__file__).parent / "data"
+SCENES = [
+    "3ups-upu-s",
+    "3ups-upu-s-eq55",
+    "3ups-upu-s-fast",
+    "3ups-upu-s-offset",
+    *(DATA / f"{name}-scene.toml" for name in ("four-bar", "rscr", "slider-crank", "pendulum")),
+]
+ROUND_TRIP = 1e-11  # conditions of a few hundred times rounding
+
+
+def at_rest_or_moving(scene, n=9):
+    """Some samples of a scene: layout, rates and the forces that act besides the actuators."""
+    t = scene.motion.t
+    scene = scene.at(t[np.linspace(0, len(t) - 1, n).astype(int)])
+    lay = layout(scene.mechanism)
+    rate = rates(lay, positions(lay, scene.motion.y, scene.motion.t), scene.motion.yd)
+    loads = [(load.body, load.point, load.force, load.torque) for load in scene.loads]
+    return scene, lay, rate, Forces(gravity=scene.gravity, loads=loads)
+
+
+@pytest.mark.parametrize("name", SCENES, ids=lambda name: Path(name).stem)
+def test_inverse_then_forward_returns_the_accelerations(name):
+    scene, lay, rate, forces = at_rest_or_moving(screwgauge.load_scene(name))
+    run = screwgauge.run(scene, engines=["screw"], quantities=["actuator_force", "joint_acceleration"])
+    forces = replace(forces, actuators=run.values("actuator_force"))
+    scale = np.abs(scene.motion.ydd).max()
+    found = forward(lay, rate, forces)
+    assert np.abs(found.ydd - scene.motion.ydd).max() < ROUND_TRIP * scale
+    dense = forward_dense(lay, rate, forces)
+    qdd = run.values("joint_acceleration")
+    assert np.abs(dense.qdd - qdd).max() < 100 * ROUND_TRIP * np.abs(qdd).max()
+
+
+def test_dense_route_returns_the_reactions_too():
+    scene, lay, rate, forces = at_rest_or_moving(screwgauge.load_scene("3ups-upu-s-fast"))
+    run = screwgauge.run(scene, engines=["screw"], quantities=["actuator_force", "reaction"])
+    dense = forward_dense(lay, rate, replace(forces, actuators=run.values("actuator_force")))
+    reaction = run.values("reaction")
+    assert dense.names == tuple(run.components("reaction"))
+    assert np.abs(dense.reactions - reaction).max() < 1e-9 * np.abs(reaction).max()
+
+
+def test_a_batch_is_its_samples_one_by_one():
+    _, lay, rate, forces = at_rest_or_moving(screwgauge.load_scene(DATA / "rscr-scene.toml"))
+    together = forward(lay, rate, forces).ydd
+    y, yd = rate.pose.q[:, lay.mechanism.independent_columns], rate.w[:, lay.mechanism.independent_columns]
+    t = np.zeros(1)
+    alone = [
+        forward(lay, rates(lay, positions(lay, a[None], t), b[None]), forces).ydd[0]
+        for a, b in zip(y, yd, strict=True)
+    ]
+    assert np.abs(together - alone).max() < 1e-12 * np.abs(together).max()
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """The double pendulum at three poses that move."""
+    lay = layout(load_mechanism(DATA / "pendulum.toml"))
+    y = np.array([[0.3, -0.2], [1.1, 0.4], [-0.7, 0.9]])
+    return lay, rates(lay, positions(lay, y, np.zeros(3)), np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
+
+
+def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
+    lay, rate = pendulum
+    spring = JointSpring("b", stiffness=30.0, rest=0.1, damping=2.0)
+    tau = np.zeros_like(rate.w)
+    tau[:, 1] = -30.0 * (rate.pose.q[:, 1] - 0.1) - 2.0 * rate.w[:, 1]
+    by_spring, by_motor = forward(lay, rate, Forces(springs=[spring])), forward(lay, rate, Forces(joints=tau))
+    assert np.abs(by_spring.ydd - by_motor.ydd).max() < 1e-12
+
+
+def test_a_point_spring_pulls_along_its_line(pendulum):
+    """Against the force found from the derivative of its own energy, and both routes against each other."""
+    lay, rate = pendulum
+    spring = PointSpring("ground", np.array([0.5, 0.2, 0.0]), "bob", np.array([0.1, 0.0, -1.0]), 40.0, 0.6)
+    y, h = rate.pose.q, 1e-6
+
+    def stored(y):
+        still = rates(lay, positions(lay, y, np.zeros(len(y))), np.zeros_like(y))
+        return energy(lay, still, Forces(gravity=np.zeros(3), springs=[spring]))
+
+    slope = np.stack([(stored(y + h * e) - stored(y - h * e)) / (2 * h) for e in np.eye(2)], axis=1)
+    with_spring = forward(lay, rate, Forces(springs=[spring]))
+    with_slope = forward(lay, rate, Forces(joints=-slope))
+    assert np.abs(with_spring.ydd - with_slope.ydd).max() < 1e-6
+    dense = forward_dense(lay, rate, Forces(springs=[spring]))
+    assert np.abs(dense.qdd - with_spring.ydd).max() < 1e-11 * np.abs(dense.qdd).max()
+
+
+def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
+    """dE/dt = tau w - c (q')^2 - c (l')^2, E by central differences along the motion."""
+    lay, rate = pendulum
+    columns = [0, 1]
+    damper = PointSpring(
+        "ground", np.array([1.0, 0.5, 0.0]), "bob", np.array([0.0, 0.0, -1.0]), 7.0, 0.3, 5.0
+    )
+    springs = [JointSpring("a", 10.0, 0.2, 3.0), damper]
+    forces = Forces(joints=np.array([0.7, -1.3]), springs=springs)
+    y, yd = rate.pose.q[:, columns], rate.w
+    ydd = forward(lay, rate, forces).ydd
+    h = 1e-5
+
+    def later(s):
+        at = positions(lay, y + s * yd + 0.5 * s * s * ydd, np.zeros(3))
+        return rates(lay, at, yd + s * ydd)
+
+    def length(s):
+        at = later(s).pose
+        return np.linalg.norm(at.p[:, 2] + at.R[:, 2] @ [0.0, 0.0, -1.0] - [1.0, 0.5, 0.0], axis=1)
+
+    def slope(f):
+        return (f(h) - f(-h)) / (2 * h)
+
+    expected = yd @ [0.7, -1.3] - 3.0 * yd[:, 0] ** 2 - 5.0 * slope(length) ** 2
+    assert np.abs(slope(lambda s: energy(lay, later(s), forces)) - expected).max() < 1e-6
+
+
+def test_inertia_matrix_is_that_of_the_kinetic_energy_of_a_four_bar():
+    _, lay, rate, _ = at_rest_or_moving(screwgauge.load_scene(DATA / "four-bar-scene.toml"))
+    forces = Forces(gravity=np.zeros(3))
+    yd = rate.w[:, lay.mechanism.independent_columns]
+    M = inertia_matrix(lay, rate)
+    assert np.array_equal(M, forward(lay, rate, forces).M)
+    assert energy(lay, rate, forces) == pytest.approx(0.5 * M[:, 0, 0] * yd[:, 0] ** 2, rel=1e-14)
+
+
+def test_bad_springs_and_forces_are_said(pendulum):
+    lay, rate = pendulum
+    zero = np.zeros(3)
+    with pytest.raises(DescriptionError, match="stiffness -1 is negative"):
+        JointSpring("a", -1.0)
+    with pytest.raises(DescriptionError, match="damping nan is not finite"):
+        PointSpring("ground", zero, "bob", zero, damping=float("nan"))
+    with pytest.raises(DescriptionError, match="rest length -1 m is negative"):
+        PointSpring("ground", zero, "bob", zero, rest=-1.0)
+    with pytest.raises(DescriptionError, match="joins a body to itself"):
+        PointSpring("bob", zero, "bob", zero)
+    with pytest.raises(UnknownNameError, match="unknown coordinate 'c'"):
+        forward(lay, rate, Forces(springs=[JointSpring("c", 1.0)]))
+    with pytest.raises(UnknownNameError, match="unknown body 'bobb'"):
+        forward(lay, rate, Forces(springs=[PointSpring("ground", zero, "bobb", zero)]))
+    with pytest.raises(SingularPoseError, match="its points meet"):
+        forward(lay, rate, Forces(springs=[PointSpring("ground", zero, "upper", zero, 1.0)]))
+    with pytest.raises(DescriptionError, match=r"actuator forces of shape \(3,\) for 2 of them at 3 poses"):
+        forward(lay, rate, Forces(actuators=np.zeros(3)))
+
+
+def test_a_coordinate_that_moves_no_mass_is_named(write):
+    """A point mass on the axis about which it turns."""
+    path = write(
+        "idle.toml",
+        """
+name = "idle"
+[independent]
+a = "a"
+[bodies.bob]
+mass = 1
+inertia = { xx = 0, yy = 0, zz = 0 }
+[joints.a]
+kind = "R"
+parent = "ground"
+child = "bob"
+axes = [[0, 0, 1]]
+""",
+    )
+    lay = layout(load_mechanism(path))
+    rate = rates(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
+    with pytest.raises(ScrewgaugeError, match="the coordinate 'a' moves no mass"):
+        forward(lay, rate, Forces())
