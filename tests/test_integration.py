@@ -141,3 +141,5 @@ def test_bad_input_is_said(pendulum):
         integrate(pendulum, Forces(), times, start=np.zeros(3))
     with pytest.raises(DescriptionError, match=r"give 2 finite numbers"):
         integrate(pendulum, Forces(), times, yd=np.array([0.0, np.nan]))
+    with pytest.raises(DescriptionError, match=r"rtol = -1, atol = 1e-12; give small positive numbers"):
+        integrate(pendulum, Forces(), times, rtol=-1.0)

@@ -29,7 +29,7 @@ METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": 
 NEAR = 1e5
 #: More such steps than this are not made: the motion does not lead through, it leads there.
 MOST = 100
-#: Other sizes of a step that met such a pose, tried in turn.
+#: Factors on the size of a step that met such a pose, one after the other.
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
 
@@ -113,6 +113,10 @@ def integrate(
         ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
     """
     times, state = _checked(lay, times, start, yd, method)
+    if not (0.0 < rtol < 1.0 and 0.0 < atol < np.inf):
+        raise DescriptionError(
+            f"tolerances rtol = {rtol:g}, atol = {atol:g}", lay.mechanism.name, "give small positive numbers"
+        )
     at_any_time = forces if callable(forces) else lambda _: forces
     run = _Run(lay, at_any_time, lay.mechanism.home, near)
     kept: list[Rates] = [run.rates(state[None])]
@@ -159,7 +163,7 @@ def _steps(
         taken, tries = taken + 1, 0
         try:
             _keep(run, solver, times, kept)
-        except ScrewgaugeError as error:
+        except (_Near, ScrewgaugeError) as error:
             return (taken, stepped_over), f"t = {solver.t:.6g} s: {error}"
     return (taken, stepped_over), ""
 
