@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from screwgauge.cli import main
+from screwgauge.forward.problems import solve_problem
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.mechanism import Mechanism
 
@@ -82,3 +84,18 @@ def changed_scene(write, paper_scene):
         return paper_scene(mechanism='mechanism = "changed.toml"', **entries)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def answer():
+    """An established problem solved at the times of its kept reference, whose first line names its source."""
+
+    def solve(name: str, until: float = float("inf"), **tolerances: float):
+        known = pd.read_csv(Path(__file__).parent / "data" / "benchmarks" / f"{name}.csv", comment="#")
+        known = known[known["t_s"] <= until]
+        found = solve_problem(name, known["t_s"].to_numpy(), **tolerances)
+        assert found.trajectory.stopped == ""
+        assert len(found.observable) == len(known)
+        return found, known
+
+    return solve

@@ -1,0 +1,1 @@
+"""Time integration of any mechanism, and the established problems."""

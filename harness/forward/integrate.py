@@ -1,0 +1,200 @@
+"""Time integration on the independent coordinates: scipy's methods on accelerations of `reference.forward`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import BDF, DOP853, OdeSolver, Radau
+
+from screwgauge.reference.branch import Branch
+from screwgauge.reference.errors import (
+    ClosureError,
+    DescriptionError,
+    ScrewgaugeError,
+    SingularPoseError,
+    UnknownNameError,
+)
+from screwgauge.reference.forward import Forces, energy, forward
+from screwgauge.reference.kinematics import Rates, rates
+from screwgauge.reference.pose import Layout, pose
+from screwgauge.reference.rotations import Array
+
+#: DOP853 for smooth motion, the others for stiff springs and dampers.
+METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
+#: Poses whose condition number is above this are stepped over: their accelerations have an error of about
+#: eps times its square, and finer steps only meet more of them.
+NEAR = 1e5
+#: More such steps than this are not made: the motion does not lead through, it leads there.
+MOST = 100
+#: Factors on the size of a step that met such a pose, one after the other.
+SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """An integrated motion at the times asked for, as far as it came.
+
+    Attributes:
+        t: Times [s]. Shape (n,).
+        rates: Closed poses and rates there.
+        energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
+        steps, evaluations: How many steps were taken, and accelerations computed.
+        stepped_over: Steps whose size was changed because they met a nearly singular pose.
+        stopped: Why it ended early, empty if it did not.
+    """
+
+    t: Array
+    rates: Rates
+    energy: Array
+    steps: int
+    evaluations: int
+    stepped_over: int
+    stopped: str
+
+
+class _Near(Exception):
+    """A pose too close to a singular one."""
+
+    def __init__(self, condition: float) -> None:
+        super().__init__(f"a pose on the way has condition number {condition:.2g}")
+
+
+class _Run:
+    """The motion while it is integrated; the state is (y, yd)."""
+
+    def __init__(self, lay: Layout, forces: Callable[[float], Forces], q: Array, near: float) -> None:
+        self.lay, self.forces, self.near = lay, forces, near
+        self.branch = Branch(lay, q)
+        self.evaluations = 0
+
+    def rates(self, states: Array) -> Rates:
+        """Closed poses and rates of states, shape (n, 2 k)."""
+        k = states.shape[1] // 2
+        return rates(self.lay, self.branch.poses(states[:, :k]), states[:, k:])
+
+    def slope(self, t: float, states: Array) -> Array:
+        """Derivatives of states, one a column as scipy's methods give them. Shape (2 k, n)."""
+        self.evaluations += 1
+        k = len(states) // 2
+        found = forward(self.lay, self.rates(states.T), self.forces(t))
+        if (found.condition > self.near).any():
+            raise _Near(float(found.condition.max()))
+        return np.concatenate([states[k:], found.ydd.T])
+
+
+def integrate(
+    lay: Layout,
+    forces: Forces | Callable[[float], Forces],
+    times: Array,
+    *,
+    start: Array | None = None,
+    yd: Array | None = None,
+    method: str = "DOP853",
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    near: float = NEAR,
+) -> Trajectory:
+    """Integrates a mechanism under given forces from its first time on.
+
+    Args:
+        lay: The mechanism.
+        forces: What acts on it, constant or a function of time.
+        times: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
+        start: Independent coordinates at the start, reached from home on one branch; home itself by default.
+        yd: Their rates; zero by default. Shape (k,).
+        method: One of `METHODS`.
+        rtol, atol: Tolerances of a step, for rad, m and their rates alike.
+        near: Condition number of the closed loops above which a pose is stepped over.
+
+    Raises:
+        ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
+    """
+    times, state = _checked(lay, times, start, yd, method)
+    if not (0.0 < rtol < 1.0 and 0.0 < atol < np.inf):
+        raise DescriptionError(
+            f"tolerances rtol = {rtol:g}, atol = {atol:g}", lay.mechanism.name, "give small positive numbers"
+        )
+    at_any_time = forces if callable(forces) else lambda _: forces
+    run = _Run(lay, at_any_time, lay.mechanism.home, near)
+    kept: list[Rates] = [run.rates(state[None])]
+    counts, stopped = _steps(
+        run, METHODS[method], times, state, kept, {"rtol": rtol, "atol": atol, "vectorized": True}
+    )
+    n = len(kept)
+    q, w = np.concatenate([r.pose.q for r in kept]), np.concatenate([r.w for r in kept])
+    whole = rates(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
+    E = [energy(lay, r, at_any_time(float(t)))[0] for t, r in zip(times, kept, strict=False)]
+    return Trajectory(times[:n], whole, np.array(E), counts[0], run.evaluations, counts[1], stopped)
+
+
+def _steps(
+    run: _Run,
+    method: type[OdeSolver],
+    times: Array,
+    state: Array,
+    kept: list[Rates],
+    options: dict[str, Any],
+) -> tuple[tuple[int, int], str]:
+    """Steps through all times and keeps the motion there. Returns (steps, stepped over) and why it stopped."""
+    taken = stepped_over = tries = 0
+    size: float | None = None
+    try:
+        solver = method(run.slope, times[0], state, times[-1], **options)
+    except (_Near, ScrewgaugeError) as error:
+        return (0, 0), f"the start cannot be: {error}"
+    while len(kept) < len(times):
+        try:
+            if size is not None:
+                solver = method(run.slope, solver.t, solver.y, times[-1], first_step=size, **options)
+                size = None
+            message = solver.step()
+        except (_Near, ClosureError, SingularPoseError) as error:
+            if tries == len(SIZES) or stepped_over == MOST:
+                return (taken, stepped_over), f"t = {solver.t:.6g} s: no step leads on; {error}"
+            usual = solver.step_size or solver.h_abs
+            size = min(usual * SIZES[tries], times[-1] - solver.t)
+            tries, stepped_over = tries + 1, stepped_over + 1
+            continue
+        if solver.status == "failed":
+            return (taken, stepped_over), f"t = {solver.t:.6g} s: {message}"
+        taken, tries = taken + 1, 0
+        try:
+            _keep(run, solver, times, kept)
+        except (_Near, ScrewgaugeError) as error:
+            return (taken, stepped_over), f"t = {solver.t:.6g} s: {error}"
+    return (taken, stepped_over), ""
+
+
+def _keep(run: _Run, solver: OdeSolver, times: Array, kept: list[Rates]) -> None:
+    """Keeps the motion at all times that the last step passed."""
+    if times[len(kept)] > solver.t:
+        return
+    between = solver.dense_output()
+    while len(kept) < len(times) and times[len(kept)] <= solver.t:
+        t = times[len(kept)]
+        kept.append(run.rates((solver.y if t == solver.t else between(t))[None]))
+    run.branch.move(solver.y[: len(solver.y) // 2])
+
+
+def _checked(
+    lay: Layout, times: Array, start: Array | None, yd: Array | None, method: str
+) -> tuple[Array, Array]:
+    """Times, and the state at the start."""
+    if method not in METHODS:
+        raise UnknownNameError("method", method, METHODS)
+    where, times = lay.mechanism.name, np.asarray(times, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
+        raise DescriptionError("times do not increase", where, "give two or more finite times in order")
+    home = lay.mechanism.home[lay.mechanism.independent_columns]
+    parts = [home if start is None else start, np.zeros_like(home) if yd is None else yd]
+    for part in parts:
+        if np.shape(part) != home.shape or not np.isfinite(part).all():
+            raise DescriptionError(
+                f"start or rates of shape {np.shape(part)} for {len(home)} independent coordinates",
+                where,
+                f"give {len(home)} finite numbers",
+            )
+    return times, np.concatenate(parts)

@@ -1,0 +1,89 @@
+"""The closed pose that follows independent coordinates wherever they go, always on the same branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference.continuation import OPEN, SMALLEST, STEP, newton, partial_rates
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.kinematics import closure_system
+from screwgauge.reference.pose import Layout, Pose, pose
+from screwgauge.reference.rotations import Array
+
+#: How far the closed pose may lie from its prediction, over the way predicted. Another branch lies farther.
+BEND = 0.3
+#: Steps that a short way may take; where more are needed, the way ends at a pose that it cannot pass.
+MOST = 40
+
+
+class Branch:
+    """Remembers the last closed pose; the next one is predicted from it with its partial rates.
+
+    A step may pass over a singular pose: the prediction goes straight on, where the branch that turns off there
+    does not.
+    """
+
+    def __init__(self, lay: Layout, q: Array) -> None:
+        """Starts at joint coordinates `q`, shape (n_q,), that close the loops nearly."""
+        self.lay = lay
+        self.columns = lay.mechanism.independent_columns
+        self.is_tree = not lay.tree.cuts and len(self.columns) == len(q)
+        self.q, self.y = q.copy(), q[self.columns]
+        self.K = np.zeros((len(q), len(self.columns)))
+        if not self.is_tree and not self._try(q, self.y):
+            raise ClosureError(
+                "the loops do not close there", f"start of {lay.mechanism.name}", "correct the coordinates"
+            )
+
+    def _evaluate(self, q: Array, goal: Array) -> tuple[Array, Array]:
+        at = pose(self.lay, q)
+        residual = np.concatenate([at.gap.reshape(len(q), -1), q[:, self.columns] - goal], axis=1)
+        return residual, closure_system(self.lay, at)
+
+    def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
+        """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
+        q, matrix, error = newton(self._evaluate, predicted[None], goal[None])
+        if not (error[0] < OPEN and np.abs(q[0] - predicted).max() <= bend):
+            return False
+        self.q, self.y, self.K = q[0], goal.copy(), partial_rates(matrix, len(goal))[0]
+        return True
+
+    def move(self, y: Array) -> None:
+        """Moves the pose to independent coordinates `y`, shape (k,), in steps of at most `STEP`.
+
+        Raises:
+            ClosureError: The loops cannot close on the way.
+        """
+        if self.is_tree:
+            self.q[self.columns] = self.y = y.copy()
+            return
+        largest = STEP
+        for _ in range(MOST + int(4.0 * float(np.abs(y - self.y).max()) / STEP)):
+            way = y - self.y
+            length = float(np.abs(way).max())
+            if length == 0.0:
+                return
+            way = way * min(1.0, largest / length)
+            step = self.K @ way
+            goal = y if largest >= length else self.y + way
+            if self._try(self.q + step, goal, BEND * float(np.abs(step).max()) + 1e-9):
+                continue
+            largest = 0.5 * min(largest, length)
+            if largest < SMALLEST:
+                break
+        raise ClosureError(
+            f"the loops cannot close beyond y = {np.array2string(self.y, precision=6)}",
+            self.lay.mechanism.name,
+            "shorten the motion or check the geometry",
+        )
+
+    def poses(self, y: Array) -> Pose:
+        """Closed poses for some independent coordinates in order. Shape (n, k)."""
+        q = np.empty((len(y), len(self.q)))
+        if self.is_tree:
+            q[:, self.columns] = y
+            return pose(self.lay, q)
+        for row, goal in zip(q, y, strict=True):
+            self.move(goal)
+            row[:] = self.q
+        return pose(self.lay, q)

@@ -1,0 +1,145 @@
+"""Time integration: it passes singular poses, keeps what it computed when it must stop, and refuses bad input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screwgauge.forward.integrate import METHODS, integrate
+from screwgauge.forward.problems import PROBLEMS, problem_forces, solve_problem
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.branch import Branch
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.forward import Forces
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.pose import layout
+from screwgauge.reference.springs import JointSpring
+
+DATA = Path(__file__).parent / "data"
+SLIDER_CRANK = """
+name = "dead-centre"
+[independent]
+x = "x"
+[bodies.crank]
+mass = 1
+com = [0.15, 0, 0]
+inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
+[bodies.rod]
+mass = 1
+com = [0.3, 0, 0]
+inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
+[bodies.piston]
+mass = 1
+inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
+[joints.a]
+kind = "R"
+parent = "ground"
+child = "crank"
+axes = [[0, 0, 1]]
+home = ["pi/2"]
+[joints.b]
+kind = "R"
+parent = "crank"
+child = "rod"
+axes = [[0, 0, 1]]
+parent_frame = { position = [0.3, 0, 0] }
+home = ["-2*pi/3"]
+[joints.c]
+kind = "R"
+parent = "rod"
+child = "piston"
+axes = [[0, 0, 1]]
+parent_frame = { position = [0.6, 0, 0] }
+home = ["pi/6"]
+[joints.x]
+kind = "P"
+parent = "ground"
+child = "piston"
+axes = [[1, 0, 0]]
+home = ["sqrt(27)/10"]
+"""
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return layout(load_mechanism(DATA / "pendulum.toml"))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_all_methods_give_the_same_motion(pendulum, method):
+    forces = Forces(springs=[JointSpring("b", 20.0, damping=1.0)])
+    times = np.array([0.0, 0.1, 0.35])
+    start = np.array([0.4, 0.3])
+    best = integrate(pendulum, forces, times, start=start, rtol=1e-12)
+    found = integrate(pendulum, forces, times, start=start, method=method, rtol=1e-7, atol=1e-8)
+    assert found.t.tolist() == times.tolist()
+    assert np.abs(found.rates.pose.q - best.rates.pose.q).max() < 1e-5
+    assert np.array_equal(found.rates.pose.q[0], start)
+
+
+def test_forces_may_depend_on_time(pendulum):
+    """Without gravity the second joint alone is 1 kg at 1 m: its angle is the torque integrated twice."""
+    held = integrate(
+        pendulum,
+        lambda t: Forces(joints=np.array([0.0, 5.0 * np.sin(9.0 * t)]), gravity=np.zeros(3)),
+        np.linspace(0.0, 1.0, 5),
+        rtol=1e-11,
+    )
+    assert held.stopped == ""
+    b = 5.0 / 9.0 * (held.t - np.sin(9.0 * held.t) / 9.0)
+    assert np.abs(held.rates.pose.q[:, 1] - b).max() < 1e-9
+
+
+def test_singular_poses_are_stepped_over_when_met():
+    """With a wide berth, condition 1000 or 0.006 rad, steps do meet them; no digit is lost by going around."""
+    problem = PROBLEMS["a02-fourbar-2"]
+    lay = layout(load_mechanism(problem.mechanism))
+    found = integrate(
+        lay,
+        problem_forces(problem, lay),
+        np.array([0.0, 3.5]),
+        yd=np.array(problem.yd),
+        rtol=1e-9,
+        atol=1e-9,
+        near=1000.0,
+    )
+    assert found.stopped == ""
+    assert found.stepped_over > 0
+    assert abs(found.energy[-1] - found.energy[0]) < 1e-5
+
+
+def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
+    """The piston cannot lead beyond dead centre, where its motion no longer determines that of the crank."""
+    lay = layout(load_mechanism(write("dead-centre.toml", SLIDER_CRANK)))
+    times = np.linspace(0.0, 2.0, 81)
+    found = integrate(lay, Forces(gravity=np.zeros(3)), times, yd=np.array([1.0]), rtol=1e-8)
+    assert found.stopped != ""
+    assert 5 < len(found.t) < len(times)
+    assert np.isfinite(found.rates.w).all()
+    assert found.rates.pose.q[-1, -1] < 0.9  # crank and rod in line
+    assert np.abs(found.energy - found.energy[0]).max() < 1e-6 * found.energy[0]
+
+
+def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
+    lay = layout(paper)
+    y = np.stack([np.linspace(0.0, 0.3, 7), np.linspace(0.0, -0.2, 7)], axis=1)
+    found = Branch(lay, paper.home).poses(y)
+    assert np.abs(found.q - positions(lay, y, np.zeros(7)).q).max() < 1e-12
+
+
+def test_bad_input_is_said(pendulum):
+    times = np.array([0.0, 1.0])
+    with pytest.raises(UnknownNameError, match=r"unknown method 'RK45'"):
+        integrate(pendulum, Forces(), times, method="RK45")
+    with pytest.raises(UnknownNameError, match=r"unknown problem 'a06'"):
+        solve_problem("a06")
+    with pytest.raises(DescriptionError, match=r"times do not increase"):
+        integrate(pendulum, Forces(), np.array([0.0, 0.0]))
+    with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 independent coordinates"):
+        integrate(pendulum, Forces(), times, start=np.zeros(3))
+    with pytest.raises(DescriptionError, match=r"give 2 finite numbers"):
+        integrate(pendulum, Forces(), times, yd=np.array([0.0, np.nan]))
+    with pytest.raises(DescriptionError, match=r"rtol = -1, atol = 1e-12; give small positive numbers"):
+        integrate(pendulum, Forces(), times, rtol=-1.0)
