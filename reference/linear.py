@@ -14,7 +14,8 @@ SINGULAR = 1e12
 def solve(A: Array, b: Array) -> Array:
     """Solves ``A x = b`` for a stack of square, or consistent tall or wide, matrices.
 
-    Square regular stacks go through LU; all others through the pseudo-inverse (least squares, minimum norm).
+    Square regular stacks go through LU, tall ones of full rank through QR (least squares); all others through the
+    pseudo-inverse (least squares, minimum norm).
 
     Args:
         A: Shape (..., m, n).
@@ -28,6 +29,12 @@ def solve(A: Array, b: Array) -> Array:
             return np.asarray(np.linalg.solve(A, b))
         except np.linalg.LinAlgError:
             pass  # one matrix of the stack is exactly singular
+    if A.shape[-2] > A.shape[-1] > 0:
+        Q, R = np.linalg.qr(A)
+        pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+        # far from any doubt about the rank, where it is what the pseudo-inverse gives at a fifth of its cost
+        if (pivots.min(axis=-1) > 1e-7 * pivots.max(axis=-1)).all():
+            return np.asarray(np.linalg.solve(R, Q.swapaxes(-1, -2) @ b))
     finite = np.isfinite(A).all(axis=(-1, -2), keepdims=True)
     rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # single precision has no 1e-13
     return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=rcond) @ b, np.nan)

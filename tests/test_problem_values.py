@@ -33,3 +33,9 @@ def test_bricard_moves_with_its_redundant_constraint(answer, rods):
     assert list(known["t_s"][[2, 20]]) == [1.0, 10.0]
     assert np.abs(found.observable - known[["P3x_m", "P3y_m", "P3z_m"]]).to_numpy().max() < 1e-7
     assert change_of_energy(found) < 1e-8
+
+
+def test_forty_four_bars_start_right(answer):
+    """The first half second; all ten take a minute."""
+    found, known = answer("a02-fourbar-40", until=0.5)
+    assert np.abs(found.observable - known[["B0x_m", "B0y_m"]]).to_numpy().max() < 1e-6
