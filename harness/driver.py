@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 
+from screwgauge.assemble import component_names
 from screwgauge.compare import compare
 from screwgauge.engines import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
@@ -17,6 +18,7 @@ from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_actuation, check_scene
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.results import Results
 from screwgauge.scene import Scene
@@ -51,12 +53,13 @@ def run(
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
+    expected = _expected(scene.mechanism, mobility)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
         for name in names:
-            outcome = _solve(scene, name, frozenset(wanted), Path(folder), progress)
+            outcome = _solve(scene, name, frozenset(wanted), expected, Path(folder), progress)
             if isinstance(outcome, Solution):
                 solutions[name] = outcome
             else:
@@ -92,14 +95,23 @@ def _facts(found: Mobility) -> dict[str, object]:
 
 
 def _solve(
-    scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report
+    scene: Scene,
+    name: str,
+    quantities: frozenset[str],
+    expected: Mapping[str, tuple[str, ...]],
+    folder: Path,
+    progress: Report,
 ) -> Solution | Failure:
-    """One engine. Whatever it raises becomes a row, so that the others go on."""
+    """One engine. Whatever it raises becomes a row, so that the others go on.
+
+    Args:
+        expected: Component names that the description gives each quantity.
+    """
     progress(name, 0.0)
     try:
         engine = load_engine(name)
         solution = replace(engine(_problem(scene, name, quantities, folder, progress)), engine=name)
-        _check_length(solution, len(scene.motion))
+        _check_answer(solution, len(scene.motion), expected)
     except ImportError as error:
         package = (error.name or name).split(".")[0]
         return Failure(name, f"not installed ({error}); pip install {_PACKAGES.get(package, package)}")
@@ -111,10 +123,33 @@ def _solve(
     return solution
 
 
-def _check_length(solution: Solution, n: int) -> None:
+def _check_answer(solution: Solution, n: int, expected: Mapping[str, tuple[str, ...]]) -> None:
+    """Refuses an answer with other samples or components than the description has."""
     for quantity, values in solution.values.items():
         if len(values.array) != n:
             raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
+        odd = [name for name in {*values.components} ^ {*expected.get(quantity, values.components)} if name]
+        if odd:
+            raise ModelFileError(
+                f"its {quantity} and that of the description differ in '{min(odd)}'",
+                f"model of {solution.engine}",
+                "describe the same joints, bodies and actuators in the model, its loops file and the description",
+            )
+
+
+def _expected(mechanism: Mechanism, found: Mobility) -> dict[str, tuple[str, ...]]:
+    """Component names by quantity; those of a tree are the engine's own."""
+    table = component_names(
+        mechanism.joints,
+        [body.name for body in mechanism.bodies],
+        mechanism.independent,
+        (),
+        mechanism.actuator_names,
+        (found.names[: found.constraints], ()),
+    )
+    return {
+        quantity: names for quantity, (names, _) in table.items() if not quantity.startswith("tree_force")
+    }
 
 
 def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:

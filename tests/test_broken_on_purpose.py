@@ -117,3 +117,31 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
     scene = screwgauge.load_scene("3ups-upu-s-fast")
     results = screwgauge.run(scene.at(scene.motion.t[:2000:100]), engines=["screw"])
     assert results.exit_status == 1
+
+
+def switch_off(root) -> None:
+    root.find("./equality/connect[@name='s']").set("active", "false")
+
+
+def turn_motor_round(root) -> None:
+    root.find("./actuator/motor").set("gear", "-1")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"), [(switch_off, "switched off"), (turn_motor_round, "no motor of gear 1")]
+)
+def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene, tmp_path, change, said):
+    path = edited(scene, tmp_path, ".xml", change)
+    with pytest.raises(screwgauge.ScrewgaugeError, match=said):
+        screwgauge.run(replace(scene, models={"mujoco": path}), engines=["mujoco"])
+
+
+def test_a_loops_file_with_another_actuation_is_refused(scene, tmp_path):
+    path = edited(scene, tmp_path, ".urdf", lambda root: None)
+    loops = path.with_suffix(".loops.toml")
+    head, _, tail = loops.read_text().rpartition("actuated = true\n")
+    loops.write_text(head + tail)
+    with pytest.raises(
+        screwgauge.ScrewgaugeError, match="actuator_force and that of the description differ in 'leg4'"
+    ):
+        screwgauge.run(replace(scene, models={"pinocchio": path}), engines=["pinocchio"])

@@ -24,6 +24,7 @@ from screwgauge.solution import Problem, Solution
 _BODY = mujoco.mjtObj.mjOBJ_XBODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
 _EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
 def solve(problem: Problem) -> Solution:
@@ -69,6 +70,23 @@ class MujocoTree:
         self.parents = tuple(self._parent(b) for b in self.ids)
         self.com = model.body_ipos[self.ids].copy()
         self.closures = self._closures(file)
+        self._check_motors(file)
+
+    def _check_motors(self, file: LoopsFile) -> None:
+        """Refuses motors, where the file has any, that are not those of the description."""
+        wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
+        joint = int(mujoco.mjtTrn.mjTRN_JOINT)
+        for k in range(
+            self.model.nu if wanted <= set(self.coordinates) else 0
+        ):  # a missing joint is said elsewhere
+            name = self.model.joint(self.model.actuator_trnid[k, 0]).name
+            plain = self.model.actuator_gear[k, 0] == 1.0 and not self.model.actuator_biastype[k]
+            if self.model.actuator_trntype[k] != joint or name not in wanted or not plain:
+                raise ModelFileError(
+                    f"its actuator {k} is no motor of gear 1 on one of {', '.join(sorted(wanted))}",
+                    f"MJCF of {file.mechanism}",
+                    "correct it or leave the actuators out",
+                )
 
     def _parent(self, body: int) -> str:
         parent = self.model.body_parentid[body]
@@ -78,7 +96,14 @@ class MujocoTree:
         """Closures as the equality constraints of the file have them, from its sites."""
         found: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
+        disabled = bool(self.model.opt.disableflags & (_EQUALITY | _CONSTRAINT))
         for e in range(self.model.neq):
+            if disabled or not self.model.eq_active0[e]:
+                raise ModelFileError(
+                    f"its equality constraint {e} is switched off",
+                    f"MJCF of {file.mechanism}",
+                    "switch it on",
+                )
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError(
                     "an equality constraint joins no sites",
