@@ -119,3 +119,8 @@ def test_what_is_not_a_number_fails(scene):
     rows = judge(scene, lost).set_index(["residual", "unit"])
     assert not rows.loc[("newton_euler", "N"), "ok"]
     assert "not a number" in rows.loc[("newton_euler", "N"), "reason"]
+
+
+def test_a_single_sample_at_a_dead_centre_is_no_false_alarm():
+    """At t = 0 of the paper's motion the actuators' power is zero, its terms are not."""
+    assert screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0])).ok

@@ -120,14 +120,16 @@ def power_balance(
     """Power of the actuators less what motion, gravity and loads take up."""
     mechanism = scene.mechanism
     columns = mechanism.actuated_columns
-    given = np.sum(
-        solution.values["actuator_force"].array * solution.values["joint_velocity"].array[:, columns], axis=1
-    )
-    taken = np.zeros_like(given)
+    powers = solution.values["actuator_force"].array * solution.values["joint_velocity"].array[:, columns]
+    given, taken = np.sum(powers, axis=1), np.zeros(len(powers))
+    largest = float(np.nanmax(np.abs(powers), initial=0.0))
     for i, (body, moving) in enumerate(zip(mechanism.bodies, bodies[1:], strict=True)):
         velocity = moving.v + np.cross(moving.w, moving.R @ body.com)
-        taken += np.sum(required[0][:, i] * velocity + required[1][:, i] * moving.w, axis=1)
-    scale = max(float(np.nanmax(np.abs(given), initial=0.0)), 1e-6 * natural_scales(mechanism)["W"])
+        terms = np.concatenate([required[0][:, i] * velocity, required[1][:, i] * moving.w], axis=1)
+        taken += np.sum(terms, axis=1)
+        # at a dead centre the sum is zero and only its terms tell how large rounding is
+        largest = max(largest, float(np.nanmax(np.abs(terms), initial=0.0)))
+    scale = max(largest, 1e-6 * natural_scales(mechanism)["W"])
     return Residual("power_balance", "W", ["all actuators"], (given - taken)[:, None], scale)
 
 

@@ -42,7 +42,7 @@ def _solved(solution: Solution) -> Solution:
 
 
 def residuals(scene: Scene, solution: Solution) -> list[Residual]:
-    """Residuals with their components, largest detail."""
+    """Residuals of every equation that the computed quantities allow, over all samples."""
     have = solution.values
     if "joint_position" not in have:
         return []
