@@ -7,7 +7,7 @@ import numpy as np
 from screwgauge.judging.kinetics import Moving, walk
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import natural_scales
-from screwgauge.reference import linear
+from screwgauge.reference.continuation import partial_rates
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array
@@ -186,7 +186,5 @@ def _allowed(scene: Scene, q: Array) -> tuple[Array, Array]:
         moved.append(np.stack([np.concatenate(pair, axis=1) for pair in speeds], axis=1))
     selection = np.eye(q.shape[1])[mechanism.independent_columns]
     system = np.concatenate([np.stack(gaps, axis=2), np.tile(selection, (len(q), 1, 1))], axis=1)
-    right = np.zeros((*system.shape[:2], len(selection)))
-    right[:, -len(selection) :] = np.eye(len(selection))
-    motions = linear.solve(system, right)
+    motions = partial_rates(system, len(selection))
     return motions, np.einsum("inbx,nij->nbxj", np.stack(moved), motions)
