@@ -178,3 +178,8 @@ class Engine(Protocol):
     """An engine is a function from a problem to a solution."""
 
     def __call__(self, problem: Problem) -> Solution: ...
+
+
+def empty(n: int) -> Array:
+    """An array that shows what was never written. Shape (n,)."""
+    return np.full(n, np.nan)
