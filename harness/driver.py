@@ -16,7 +16,7 @@ from screwgauge.environment import environment
 from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_actuation, check_scene
-from screwgauge.quantities import check_quantities
+from screwgauge.quantities import INVERSE, check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
@@ -49,7 +49,7 @@ def run(
         ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
     """
     names = check_engines(scene.engines if engines is None else engines)
-    wanted = check_quantities(scene.quantities if quantities is None else quantities)
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, known=INVERSE)
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
