@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 
+#: Name of a known solution that stands beside the engines of a forward scene.
+REFERENCE = "reference"
+
 Rows = NDArray[np.intp]
 """Indices of samples."""
 
