@@ -194,4 +194,6 @@ def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, 
         quantities=quantities,
         progress=lambda share: progress(name, share),
         wording=scene.wording(),
+        springs=scene.springs,
+        motors=scene.motors,
     )

@@ -194,7 +194,7 @@ def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
     m = len(reactions.names)
     c = force_matrix(lay, at, motion.com, reactions)[..., :m]
     D = _inertia_of_joints(lay, rate, motion.com, motion.J)
-    right = _joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
+    right = joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
     G = rate.A[:, : rate.A.shape[1] - k]
     system = np.concatenate(
         [
@@ -226,7 +226,7 @@ def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
     return np.asarray(D.reshape(len(D), -1, S.shape[2]))
 
 
-def _joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
+def joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
     """What forces along the joint coordinates exert on each body (force; moment about its centre of mass).
 
     A composite joint's force acts along the screw reciprocal to its other freedoms: its power on them is zero.

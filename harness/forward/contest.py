@@ -139,6 +139,9 @@ def contest(
         )
     here = _shortened(scene, plan)
     lay, notes = check_start(here, start)
+    if plan.share < 1.0:
+        part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
+        notes = (*notes, part)
     chosen = _chosen(here, start, lay, contestants, quick=plan.share < 1.0)
     outcomes = []
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

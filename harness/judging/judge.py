@@ -55,7 +55,8 @@ def residuals(scene: Scene, solution: Solution) -> list[Residual]:
     bodies, closed = walk(scene.mechanism, tree, q, qd, qdd)
     found = _loops(scene, solution, bodies, closed) + _body_motions(scene, solution, bodies)
     forces = {"body_angular_velocity", "body_angular_acceleration", "com_acceleration", "actuator_force"}
-    if forces <= set(have):
+    sprung = bool(scene.springs or scene.motors)  # what they exert depends on rates
+    if forces <= set(have) and ("joint_velocity" in have or not sprung):
         required, largest = required_wrenches(scene, solution, bodies)
         if "reaction" in have:
             found += newton_euler(scene, solution, bodies, required, largest)
