@@ -53,17 +53,9 @@ def run(
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
-    expected = _expected(scene.mechanism, mobility)
-    solutions: dict[str, Solution] = {}
-    failures: dict[str, Failure] = {}
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
-        for name in names:
-            outcome = _solve(scene, name, frozenset(wanted), expected, Path(folder), progress)
-            if isinstance(outcome, Solution):
-                solutions[name] = outcome
-            else:
-                failures[name] = outcome
+    solutions, failures = solve(
+        scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress
+    )
     progress("comparison", 0.0)
     errors, pairs = compare(scene, solutions, failures, mobility)
     judged = [judge(scene, solution) for solution in solutions.values()]
@@ -77,6 +69,35 @@ def run(
         mobility=_facts(mobility),
         environment=environment(),
     )
+
+
+def solve(
+    scene: Scene,
+    engines: Iterable[str],
+    quantities: Iterable[str],
+    *,
+    expected: Mapping[str, tuple[str, ...]] | None = None,
+    progress: Report = lambda step, share: None,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Drives the engines with a scene as it is: nothing is checked before, nothing compared after.
+
+    Args:
+        expected: Quantity -> component names that an answer must have.
+
+    Returns:
+        What each engine answered, and why the others did not.
+    """
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
+        for name in engines:
+            outcome = _solve(scene, name, frozenset(quantities), expected or {}, Path(folder), progress)
+            if isinstance(outcome, Solution):
+                solutions[name] = outcome
+            else:
+                failures[name] = outcome
+    return solutions, failures
 
 
 def _facts(found: Mobility) -> dict[str, object]:

@@ -144,6 +144,8 @@ class Solution:
         radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
             An engine that has them is the reference of the others.
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
+        estimate: Error that each sample may have by its conditioning, relative to the quantity's largest magnitude
+            over the scene, quantity -> (n,).
     """
 
     engine: str
@@ -155,6 +157,7 @@ class Solution:
     tolerances: Mapping[str, float] = field(default_factory=dict)
     radius: Mapping[str, Array] = field(default_factory=dict)
     rows: Rows | None = None
+    estimate: Mapping[str, Array] = field(default_factory=dict)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:
