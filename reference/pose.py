@@ -32,6 +32,11 @@ class Pose:
     S: Array
     gap: Array
 
+    def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
+        """The same for some of the samples."""
+        at = np.asarray(rows)
+        return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.gap[at])
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
