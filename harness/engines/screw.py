@@ -133,7 +133,9 @@ class _Work:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)
-            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule)
+            unknown, condition = dynamics.solve_newton_euler(
+                c, F, T, rule, self.reactions, rate.system.length
+            )
             if axial:
                 self.singular.extend(condition)
                 unknown[condition > SINGULAR] = np.nan
