@@ -11,12 +11,13 @@ from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.rules import singular_note
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics, screws
+from screwgauge.reference.assembly import closing
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.kinematics import Rates, accelerations, closure_system, positions, rates
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.linear import condition as condition_number
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, layout
+from screwgauge.reference.pose import Layout, layout, tree_path
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Problem, Solution
@@ -58,18 +59,15 @@ def solve_layout(problem: Problem, lay: Layout) -> Solution:
     return replace(solution, notes=singular_note(problem.rule, problem.motion.t, np.array(work.singular)))
 
 
-def tree_columns(mechanism: Mechanism, lay: Layout) -> list[int]:
-    """Columns of the coordinates in the spanning tree, in the order of the description."""
-    kept = {edge.joint.name for edge in lay.tree.edges}
-    return [column for joint in mechanism.joints if joint.name in kept for column in lay.columns[joint.name]]
-
-
 class _Work:
     """What stays the same from part to part."""
 
     def __init__(self, problem: Problem, lay: Layout) -> None:
         self.problem, self.lay, self.clock = problem, lay, Clock()
-        self.tree = tree_columns(lay.mechanism, lay)
+        open_tree = spanning_tree(lay.mechanism)  # that of the model files
+        self.path = tree_path(lay.mechanism, open_tree)[1:]
+        kept = {edge.joint.name for edge in open_tree.edges}
+        self.tree = [c for j in lay.mechanism.joints if j.name in kept for c in lay.columns[j.name]]
         self.depth = stages(problem.quantities)
         self.reactions: Reactions | None = None
         self.singular: list[float] = []  # condition of the rule, sample by sample
@@ -91,7 +89,7 @@ class _Work:
             if self.depth in "af":
                 self._dynamics(rate, motion.ydd, out)
         with self.clock.stage("condition"):
-            condition = condition_number(closure_system(lay, at) if A is None else A)
+            condition = condition_number(closing(lay).matrix(at) if A is None else A)
         return {name: array for name, array in out.items() if name in wanted}, condition
 
     def _dynamics(self, rate: Rates, ydd: Array, out: dict[str, Array]) -> None:
@@ -117,7 +115,7 @@ class _Work:
     def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
         wrench = screws.force(F, motion.com) + screws.couple(T)
-        moved = np.einsum("bi,nbx->nix", self.lay.path[1:], wrench)
+        moved = np.einsum("bi,nbx->nix", self.path, wrench)
         return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
 
     def _forces(
@@ -135,7 +133,9 @@ class _Work:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)
-            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule)
+            unknown, condition = dynamics.solve_newton_euler(
+                c, F, T, rule, self.reactions, rate.system.length
+            )
             if axial:
                 self.singular.extend(condition)
                 unknown[condition > SINGULAR] = np.nan
