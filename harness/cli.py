@@ -7,10 +7,13 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from screwgauge import __version__
 from screwgauge.reference.errors import ScrewgaugeError
+
+if TYPE_CHECKING:
+    from screwgauge.scene import Scene
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance; 2 bad input or usage;
@@ -121,7 +124,10 @@ def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
     bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
     bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     bench.add_argument(
-        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 48 with --quick)"
+        "--budget",
+        type=float,
+        metavar="SECONDS",
+        help="begin nothing after that (480, --quick 48; forward scenes 90, --quick 25)",
     )
     bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
     bench.set_defaults(command=_bench)
@@ -214,6 +220,8 @@ def _bench(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     out = options.out or Path("screwgauge-out") / scene.name
     check_writable(out)
+    if scene.forward is not None:
+        return _contest(options, scene, out)
     try:
         with Line(sys.stderr) as line:
             found = bench(
@@ -262,6 +270,27 @@ def _stress(options: argparse.Namespace) -> int:
     _say(format_terminal(found))
     _say(f"\nreport: {out / 'report.html'}")
     return 0 if found.ok else 1
+
+
+def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
+    """The bench of a forward scene."""
+    from dataclasses import replace
+
+    from screwgauge.bench.run import check_budget
+    from screwgauge.forward.contest import FULL, QUICK, contest
+    from screwgauge.forward.contest_report import format_terminal, write_contest
+    from screwgauge.progress import Line
+
+    plan = QUICK if options.quick else FULL
+    if options.budget is not None:
+        plan = replace(plan, budget=check_budget(options.budget))
+    with Line(sys.stderr) as line:
+        found = contest(scene, plan=plan, contestants=_names(options.contestants), progress=line.show)
+        line.show("report", 0.0)
+        write_contest(found, out)
+    _say(format_terminal(found))
+    _say(f"\nreport: {out / 'report.html'}")
+    return 0
 
 
 def _paper(options: argparse.Namespace) -> int:

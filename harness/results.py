@@ -30,6 +30,7 @@ class Results:
             worst_component, worst_t, tolerance, ok, reason.
         mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
         environment: Versions and machine, name -> value.
+        warnings: Sentences about the scene itself.
     """
 
     scene: Scene
@@ -40,6 +41,7 @@ class Results:
     judge: pd.DataFrame
     mobility: Mapping[str, Any]
     environment: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:

@@ -106,6 +106,10 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         motion=motion,
         gravity=np.array([0.0, 0.0, -9.81]),
         loads=(load,),
+        springs=(),
+        motors=(),
+        forward=None,
+        published=(),
         rule="min_norm",
         figures=figures,
     )

@@ -10,11 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.applied import State, applied_wrenches
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.closure import Loops, make_loops
 from screwgauge.closing.cut_joints import Chart
 from screwgauge.closing.rules import axial_forces, singular_note
-from screwgauge.closing.transmission import joint_reactions
+from screwgauge.closing.transmission import joint_reactions, joint_sides
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
@@ -81,6 +82,7 @@ class _Work:
 
     def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
         motion, out = self.problem.motion.part(rows), {}
+        self.t = motion.t
         with self.clock.stage("positions"):
             q, A = self._positions(motion)
             at = self.tree.poses(q)
@@ -237,7 +239,7 @@ class _Work:
         out: dict[str, Array],
     ) -> None:
         """Generalised and actuator forces by projection, multipliers from what is left."""
-        load = self._loads(at)
+        load = self._loads(at, qva[1], out)
         need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
         out["generalized_force"] = Q
@@ -260,15 +262,26 @@ class _Work:
             )
             self.reaction_names = (reactions.names, reactions.units)
 
-    def _loads(self, at: BodyPoses) -> Array:
-        """External force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-        out = np.zeros((*at.p.shape[:2], 6))
-        for load in self.problem.loads:
+    def _loads(self, at: BodyPoses, v: Array, out: dict[str, Array]) -> Array:
+        """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
+        found, problem = np.zeros((*at.p.shape[:2], 6)), self.problem
+        for load in problem.loads:
             i = self.loops.index[load.body]
             arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
-            out[:, i, :3] += load.force
-            out[:, i, 3:] += load.torque + np.cross(arm, load.force)
-        return out
+            found[:, i, :3] += load.force
+            found[:, i, 3:] += load.torque + np.cross(arm, load.force)
+        if problem.springs or problem.motors:
+            V = (at.J @ v[:, None, :, None])[..., 0]
+            state = State(self.t, at.R, at.p, V, out["joint_position"], out["joint_velocity"])
+            found += applied_wrenches(
+                self.file.joints,
+                problem.springs,
+                problem.motors,
+                state,
+                self.loops.index,
+                lambda joint: joint_sides(joint, self.loops),
+            )
+        return found
 
     def _tree_names(self) -> list[str]:
         """Coordinates of the tree in the order of the description."""

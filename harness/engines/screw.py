@@ -10,9 +10,10 @@ import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.rules import singular_note
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import dynamics, screws
+from screwgauge.reference import dynamics, screws, springs
 from screwgauge.reference.assembly import closing
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
 from screwgauge.reference.linear import SINGULAR
@@ -20,7 +21,7 @@ from screwgauge.reference.linear import condition as condition_number
 from screwgauge.reference.pose import Layout, layout, tree_path
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Problem, Solution
+from screwgauge.solution import Motion, Problem, Solution
 
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
@@ -87,13 +88,13 @@ class _Work:
             out["joint_velocity"] = rate.w
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
             if self.depth in "af":
-                self._dynamics(rate, motion.ydd, out)
+                self._dynamics(rate, motion, out)
         with self.clock.stage("condition"):
             condition = condition_number(closing(lay).matrix(at) if A is None else A)
         return {name: array for name, array in out.items() if name in wanted}, condition
 
-    def _dynamics(self, rate: Rates, ydd: Array, out: dict[str, Array]) -> None:
-        lay, problem, n = self.lay, self.problem, len(ydd)
+    def _dynamics(self, rate: Rates, given: Motion, out: dict[str, Array]) -> None:
+        lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
             if problem.quantities <= _JOINTS:
@@ -109,8 +110,22 @@ class _Work:
         if self.depth == "f":
             with self.clock.stage("forces"):
                 loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
+                pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
+                if pulls is not None:
+                    loads += pulls[1]
                 F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+                if pulls is not None:
+                    along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+                    F, T = F - along[..., :3], T - along[..., 3:]
                 self._forces(rate, motion, F, T, out)
+
+    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
+        """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
+        mechanism, problem = self.lay.mechanism, self.problem
+        tau, loads = springs.spring_forces(self.lay, rate, problem.springs)
+        for motor in problem.motors:
+            tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+        return tau, loads
 
     def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""

@@ -21,7 +21,7 @@ from screwgauge.assemble import Clock, Names, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
@@ -78,6 +78,10 @@ def _check(problem: Problem, mechanism: Mechanism) -> None:
     if len(mechanism.independent) != problem.motion.y.shape[1]:
         what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
         raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
+    if problem.springs or problem.motors:
+        raise DescriptionError(
+            "truth knows no springs and no motors", str(problem.model), "run this scene without it"
+        )
     for load in problem.loads:
         if load.body not in mechanism.body_index:
             raise ModelFileError(

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from screwgauge.report import sections
 from screwgauge.report.formatting import cell
+from screwgauge.report.forward import published
 from screwgauge.report.plots import Plot
-from screwgauge.report.prose import HOW, LIMITATIONS
+from screwgauge.report.prose import HOW, INTEGRATED, INTEGRATED_LIMITATIONS, LIMITATIONS
 from screwgauge.report.verdict import verdict
 from screwgauge.results import Results
 
@@ -18,10 +19,11 @@ def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") ->
     Args:
         paper: The section "The paper, checked", left out if empty.
     """
-    found = verdict(results)
+    found, others, given = verdict(results), published(results), results.scene.forward is None
     parts = [
         f"# {cell(results.scene.title or results.scene.name)}: verification report",
         f"> **{found.word}** {cell(found.sentence)}",
+        *(f"> **Warning:** {cell(sentence)}" for sentence in results.warnings),
         sections.overview(results),
         "## Scene",
         sections.scene(results),
@@ -37,14 +39,15 @@ def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") ->
         "## Mechanism",
         sections.facts(results.mobility, "No facts of the mechanism were computed."),
         *(["## The paper, checked", paper] if paper else []),
+        *(["## Published results", others] if others else []),
         "## How it was compared",
-        HOW,
+        HOW if given else INTEGRATED,
         "## Run times",
         sections.timings(results),
         "## Environment",
         sections.facts(results.environment, "Not recorded."),
         "## Known limitations",
-        "\n".join(f"- {sentence}" for sentence in LIMITATIONS),
+        "\n".join(f"- {sentence}" for sentence in (LIMITATIONS if given else INTEGRATED_LIMITATIONS)),
     ]
     return "\n\n".join(parts) + "\n"
 
