@@ -18,6 +18,7 @@ residual of the judge where no truth can be had). **ok**: nine digits or more. *
 the guard says so. **refused**: no number, but a reason. **silently-wrong**: an error larger than any warning admits,
 or a number that is none without a word."""
 
+_BAD = (DEGRADED, REFUSED, SILENT)
 _SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 
 
@@ -28,6 +29,8 @@ def report_markdown(found: Stress, plots: Sequence[Plot]) -> str:
         f"> {cell(headline(found))}",
         READ,
         *(f"![{cell(plot.title)}](plots/{plot.name}.svg)" for plot in plots),
+        "## Where it breaks",
+        _overview(found),
         "## Silently wrong",
         _silent(found),
         *(text for case in found.cases for text in _case(found, case)),
@@ -41,7 +44,7 @@ def headline(found: Stress) -> str:
     """Counts by verdict, and who was silently wrong, in a few sentences."""
     counts = {verdict: sum(r.finding.verdict == verdict for r in found.rows) for verdict in VERDICTS}
     parts = [f"{len(found.cases)} cases, {len(found.rows)} rows: {_counted(counts)}."]
-    guilty = dict.fromkeys(r.finding.engine for r in found.rows if r.finding.verdict == SILENT)
+    guilty = dict.fromkeys(r.finding.engine.split()[0] for r in found.rows if r.finding.verdict == SILENT)
     own = [name for name in guilty if name.startswith("screw")]
     parts.append(f"Silently wrong: {listed(guilty)}." if guilty else "Nothing is wrong without saying so.")
     if guilty and not own:
@@ -53,25 +56,47 @@ def _counted(counts: dict[str, int]) -> str:
     return listed(f"{n} {verdict}" for verdict, n in counts.items() if n)
 
 
+def _overview(found: Stress) -> str:
+    """For each case and engine: digits, and the first rung at which a quantity is not ok."""
+    body = []
+    for case in found.cases:
+        rows = [row for row in found.rows if row.case == case.name]
+        for engine in dict.fromkeys(row.finding.engine for row in rows):
+            here = [row for row in rows if row.finding.engine == engine]
+            body.append([case.name, engine, _span(here), *(_first(case, here, v) for v in _BAD)])
+    head = ["case", "engine", "digits", "degraded from", "refused from", "silently wrong from"]
+    return markdown_table(head, body, range(2, len(head)))
+
+
+def _span(rows: Sequence[Row]) -> str:
+    kept = [digits(row.finding.error) for row in rows if np.isfinite(row.finding.error)]
+    return f"{min(kept):.1f} to {max(kept):.1f}" if kept else ""
+
+
+def _first(case: Case, rows: Sequence[Row], verdict: str) -> str:
+    severities = [row.severity for row in rows if row.finding.verdict == verdict]
+    if not severities:
+        return ""
+    return number(max(severities) if case.falling else min(severities), 3)
+
+
 def _silent(found: Stress) -> str:
+    """Each engine of a case once for every cause."""
     groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in found.rows:
         if row.finding.verdict == SILENT:
-            groups.setdefault((row.case, row.finding.engine, row.finding.quantity), []).append(row)
+            groups.setdefault((row.case, row.finding.engine, _cause(row)), []).append(row)
     if not groups:
         return "Nothing."
     body = [
-        [
-            case,
-            engine,
-            quantity,
-            _range(rows),
-            _worst(rows),
-            "; ".join(dict.fromkeys(_cause(r) for r in rows)),
-        ]
-        for (case, engine, quantity), rows in groups.items()
+        [case, engine, _quantities(rows), _range(rows), _worst(rows), cause]
+        for (case, engine, cause), rows in groups.items()
     ]
-    return markdown_table(["case", "engine", "quantity", "severity", "largest error", "cause"], body, (4,))
+    return markdown_table(["case", "engine", "quantities", "severity", "largest error", "cause"], body, (4,))
+
+
+def _quantities(rows: Sequence[Row]) -> str:
+    return ", ".join(name.replace("_", " ") for name in dict.fromkeys(row.finding.quantity for row in rows))
 
 
 def _cause(row: Row) -> str:
