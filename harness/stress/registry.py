@@ -12,6 +12,9 @@ _HERE = "screwgauge.stress"
 #: Name -> ``module:function``; the function returns the `Case`.
 CASES = {
     "upu-singularity": f"{_HERE}.singular_poses:upu_singularity",
+    "softness": f"{_HERE}.softness:softness",
+    "refinement": f"{_HERE}.refinement:refinement",
+    "proximal": f"{_HERE}.proximal:proximal",
 }
 
 
