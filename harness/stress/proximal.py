@@ -129,8 +129,9 @@ def _condition(loop: Loop, mu: float) -> float:
     import pinocchio as pin
 
     model, data, models, datas = loop.parts
-    worst = 0.0
-    for q in loop.q:
+    worst, safe = 0.0, pin.ProximalSettings(0.0, 0.0, 1e-10, 2)
+    for q, v, tau in zip(loop.q, loop.v, loop.tau, strict=True):
+        pin.constraintDynamics(model, data, q, v, tau, models, datas, safe)  # places the constraints
         upper = np.triu(pin.crba(model, data, q))
         M = upper + np.triu(upper, 1).T
         pin.computeJointJacobians(model, data, q)

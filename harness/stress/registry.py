@@ -15,6 +15,7 @@ CASES = {
     "softness": f"{_HERE}.softness:softness",
     "refinement": f"{_HERE}.refinement:refinement",
     "proximal": f"{_HERE}.proximal:proximal",
+    "redundant-constraints": f"{_HERE}.redundant:redundant_constraints",
 }
 
 
