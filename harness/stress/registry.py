@@ -16,6 +16,7 @@ CASES = {
     "refinement": f"{_HERE}.refinement:refinement",
     "proximal": f"{_HERE}.proximal:proximal",
     "redundant-constraints": f"{_HERE}.redundant:redundant_constraints",
+    "long-run": f"{_HERE}.long_run:long_run",
 }
 
 
