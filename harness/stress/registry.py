@@ -20,6 +20,11 @@ CASES = {
     "load": f"{_HERE}.motions:load",
     "inertia-anisotropy": f"{_HERE}.bodies:inertia_anisotropy",
     "closure-violation": f"{_HERE}.closure:closure_violation",
+    "softness": f"{_HERE}.softness:softness",
+    "refinement": f"{_HERE}.refinement:refinement",
+    "proximal": f"{_HERE}.proximal:proximal",
+    "redundant-constraints": f"{_HERE}.redundant:redundant_constraints",
+    "long-run": f"{_HERE}.long_run:long_run",
 }
 
 
