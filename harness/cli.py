@@ -178,6 +178,9 @@ def _models(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from screwgauge.bench.threads import fix_threads
+
+    fix_threads()  # matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold
     from screwgauge.driver import run
     from screwgauge.progress import Line
     from screwgauge.report.summary import summary_text
