@@ -20,6 +20,7 @@ from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.refusals import refusals
 from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
@@ -65,8 +66,12 @@ def run(
             else:
                 failures[name] = outcome
     progress("comparison", 0.0)
-    errors, pairs = compare(scene, solutions, failures, mobility)
-    judged = [judge(scene, solution) for solution in solutions.values()]
+    refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
+    for one in refused:
+        solution = solutions[one.engine]
+        solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
+    errors, pairs = compare(scene, solutions, failures, mobility, refused)
+    judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
     return Results(
         scene=scene,
         solutions=solutions,
@@ -76,6 +81,7 @@ def run(
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=_facts(mobility),
         environment=environment(),
+        refusals=refused,
     )
 
 

@@ -199,3 +199,46 @@ def _summands(unit: str, trust: Trust, length: float) -> Array | float:
 def flagged(solution: Solution) -> dict[str, Array]:
     """Samples of each quantity whose estimated error is above `LIMIT`. Quantity -> booleans of shape (n,)."""
     return {name: ~(estimate <= LIMIT) for name, estimate in solution.estimate.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """How far one quantity of one engine can be trusted over all samples that the engine solved.
+
+    Attributes:
+        condition: Largest condition number of what it was solved from.
+        estimate: Largest estimated error, infinite where not one digit is right or there is no number.
+        flagged: Number of samples above `LIMIT`, those without a number among them.
+        worst_t: Time of the largest estimate [s].
+    """
+
+    engine: str
+    quantity: str
+    condition: float
+    estimate: float
+    flagged: int
+    n_sample: int
+    worst_t: float
+
+    @property
+    def ok(self) -> bool:
+        return not self.flagged
+
+
+def guarded(solution: Solution, t: Array) -> list[Guarded]:
+    """One row for each quantity with an estimate. `t`: times [s], shape (n,)."""
+    found = []
+    for name, flags in flagged(solution).items():
+        worst = int(np.argmax(solution.estimate[name]))
+        found.append(
+            Guarded(
+                engine=solution.engine,
+                quantity=name,
+                condition=float(np.max(solution.conditions[name])),
+                estimate=float(solution.estimate[name][worst]),
+                flagged=int(flags.sum()),
+                n_sample=len(t),
+                worst_t=float(t[worst]),
+            )
+        )
+    return found
