@@ -20,6 +20,7 @@ from screwgauge.quantities import INVERSE, check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.refusals import refusals
 from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
@@ -61,8 +62,12 @@ def run(
         scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress
     )
     progress("comparison", 0.0)
-    errors, pairs = compare(scene, solutions, failures, mobility)
-    judged = [judge(scene, solution) for solution in solutions.values()]
+    refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
+    for one in refused:
+        solution = solutions[one.engine]
+        solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
+    errors, pairs = compare(scene, solutions, failures, mobility, refused)
+    judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
     return Results(
         scene=scene,
         solutions=solutions,
@@ -72,6 +77,7 @@ def run(
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(mobility),
         environment=environment(),
+        refusals=refused,
     )
 
 

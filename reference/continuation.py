@@ -21,7 +21,7 @@ Evaluation = Callable[[Array, Array], tuple[Array, Array]]
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
 #: A gap below this is as small as float64 can make it.
-ROUNDING = 4 * linear.EPS
+ROUNDING = 2 * linear.EPS
 #: A loop that stays open by more than this does not close.
 OPEN = 1e-10
 STEP = 0.1  # Newton from a first-order prediction this far away converges in two or three steps

@@ -140,7 +140,7 @@ def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Arra
         volume = np.sum(axes[:, :, 0] * faces[:, :, 0], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             dual = faces / volume[..., None, None]
-            size = 3.0**0.5 * np.linalg.norm(dual, axis=(-2, -1))
+            size = 3.0**-0.5 * np.linalg.norm(dual, axis=(-2, -1))
         dual[~(size <= linear.SINGULAR)] = np.nan
         rows[:, cut.balls[0], :3], condition[:, cut.balls[1]] = dual, size
     if cut.slides[0]:
