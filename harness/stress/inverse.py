@@ -68,7 +68,8 @@ def measure(
         else:
             found = (compared(scene, solutions[name], truth, quantity) for quantity in quantities)
         for finding in found:
-            why = finding.reason or (cause if finding.verdict == SILENT and name != "screw" else "")
+            silent = finding.verdict == SILENT and name != "screw"
+            why = "; ".join(filter(None, (cause if silent else "", finding.reason)))
             yield replace(finding, engine=f"{name} {setting}".strip(), reason=why)
 
 
