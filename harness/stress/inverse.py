@@ -68,7 +68,8 @@ def measure(
         else:
             found = (compared(scene, solutions[name], truth, quantity) for quantity in quantities)
         for finding in found:
-            why = finding.reason or (cause if finding.verdict == SILENT and name != "screw" else "")
+            silent = finding.verdict == SILENT and name != "screw"
+            why = "; ".join(filter(None, (cause if silent else "", finding.reason)))
             yield replace(finding, engine=f"{name} {setting}".strip(), reason=why)
 
 
@@ -79,7 +80,7 @@ def _refused(failure: Failure, quantity: str) -> Finding:
 def _judged(scene: Scene, solution: Solution) -> Finding:
     table = judge(scene, solution)
     worst = float(table["max_scaled"].max(skipna=False))
-    estimates = [float(np.nanmax(estimate)) for estimate in solution.estimate.values()]
+    estimates = [_admitted(solution, quantity) for quantity in solution.estimate]
     return Finding(
         solution.engine,
         "judge",
@@ -100,9 +101,13 @@ def compared(scene: Scene, solution: Solution, truth: Solution, quantity: str) -
         columns = [i for i, u in enumerate(right.units) if u == unit]
         difference = np.abs(mine.array[:, columns] - right.array[:, columns]).max(initial=0.0)
         error = max(error, difference / reference_scale(right, unit, natural[unit]), key=_nan_last)
-    estimate = float(np.max(solution.estimate[quantity])) if quantity in solution.estimate else 0.0
-    flag = f"the guard admits {estimate:.1e}" if estimate > GOOD else ""
-    reason = flag if np.isfinite(error) else "; ".join(solution.notes)
+    estimate = _admitted(solution, quantity)
+    flag = ""
+    if np.isinf(estimate):
+        flag = "the guard says that not one digit may be right"
+    elif estimate > GOOD:
+        flag = f"the guard admits {estimate:.0e}"
+    reason = flag if np.isfinite(error) else "; ".join(solution.notes) or flag
     return Finding(
         solution.engine,
         quantity,
@@ -112,6 +117,13 @@ def compared(scene: Scene, solution: Solution, truth: Solution, quantity: str) -
         _time(solution),
         reason,
     )
+
+
+def _admitted(solution: Solution, quantity: str) -> float:
+    """Largest error that the guard estimates for a quantity; what cannot be estimated may be anything."""
+    if quantity not in solution.estimate:
+        return 0.0
+    return float(np.nan_to_num(solution.estimate[quantity], nan=np.inf, posinf=np.inf).max(initial=0.0))
 
 
 def _nan_last(value: float) -> float:
