@@ -87,11 +87,6 @@ def soften(model: Any, setting: Setting) -> None:
         model.opt.tolerance = 1e-15
 
 
-def equality_on(model: Any) -> None:
-    """Closes the loops again; for inverse dynamics they are open."""
-    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-
-
 def refined(model: Any, data: Any, passes: int) -> Array:
     """Proximal refinement: the last constraint force is applied from outside, and the step solved again.
 

@@ -12,6 +12,14 @@ _HERE = "screwgauge.stress"
 #: Name -> ``module:function``; the function returns the `Case`.
 CASES = {
     "upu-singularity": f"{_HERE}.singular_poses:upu_singularity",
+    "u-lock": f"{_HERE}.singular_poses:u_lock",
+    "wrist-chart": f"{_HERE}.singular_poses:wrist_chart",
+    "mass-ratio": f"{_HERE}.bodies:mass_ratio",
+    "speed": f"{_HERE}.motions:speed",
+    "scale": f"{_HERE}.bodies:scale",
+    "load": f"{_HERE}.motions:load",
+    "inertia-anisotropy": f"{_HERE}.bodies:inertia_anisotropy",
+    "closure-violation": f"{_HERE}.closure:closure_violation",
     "softness": f"{_HERE}.softness:softness",
     "refinement": f"{_HERE}.refinement:refinement",
     "proximal": f"{_HERE}.proximal:proximal",
