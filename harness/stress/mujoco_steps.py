@@ -101,7 +101,7 @@ def refined(model: Any, data: Any, passes: int) -> Array:
         mujoco.mj_forwardSkip(model, data, stage, 1)
         total += data.efc_force[: data.nefc]
     data.qfrc_applied[:] = given
-    return total
+    return np.asarray(total)
 
 
 def step(held: Held, setting: Setting, dt: float) -> Stepped:
