@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.results import Results
     from screwgauge.scene import Scene, load_scene
-    from screwgauge.stream import stream
+    from screwgauge.streaming import stream
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
 
@@ -25,7 +25,7 @@ _HOMES = {
     "ScrewgaugeError": "screwgauge.reference.errors",
     "load_scene": "screwgauge.scene",
     "run": "screwgauge.driver",
-    "stream": "screwgauge.stream",
+    "stream": "screwgauge.streaming",
 }
 
 try:

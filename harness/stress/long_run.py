@@ -73,7 +73,7 @@ def _checked(count: int) -> Array:
 
 
 def _streamed(scene: Scene, count: int, at: Array, right: Mapping[str, Values]) -> Iterator[Finding]:
-    from screwgauge.stream import stream, times
+    from screwgauge.streaming import stream, times
 
     kept: dict[str, list[Array]] = {name: [] for name in QUANTITIES}
     condition, done, start = 0.0, 0, perf_counter()

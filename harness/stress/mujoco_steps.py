@@ -87,11 +87,6 @@ def soften(model: Any, setting: Setting) -> None:
         model.opt.tolerance = 1e-15
 
 
-def equality_on(model: Any) -> None:
-    """Closes the loops again; for inverse dynamics they are open."""
-    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-
-
 def refined(model: Any, data: Any, passes: int) -> Array:
     """Proximal refinement: the last constraint force is applied from outside, and the step solved again.
 
@@ -106,7 +101,7 @@ def refined(model: Any, data: Any, passes: int) -> Array:
         mujoco.mj_forwardSkip(model, data, stage, 1)
         total += data.efc_force[: data.nefc]
     data.qfrc_applied[:] = given
-    return total
+    return np.asarray(total)
 
 
 def step(held: Held, setting: Setting, dt: float) -> Stepped:

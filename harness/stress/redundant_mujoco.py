@@ -10,14 +10,13 @@ import mujoco
 import numpy as np
 
 from screwgauge.bench.case import Case
-from screwgauge.bench.contestants_mujoco import STIFFEST, load
+from screwgauge.bench.contestants_mujoco import STIFFEST, load, with_equality
 from screwgauge.bench.projection import Given, given
-from screwgauge.engines.mujoco import MujocoTree
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 from screwgauge.stress.case import Finding
 from screwgauge.stress.loaded import finding
-from screwgauge.stress.mujoco_steps import Setting, equality_on, refined, soften
+from screwgauge.stress.mujoco_steps import Setting, refined, soften
 from screwgauge.stress.redundant import locked
 
 PASSES = 10  # of refinement: the softness is not what is looked at here
@@ -26,10 +25,7 @@ PASSES = 10  # of refinement: the softness is not what is looked at here
 def connects(case: Case) -> Finding:
     """Every cut hinge held by two points on its axis."""
     start = given(case, *load(case))
-    tree = start.tree
-    assert isinstance(tree, MujocoTree)
-    equality_on(tree.model)
-    return _measure(case, "mujoco connect", start, tree.model)
+    return _measure(case, "mujoco connect", start, with_equality(start)[0])
 
 
 def welds(case: Case) -> Finding:

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from screwgauge.bench.contestant import count
 from screwgauge.stress.case import Case, Finding, Rung
-
-if TYPE_CHECKING:
-    from screwgauge.stress.mujoco_steps import Setting
 
 SOFT = "softness of the loops, ((1 - d) / d)^(passes + 1), of which nothing is said"
 PASSES = (0, 1, 2, 4)
@@ -42,33 +36,27 @@ def refinement() -> Case:
 def climb(softness: float) -> Iterator[Finding]:
     """All engines at one softness 1 - d, which only MuJoCo has."""
     from screwgauge.stress.loaded import loaded, screw
-    from screwgauge.stress.mujoco_steps import Setting
 
     own = screw(loaded())
     yield own
     for passes in PASSES:
-        setting = Setting(impedance=1.0 - softness, passes=passes)
-        yield _mujoco(f"mujoco {count(passes, 'pass')}", setting, own.condition)
+        yield _mujoco(1.0 - softness, passes, own.condition)
 
 
-def _mujoco(label: str, setting: Setting, condition: float) -> Finding:
+def _mujoco(d: float, passes: int, condition: float) -> Finding:
+    from screwgauge.bench.contestants_mujoco import forward_call, soften, with_equality
     from screwgauge.bench.projection import given
     from screwgauge.models.loops import loops_of
     from screwgauge.stress.loaded import finding, loaded
-    from screwgauge.stress.mujoco_steps import equality_on, load_tree, refined, soften
+    from screwgauge.stress.mujoco_steps import load_tree
 
     case = loaded()
     tree = load_tree(case.scene)
     start = given(case, tree, loops_of(case.scene.mechanism, "minimal"))
-    soften(tree.model, setting)
-    tree.model.opt.tolerance = 1e-15  # the solver's own error stays below the softness that is looked at
-    equality_on(tree.model)
-    data, tau, out = tree.data, start.applied(), np.empty_like(start.q)
+    soften(tree, d)
+    call = forward_call(*with_equality(start), start, passes)
     clock = perf_counter()
-    for i in range(len(out)):
-        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = start.q[i], start.v[i], tau[i]
-        data.qacc_warmstart[:] = 0.0
-        refined(tree.model, data, setting.passes)
-        out[i] = data.qacc
+    found = call()
     seconds = perf_counter() - clock
-    return finding(case, label, tree.coordinates, out, seconds=seconds, condition=condition, cause=SOFT)
+    label = f"mujoco {count(passes, 'pass')}"
+    return finding(case, label, tree.coordinates, found, seconds=seconds, condition=condition, cause=SOFT)
