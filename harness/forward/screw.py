@@ -105,5 +105,11 @@ def _part(rate: Rates, i: int) -> Rates:
     here, at = slice(i, i + 1), rate.pose
     pose = Pose(at.q[here], at.R[here], at.p[here], at.S[here], at.gap[here])
     return replace(
-        rate, pose=pose, K=rate.K[here], A=rate.A[here], w=rate.w[here], V=rate.V[here], charts=rate.charts[here]
+        rate,
+        pose=pose,
+        K=rate.K[here],
+        A=rate.A[here],
+        w=rate.w[here],
+        V=rate.V[here],
+        charts=rate.charts[here],
     )
