@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -17,8 +18,9 @@ from screwgauge.reference.rotations import Array
 #: The largest impedance d that MuJoCo takes: every pass divides the error by about d / (1 - d) = 1e4.
 IMPEDANCE = 0.9999
 #: Rows are harder by this than the largest impedance makes them: their regularisation is (1 - d) / d times the mean
-#: inverse mass of the bodies (body_invweight0), which is divided by it. Over nine tolerances of A02 1 stops
-#: at singular poses after 20 passes, 10 never does, 1e4 turns rounding into noise that the step size follows.
+#: inverse mass of the bodies (body_invweight0), which is divided by it. Over nine tolerances of A02, whose
+#: accelerations are found slowly next to its singular poses, 1 stopped at them after 20 passes, 10, 100 and 1000
+#: never did.
 HARDER = 10.0
 #: Passes end when none of the accelerations changed by more than this share of the largest, or after so many.
 SAME, PASSES = 1e-13, 20
@@ -38,9 +40,12 @@ def integrate(problem: ForwardProblem) -> ForwardSolution:
     # MuJoCo's own handler writes MUJOCO_LOG.TXT into the working directory
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        return integrate_tree(problem, lambda file: make(problem, file))
+        found = integrate_tree(problem, lambda file: make(problem, file))
     finally:
         mujoco.set_mju_user_warning(None)
+    return replace(
+        found, notes=(*found.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)))
+    )
 
 
 def make(problem: ForwardProblem, file: LoopsFile) -> MujocoMover:
@@ -111,7 +116,7 @@ class MujocoMover:
         return (f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}",)
 
 
-def harden(model: mujoco.MjModel, d: float, harder: float = 1.0) -> None:
+def harden(model: mujoco.MjModel, d: float, harder: float) -> None:
     """Makes the equality constraints as hard as they get, without springs that pull closing errors in.
 
     With solref (0, 0) the reference acceleration is that of the closed loop, -Jdot v: its own springs and dampers

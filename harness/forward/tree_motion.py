@@ -7,8 +7,9 @@ accelerations leave of drift is taken out after every step by the smallest corre
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from time import perf_counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter, process_time
 from typing import Any, Protocol
 
 import numpy as np
@@ -38,6 +39,28 @@ from screwgauge.solution import Motion, Problem
 RECENT = 10
 #: Step of the differences by which implicit methods see the slope's derivative [rad, m and per s].
 DIFFERENCE = 1e-8
+
+Counts = tuple[int, int, float, float]
+"""Steps, steps made anew, wall and processor time [s]."""
+
+
+class Stopwatch:
+    """Wall and processor time, without what is done aside."""
+
+    def __init__(self) -> None:
+        self.wall, self.cpu = perf_counter(), process_time()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """What is done inside does not count."""
+        wall, cpu = perf_counter(), process_time()
+        yield
+        self.wall += perf_counter() - wall
+        self.cpu += process_time() - cpu
+
+    def read(self) -> tuple[float, float]:
+        """Seconds since the start."""
+        return perf_counter() - self.wall, process_time() - self.cpu
 
 
 class Mover(Closing, Protocol):
@@ -190,16 +213,14 @@ def integrate_tree(problem: ForwardProblem, make: Callable[[LoopsFile], Mover]) 
     run = _Run(mover, tree_forces(problem, mover.tree, loops))
     state = np.concatenate([q, v, [0.0]])
     work = [run.keep(float(problem.times[0]), state)]
-    counts, stopped = ((0, 0, 0.0), "")
+    counts, stopped = ((0, 0, 0.0, 0.0), "")
     if len(problem.times) > 1:
         counts, stopped = _steps(run, problem, state, work)
     return _solution(run, problem, (file, loops), np.array(work), counts, stopped)
 
 
-def _steps(
-    run: _Run, problem: ForwardProblem, state: Array, work: list[float]
-) -> tuple[tuple[int, int, float], str]:
-    """Steps through all times. Returns (steps, steps made anew, seconds) and why it stopped."""
+def _steps(run: _Run, problem: ForwardProblem, state: Array, work: list[float]) -> tuple[Counts, str]:
+    """Steps through all times. Returns counts and why it stopped."""
     times, method = problem.times, METHODS[problem.method.name]
     options: dict[str, Any] = {"rtol": problem.method.rtol, "atol": problem.method.atol}
     if problem.method.name != "DOP853":
@@ -208,7 +229,7 @@ def _steps(
     back = run.closed and problem.method.name != "BDF"
     taken = over = tries = 0
     recent: deque[float] = deque(maxlen=RECENT)
-    began, aside = perf_counter(), 0.0
+    clock = Stopwatch()
     solver, size = method(run.slope, times[0], state, times[-1], **options), None
     while len(work) < len(times):
         try:
@@ -225,11 +246,11 @@ def _steps(
             continue
         if solver.status == "failed":
             break
-        taken, tries, reading = taken + 1, 0, perf_counter()
+        taken, tries = taken + 1, 0
         recent.append(solver.step_size)
         try:
-            _keep(run, solver, times, work)
-            aside += perf_counter() - reading
+            with clock.aside():
+                _keep(run, solver, times, work)
             if back and solver.status == "running":
                 solver.y = run.back(solver.y)
                 solver.f = run.slope(solver.t, solver.y)
@@ -239,7 +260,7 @@ def _steps(
         run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
         problem.progress((solver.t - times[0]) / (times[-1] - times[0]))
     stopped = "" if len(work) == len(times) else f"t = {solver.t:.6g} s: {message}"
-    return (taken, over, perf_counter() - began - aside), stopped
+    return (taken, over, *clock.read()), stopped
 
 
 def _keep(run: _Run, solver: OdeSolver, times: Array, work: list[float]) -> None:
@@ -257,11 +278,11 @@ def _solution(
     problem: ForwardProblem,
     model: tuple[LoopsFile, Loops],
     work: Array,
-    counts: tuple[int, int, float],
+    counts: Counts,
     stopped: str,
 ) -> ForwardSolution:
     file, loops = model
-    tree, (steps, over, seconds) = run.mover.tree, counts
+    tree, (steps, over, seconds, cpu) = run.mover.tree, counts
     found = read_path(tree, loops, file, run.path)
     notes = list(run.mover.notes())
     if run.closed:
@@ -284,6 +305,7 @@ def _solution(
         steps=steps,
         evaluations=run.evaluations,
         seconds=seconds,
+        cpu=cpu,
         stopped=stopped,
         notes=tuple(notes),
     )
