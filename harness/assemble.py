@@ -9,9 +9,9 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from screwgauge.guard import Part, estimates
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.mechanism import KINDS, Joint
-from screwgauge.reference.rotations import Array
 from screwgauge.solution import Motion, Progress, Solution, Timing, Values
 
 PART = 1024  # samples worked on at a time: keeps memory constant and arrays in the cache
@@ -97,29 +97,35 @@ def assemble(
     version: str,
     setting: str,
     motion: Motion,
-    solve_part: Callable[[slice], tuple[dict[str, Array], Array]],
+    solve_part: Callable[[slice], Part],
     names: Callable[[], Names],
     clock: Clock,
     progress: Progress,
+    *,
+    length: float,
 ) -> Solution:
     """Solves a trajectory part by part.
 
     Args:
-        solve_part: Takes the rows of a part; returns quantity -> (n, m) and the condition number (n,).
+        solve_part: Takes the rows of a part.
+        length: Length of the mechanism [m].
         names: Called afterwards: components of each quantity.
     """
-    parts: list[dict[str, Array]] = []
-    conditions: list[Array] = []
+    parts: list[Part] = []
     for first in range(0, len(motion), PART):
-        values, condition = solve_part(slice(first, first + PART))
-        parts.append(values)
-        conditions.append(condition)
+        parts.append(solve_part(slice(first, first + PART)))
         progress(min(1.0, (first + PART) / len(motion)))
     table = names()
+    values = {
+        key: Values(*table[key], np.concatenate([part.values[key] for part in parts]))
+        for key in parts[0].values
+    }
     return Solution(
         engine=engine,
         version=version,
-        values={key: Values(*table[key], np.concatenate([part[key] for part in parts])) for key in parts[0]},
-        condition=np.concatenate(conditions),
+        values=values,
+        condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, len(motion)),
+        estimate=estimates(parts, values, length),
+        conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
     )

@@ -12,6 +12,7 @@ import pandas as pd
 from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
+from screwgauge.refusals import Refusal
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
@@ -33,12 +34,14 @@ def compare(
     solutions: Mapping[str, Solution],
     failures: Mapping[str, Failure],
     mobility: Mobility,
+    refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions.
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
         mobility: Which forces are unique, and which are determined at all.
+        refusals: Samples without numbers, and why.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
@@ -61,7 +64,7 @@ def compare(
                 rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
-                    pairs.append(_pair(compared))
+                    pairs.append(_explained(_pair(compared), a, b, refusals))
     pairs += _failed(scene, solutions, failures)
     return pd.DataFrame(errors, columns=ERROR_COLUMNS), pd.DataFrame(pairs, columns=PAIR_COLUMNS)
 
@@ -143,6 +146,25 @@ def _pair(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "ok": all(row["ok"] for row in rows),
         "reason": f"not a number at t = {worst['worst_t']:g} s" if lost else "",
     }
+
+
+def _explained(row: dict[str, Any], a: Solution, b: Solution, refusals: Sequence[Refusal]) -> dict[str, Any]:
+    """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
+    if row["ok"]:
+        return row
+    for one in refusals:
+        if one.engine in (a.engine, b.engine) and row["quantity"] in one.quantities:
+            return {**row, "reason": f"{one.engine}: {one.sentence}"}
+    admitted = {s.engine: _admitted(s, row["quantity"]) for s in (a, b)}
+    engine = max(admitted, key=lambda name: admitted[name])
+    if row["reason"] or not admitted[engine] >= row["max_scaled"]:
+        return row
+    size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
+    return {**row, "reason": f"within the error that {engine} admits by its conditioning ({size})"}
+
+
+def _admitted(solution: Solution, quantity: str) -> float:
+    return float(np.max(solution.estimate.get(quantity, np.zeros(1)), initial=0.0))
 
 
 def _incomparable(scene: Scene, quantity: str, a: Solution, b: Solution) -> dict[str, Any]:

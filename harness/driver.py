@@ -20,6 +20,7 @@ from screwgauge.quantities import INVERSE, check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.refusals import refusals
 from screwgauge.results import Results
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Problem, Solution
@@ -57,20 +58,16 @@ def run(
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
-    expected = _expected(scene.mechanism, mobility)
-    solutions: dict[str, Solution] = {}
-    failures: dict[str, Failure] = {}
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
-        for name in names:
-            outcome = _solve(scene, name, frozenset(wanted), expected, Path(folder), progress)
-            if isinstance(outcome, Solution):
-                solutions[name] = outcome
-            else:
-                failures[name] = outcome
+    solutions, failures = solve(
+        scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress
+    )
     progress("comparison", 0.0)
-    errors, pairs = compare(scene, solutions, failures, mobility)
-    judged = [judge(scene, solution) for solution in solutions.values()]
+    refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
+    for one in refused:
+        solution = solutions[one.engine]
+        solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
+    errors, pairs = compare(scene, solutions, failures, mobility, refused)
+    judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
     return Results(
         scene=scene,
         solutions=solutions,
@@ -80,7 +77,37 @@ def run(
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(mobility),
         environment=environment(),
+        refusals=refused,
     )
+
+
+def solve(
+    scene: Scene,
+    engines: Iterable[str],
+    quantities: Iterable[str],
+    *,
+    expected: Mapping[str, tuple[str, ...]] | None = None,
+    progress: Report = lambda step, share: None,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Drives the engines with a scene as it is: nothing is checked before, nothing compared after.
+
+    Args:
+        expected: Quantity -> component names that an answer must have.
+
+    Returns:
+        What each engine answered, and why the others did not.
+    """
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
+        for name in engines:
+            outcome = _solve(scene, name, frozenset(quantities), expected or {}, Path(folder), progress)
+            if isinstance(outcome, Solution):
+                solutions[name] = outcome
+            else:
+                failures[name] = outcome
+    return solutions, failures
 
 
 def facts(found: Mobility) -> dict[str, object]:

@@ -9,13 +9,16 @@ import numpy as np
 
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
+from screwgauge.reference.closing import Closing
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
-from screwgauge.reference.kinematics import closure_system, positions
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
-from screwgauge.reference.pose import Layout, Pose, layout, pose
+from screwgauge.reference.pose import Layout, Pose, layout, length, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.singular import near_singularity
 from screwgauge.scene import Scene
+from screwgauge.solution import Motion
 
 PART = 2048
 FARTHEST = 1000.0  # [rad or m]: takes ten thousand steps of `continuation.STEP`, seconds
@@ -30,10 +33,11 @@ def check_home(mechanism: Mechanism) -> Layout:
     """
     lay = layout(mechanism)
     at = pose(lay, mechanism.home[None])
-    for joint, gap in zip(lay.tree.cuts, np.abs(at.gap[0]).max(axis=1, initial=0.0), strict=True):
-        if not gap <= 1e-9:  # home is given in closed form or to ten digits
+    size = np.array([1.0, length(lay)])[:, None]
+    for joint, gap in zip(lay.tree.cuts, np.abs(at.gap[0]).reshape(-1, 2, 3), strict=True):
+        if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
             raise ClosureError(
-                f"the loop through joint '{joint.name}' stays open by {gap:.3g} (rad or m) at the home pose",
+                f"the loop through joint '{joint.name}' stays open by {gap.max():.3g} (rad or m) at the home pose",
                 mechanism.where,
                 "correct the placements or the home coordinates",
             )
@@ -58,6 +62,7 @@ def check_scene(scene: Scene) -> Mobility:
         at = positions(lay, motion.y, motion.t)
         _check_limits(scene, at, motion.t, motion.y)
         before = _check_regular(lay, at, motion.t, motion.y, before)
+    _check_side(lay, scene.motion)
     return _mobility(lay, scene)
 
 
@@ -89,7 +94,8 @@ def _check_jumps(scene: Scene) -> None:
     """Poses are found by following the motion; from one sample to the next it must not go round the world."""
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
-    far = np.flatnonzero(np.abs(way).max(axis=1, initial=0.0) > FARTHEST)
+    size = Closing(layout(mechanism)).size[mechanism.independent_columns]
+    far = np.flatnonzero((np.abs(way) / np.maximum(size, 1.0)).max(axis=1, initial=0.0) > FARTHEST)
     if far.size:
         i = far[0]
         raise DescriptionError(
@@ -114,36 +120,57 @@ def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
         )
 
 
+def _check_side(lay: Layout, motion: Motion) -> None:
+    """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
+    at = positions(lay, motion.y[:1], motion.t[:1])
+    A = np.concatenate([Closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
+    if A.shape[1] != A.shape[2] or not (linear.condition(A) <= linear.SINGULAR).all():
+        return
+    signs = np.linalg.slogdet(A)[0]
+    if signs[0] * signs[1] < 0:
+        raise SingularPoseError(
+            f"the motion lies beyond a singular pose, seen from home, at {_describe(lay.mechanism, motion.y[0])} "
+            f"(the determinant's sign differs): towards home {near_singularity(lay, at)}",
+            f"t = {motion.t[0]:g} s",
+            "keep it on the side of home, or describe the mechanism with a home pose beyond",
+        )
+
+
 def _check_regular(
     lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Condition of the closure system at every sample, and its determinant's sign from one to the next."""
-    A = closure_system(lay, at)
+    """Condition of the closing system at every sample, and its determinant's sign from one to the next.
+
+    Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
+    joints are not among the unknowns; where one locks, only rates of that joint are lost.
+    """
+    A = Closing(lay).matrix(at)
     condition = linear.condition(A)
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
-            f"the pose {_describe(lay.mechanism, y[i])} is singular (condition {condition[i]:.1e})",
+            f"the pose {_describe(lay.mechanism, y[i])} is singular (condition {condition[i]:.1e}): "
+            f"{near_singularity(lay, at.rows(bad[:1]))}",
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )
     if A.shape[1] != A.shape[2]:
         return None
     sign = np.linalg.slogdet(A)[0]
-    times = t
-    if before is not None:
-        sign, times, y = np.append(before[0], sign), np.append(before[1], t), np.vstack([y[:1], y])
-    change = np.flatnonzero(sign[1:] * sign[:-1] < 0)
+    first = (float(sign[0]), float(t[0])) if before is None else before
+    signs, times = np.append(first[0], sign), np.append(first[1], t)
+    change = np.flatnonzero(signs[1:] * signs[:-1] < 0)
     if change.size:
-        i = change[0]
+        i = change[0]  # the sample after the change
+        nearest = max({max(i - 1, 0), i}, key=lambda k: condition[k])
         raise SingularPoseError(
-            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i + 1])} "
-            "(the determinant changes sign)",
-            f"between t = {times[i]:g} s and {times[i + 1]:g} s",
+            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i])} "
+            f"(the determinant changes sign): {near_singularity(lay, at.rows([nearest]))}",
+            f"between t = {times[i]:g} s and {t[i]:g} s",
             "keep the motion away from it",
         )
-    return float(sign[-1]), float(times[-1])
+    return float(sign[-1]), float(t[-1])
 
 
 def _describe(mechanism: Mechanism, y: Array) -> str:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
+from screwgauge.reference import pose
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout, pose
 
 G0 = 9.81  # [m/s^2], only a scale
 
@@ -84,14 +82,7 @@ def check_quantities(
 
 def length(mechanism: Mechanism) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
-    at = pose(layout(mechanism), mechanism.home[None])
-    index = mechanism.body_index
-    points = [at.p[0, index[b.name]] + at.R[0, index[b.name]] @ b.com for b in mechanism.bodies]
-    for joint in mechanism.joints:
-        for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
-            points.append(at.p[0, index[side]] + at.R[0, index[side]] @ frame.p)
-    cloud = np.array(points)
-    return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
+    return pose.length(pose.layout(mechanism))
 
 
 def natural_scales(mechanism: Mechanism) -> dict[str, float]:

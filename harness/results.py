@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from screwgauge.guard import Guarded, guarded
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
+from screwgauge.refusals import Refusal
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 
@@ -31,6 +33,7 @@ class Results:
         mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
+        refusals: Samples at which an engine gives no number, with the reason.
     """
 
     scene: Scene
@@ -42,18 +45,26 @@ class Results:
     mobility: Mapping[str, Any]
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
+    refusals: Sequence[Refusal] = ()
 
     @property
     def ok(self) -> bool:
-        """Every engine ran, every pair and every judge residual is within its tolerance."""
-        return not self.failures and bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
+        """Every engine ran and gave every number; something was compared or judged, all within its tolerance."""
+        if self.failures or self.refusals or not (len(self.pairs) or len(self.judge)):
+            return False
+        return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
 
     @property
     def exit_status(self) -> int:
-        """0 agreement, 1 out of tolerance, 3 an engine failed or is missing."""
+        """0 agreement, 1 out of tolerance or nothing compared, 3 an engine failed or is missing."""
         if self.failures:
             return 3
         return 0 if self.ok else 1
+
+    @property
+    def guard(self) -> list[Guarded]:
+        """How far each quantity of each engine can be trusted, by condition and estimated error."""
+        return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
 
     @property
     def times(self) -> Array:

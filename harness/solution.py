@@ -148,11 +148,14 @@ class Solution:
 
     Attributes:
         values: Quantity -> values.
-        condition: Condition number of the closure rows with the selection of y. Shape (n,).
+        condition: Condition number of the closing system with the selection of y, as it was solved. Shape (n,).
         notes: Sentences for the report, such as samples where a rule is singular.
         tolerances: Absolute tolerances that the engine derives itself, quantity -> value.
         radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
             An engine that has them is the reference of the others.
+        estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
+            infinite where not one digit is right, or there is no number. Shape (n,).
+        conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
     """
 
@@ -164,6 +167,8 @@ class Solution:
     notes: tuple[str, ...] = ()
     tolerances: Mapping[str, float] = field(default_factory=dict)
     radius: Mapping[str, Array] = field(default_factory=dict)
+    estimate: Mapping[str, Array] = field(default_factory=dict)
+    conditions: Mapping[str, Array] = field(default_factory=dict)
     rows: Rows | None = None
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.continuation import OPEN, SMALLEST, STEP, newton, partial_rates
+from screwgauge.reference.assembly import closing, corrector
+from screwgauge.reference.closing import Closing
+from screwgauge.reference.continuation import OPEN, SMALLEST, STEP
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.kinematics import closure_system
 from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.rotations import Array
 
@@ -27,25 +28,29 @@ class Branch:
         """Starts at joint coordinates `q`, shape (n_q,), that close the loops nearly."""
         self.lay = lay
         self.columns = lay.mechanism.independent_columns
+        self.system = closing(lay)
+        held = list(self.system.held)
+        if np.abs(q - lay.mechanism.home)[held].max(initial=0.0) > OPEN:
+            self.system = Closing(lay)  # another branch than that of the home pose
+        self.correct = corrector(self.system)
+        self.size = self.system.size
         self.is_tree = not lay.tree.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
-        self.K = np.zeros((len(q), len(self.columns)))
+        self.K = np.zeros((len(q), len(self.columns)))  # without dimension
         if not self.is_tree and not self._try(q, self.y):
             raise ClosureError(
                 "the loops do not close there", f"start of {lay.mechanism.name}", "correct the coordinates"
             )
 
-    def _evaluate(self, q: Array, goal: Array) -> tuple[Array, Array]:
-        at = pose(self.lay, q)
-        residual = np.concatenate([at.gap.reshape(len(q), -1), q[:, self.columns] - goal], axis=1)
-        return residual, closure_system(self.lay, at)
-
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
         """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
-        q, matrix, error = newton(self._evaluate, predicted[None], goal[None])
-        if not (error[0] < OPEN and np.abs(q[0] - predicted).max() <= bend):
+        found = self.correct(predicted / self.size, goal / self.size[self.columns])
+        if found is None:
             return False
-        self.q, self.y, self.K = q[0], goal.copy(), partial_rates(matrix, len(goal))[0]
+        q, K = found
+        if np.abs(q - predicted / self.size)[self.system.unknown].max() > bend:
+            return False
+        self.q, self.y, self.K = q * self.size, goal.copy(), K
         return True
 
     def move(self, y: Array) -> None:
@@ -57,16 +62,18 @@ class Branch:
         if self.is_tree:
             self.q[self.columns] = self.y = y.copy()
             return
-        largest = STEP
-        for _ in range(MOST + int(4.0 * float(np.abs(y - self.y).max()) / STEP)):
-            way = y - self.y
+        largest, unit = STEP, self.size[self.columns]
+        for _ in range(MOST + int(4.0 * float(np.abs((y - self.y) / unit).max()) / STEP)):
+            way = (y - self.y) / unit
             length = float(np.abs(way).max())
             if length == 0.0:
                 return
             way = way * min(1.0, largest / length)
             step = self.K @ way
-            goal = y if largest >= length else self.y + way
-            if self._try(self.q + step, goal, BEND * float(np.abs(step).max()) + 1e-9):
+            goal = y if largest >= length else self.y + way * unit
+            if self._try(
+                self.q + step * self.size, goal, BEND * float(np.abs(step[self.system.unknown]).max()) + 1e-9
+            ):
                 continue
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:

@@ -37,7 +37,7 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     q = np.tile(mechanism.home, (n, 1))
     q[:, mechanism.independent_columns] = y
     ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
-    R, p, _ = across(driver, q[:, lay.columns[driver.name]], *ground)
+    R, p = across(driver, q[:, lay.columns[driver.name]], *ground)[:2]
     for leg in legs:
         _leg(lay, leg, R, p, q)
     return q
@@ -70,7 +70,7 @@ def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> 
     q[:, lay.columns[slide.name][0]] = np.sqrt(u * u + v * v + w * w)
     n = len(q)
     ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
-    R_leg, _, _ = across(base, q[:, lay.columns[base.name]], *ground)
+    R_leg = across(base, q[:, lay.columns[base.name]], *ground)[0]
     axes = wrist.axes if len(wrist.axes) == 3 else np.vstack([wrist.axes, np.cross(*wrist.axes)])
     angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, axes)
     q[:, lay.columns[wrist.name]] = angles[:, : len(wrist.axes)]

@@ -19,11 +19,12 @@ Corrector = Callable[[Array, Array], tuple[Array, Array] | None]
 #: Evaluates poses: (q (n, n_q), y (n, k)) -> closing errors (n, m) and their derivative (n, m, n_q).
 Evaluation = Callable[[Array, Array], tuple[Array, Array]]
 
-#: A gap below this [rad and m] is as small as float64 can make it.
-ROUNDING = 4 * linear.EPS
-#: A loop that stays open by more than this [rad and m] does not close.
+# Angles are in rad, distances in lengths of the mechanism wherever these are used.
+#: A gap below this is as small as float64 can make it.
+ROUNDING = 2 * linear.EPS
+#: A loop that stays open by more than this does not close.
 OPEN = 1e-10
-STEP = 0.1  # [rad or m]: Newton from a first-order prediction this far away converges in two or three steps
+STEP = 0.1  # Newton from a first-order prediction this far away converges in two or three steps
 SMALLEST = 1e-5
 LONGEST = 1e3  # what is further away is not reached by following a path
 
@@ -97,7 +98,9 @@ def partial_rates(A: Array, k: int) -> Array:
     return linear.solve(A, right)
 
 
-def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array) -> Array:
+def follow(
+    correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array, *, size: Array | float = 1.0
+) -> Array:
     """Starting values for all samples: each is predicted from a corrected pose at most `STEP` away.
 
     Args:
@@ -105,6 +108,7 @@ def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array)
         q_home, y_home: Home pose. Shapes (n_q,), (k,).
         y: Independent coordinates of all samples. Shape (n, k).
         t: Their times [s], for messages. Shape (n,).
+        size: What y is divided by, for messages. Shape (k,).
 
     Returns:
         Predicted joint coordinates. Shape (n, n_q).
@@ -121,21 +125,42 @@ def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array)
     (q, K), at = home, y_home
     for i, target in enumerate(y):
         if np.abs(target - at).max(initial=0.0) > STEP or i == 0:
-            q, K = _walk(correct, q, K, at, target, float(t[i]))
+            try:
+                q, K = _walk(correct, q, K, at, target)
+            except _Stopped as stopped:
+                raise _explained(stopped, size, float(t[i])) from None
             at = target
         start[i] = q + K @ (target - at)
     return start
 
 
-def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array, t: float) -> tuple[Array, Array]:
-    """Walks on a straight line from y to target, halving the step where the correction fails."""
-    length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
-    if not length <= LONGEST:
-        raise ClosureError(
-            f"the motion jumps by {length:.3g} (rad or m) from one sample to the next",
+class _Stopped(Exception):
+    """A walk that cannot go on: beyond `y`, shape (k,), or because it would be `far`."""
+
+    def __init__(self, y: Array, far: float = 0.0) -> None:
+        super().__init__()
+        self.y, self.far = y, far
+
+
+def _explained(stopped: _Stopped, size: Array | float, t: float) -> ClosureError:
+    if stopped.far:
+        return ClosureError(
+            f"the motion jumps by {stopped.far:.3g} (rad, or lengths of the mechanism) from one sample to the next",
             f"t = {t:g} s",
             "give samples closer to each other",
         )
+    return ClosureError(
+        f"the loops cannot close beyond y = {np.array2string(stopped.y * size, precision=6)}",
+        f"t = {t:g} s",
+        "shorten the motion or check the geometry",
+    )
+
+
+def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tuple[Array, Array]:
+    """Walks on a straight line from y to target, halving the step where the correction fails."""
+    length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
+    if not length <= LONGEST:
+        raise _Stopped(target, length)
     done, step = 0.0, min(1.0, STEP / length)
     while done < 1.0:
         reach = min(1.0, done + step)
@@ -144,11 +169,7 @@ def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array, t: fl
         if found is not None:
             (q, K), done = found, reach
         elif step * length <= SMALLEST:
-            raise ClosureError(
-                f"the loops cannot close beyond y = {np.array2string(goal, precision=6)}",
-                f"t = {t:g} s",
-                "shorten the motion or check the geometry",
-            )
+            raise _Stopped(goal)
         else:
             step *= 0.5
     return q, K

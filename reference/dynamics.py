@@ -179,18 +179,27 @@ def across_direction(R: Array, direction: Array) -> Array:
     return np.asarray((R @ basis.T).swapaxes(1, 2))
 
 
-def solve_newton_euler(c: Array, F: Array, T: Array, rule: Array) -> tuple[Array, Array]:
+def solve_newton_euler(
+    c: Array, F: Array, T: Array, rule: Array, reactions: Reactions, length: float
+) -> tuple[Array, Array]:
     """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
+
+    Moments are divided by a length, as equations and as unknowns, so that the size of the mechanism does not matter.
 
     Args:
         c: From `force_matrix`. Shape (n, 6 n_body, m).
         F, T: From `required_wrench`. Shape (n, n_body, 3).
         rule: Rows that fix the redundant actuation, their right side being zero. Shape (n, n_redundant, m).
+        reactions: The reaction components, the first columns of c.
+        length: Length of the mechanism [m].
 
     Returns:
         Unknowns in the order of c's columns, shape (n, m), and the condition number of the system, shape (n,).
     """
-    b = np.concatenate([F, T], axis=2).reshape(len(F), -1)
-    system = np.concatenate([c, rule], axis=1)
+    size = np.ones(c.shape[2])
+    size[: len(reactions.units)][[unit == "N m" for unit in reactions.units]] = length
+    rows = np.tile([1.0, 1.0, 1.0, length, length, length], F.shape[1])
+    b = np.concatenate([F, T], axis=2).reshape(len(F), -1) / rows
+    system = np.concatenate([c / rows[:, None], rule], axis=1) * size
     right = np.concatenate([b, np.zeros(rule.shape[:2])], axis=1)
-    return linear.solve(system, right[..., None])[..., 0], linear.condition(system)
+    return linear.solve(system, right[..., None])[..., 0] * size, linear.condition(system)

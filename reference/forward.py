@@ -22,7 +22,7 @@ from screwgauge.reference.dynamics import (
 )
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Rates, accelerations
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.pose import Layout, loop_matrix
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.springs import Load, Spring, check_springs, spring_energy, spring_forces
 
@@ -195,7 +195,7 @@ def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
     c = force_matrix(lay, at, motion.com, reactions)[..., :m]
     D = _inertia_of_joints(lay, rate, motion.com, motion.J)
     right = joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
-    G = rate.A[:, : rate.A.shape[1] - k]
+    G = loop_matrix(lay, at)
     system = np.concatenate(
         [
             np.concatenate([D, -c], axis=2),

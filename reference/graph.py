@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from screwgauge.reference.errors import DescriptionError
@@ -32,10 +33,13 @@ class SpanningTree:
     cuts: tuple[Joint, ...]
 
 
-def spanning_tree(mechanism: Mechanism) -> SpanningTree:
+def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningTree:
     """The tree with the fewest coordinates: joints with many freedoms are cut, actuated joints last.
 
     Kruskal's algorithm over (actuated first, few freedoms first), in the order of the description.
+
+    Args:
+        keep: Names of joints that come before all others: cut only where they close a loop among themselves.
     """
     group = {name: name for name in mechanism.body_index}
 
@@ -45,7 +49,9 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         return name
 
     kept = []
-    for joint in sorted(mechanism.joints, key=lambda j: (not j.actuated, len(j.coordinates))):
+    for joint in sorted(
+        mechanism.joints, key=lambda j: (j.name not in keep, not j.actuated, len(j.coordinates))
+    ):
         a, b = root(joint.parent), root(joint.child)
         if a != b:
             group[a] = b

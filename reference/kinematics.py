@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear, screws
+from screwgauge.reference.assembly import closing, corrector, fill
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import OPEN, check_closed, corrector, follow, newton, partial_rates
-from screwgauge.reference.pose import Layout, Pose, loop_matrix, pose
+from screwgauge.reference.closing import Closing
+from screwgauge.reference.continuation import OPEN, check_closed, follow, newton, partial_rates
+from screwgauge.reference.pose import Layout, Pose, loop_matrix
 from screwgauge.reference.rotations import Array
 
 
@@ -24,9 +26,11 @@ class Rates:
     Attributes:
         pose: The pose they belong to.
         K: Partial rates, d q / d y. Shape (n, n_q, n_independent).
-        A: Loop screws over the selection of the independent coordinates. Shape (n, 6 n_cut + n_independent, n_q).
+        A: The closing system that was solved, without dimension, see `Closing.matrix`. Shape (n, m + k, n_unknown).
         w: Joint rates [rad/s or m/s]. Shape (n, n_q).
         V: Twist of each body at O, eq. (4). Shape (n, n_body + 1, 6).
+        system: Whose system that is.
+        charts: Condition number of what reads the rates of each cut joint. Shape (n, n_cut).
     """
 
     pose: Pose
@@ -34,6 +38,8 @@ class Rates:
     A: Array
     w: Array
     V: Array
+    system: Closing
+    charts: Array
 
 
 def closure_system(lay: Layout, at: Pose) -> Array:
@@ -53,34 +59,45 @@ def positions(lay: Layout, y: Array, t: Array) -> Pose:
     Raises:
         ClosureError: A loop cannot close.
     """
-    columns = lay.mechanism.independent_columns
-
-    def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
-        at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(
-            lay, at
-        )
-
+    system, columns = closing(lay), lay.mechanism.independent_columns
+    size = system.size
+    goal = y / size[columns]
     start = closed_form(lay, y)
     if start is not None:
-        q, _, error = newton(evaluate, start, y)
+        z, _, error = newton(system.evaluate, (start / size)[:, system.unknown], goal)
         # from farther away Newton's method may end on another branch, or nowhere
-        if (error < OPEN).all() and np.abs(q - start).max(initial=0.0) < 0.3:
-            return pose(lay, q)
-    home = lay.mechanism.home
-    start = follow(corrector(evaluate), home, home[columns], y, t)
-    q, _, error = newton(evaluate, start, y)
+        moved = np.abs(z - (start / size)[:, system.unknown]).max(initial=0.0)
+        if (error < OPEN).all() and moved < 0.3:
+            return fill(system, z, start)
+    home = lay.mechanism.home / size
+    start = follow(corrector(system), home, home[columns], goal, t, size=size[columns])
+    z, _, error = newton(system.evaluate, start[:, system.unknown], goal)
     check_closed(error, y, t)
-    return pose(lay, q)
+    return fill(system, z, start * size)
+
+
+def _system(lay: Layout, at: Pose) -> Closing:
+    """The closing equations at poses; what never moves on the home branch is held only on that branch."""
+    system = closing(lay)
+    held = list(system.held)
+    return system if (at.q[:, held] == lay.mechanism.home[held]).all() else Closing(lay)
 
 
 def rates(lay: Layout, at: Pose, yd: Array) -> Rates:
-    """Joint rates from the closed loops and the given rates of y. `yd`: shape (n, k) [rad/s or m/s]."""
-    A = closure_system(lay, at)
-    K = partial_rates(A, yd.shape[1])
+    """Joint rates from the closed loops and the given rates of y. `yd`: shape (n, k) [rad/s or m/s].
+
+    The tree's rates come from the reciprocal wrenches of the cut joints, those of a cut joint from its own bodies.
+    """
+    system = _system(lay, at)
+    A = system.matrix(at)
+    K = np.zeros((len(at.q), at.q.shape[1], yd.shape[1]), dtype=at.q.dtype)
+    found = partial_rates(A, yd.shape[1]) / system.size[lay.mechanism.independent_columns]
+    K[:, system.unknown] = found * system.size[system.unknown][:, None]
+    rows, charts = system.cut_rows(at)
+    K[:, lay.cut_columns] = rows @ K
     w = (K @ yd[..., None])[..., 0]
     V = np.einsum("bi,ni,nix->nbx", lay.path, w, at.S)
-    return Rates(at, K, A, w, V)
+    return Rates(at, K, A, w, V, system, charts)
 
 
 def chain_rates(S: Array, V: Array) -> tuple[Array, Array]:
@@ -121,7 +138,7 @@ def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
 
 
 def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
-    """The terms ``w^T S_L w`` of eq. (44), of every body and around every loop.
+    """The terms ``w^T S_L w`` of eq. (44), of every body, and of every cut joint's child less its own way.
 
     Summed along the chain: sum over i < j of [S_i w_i, S_j w_j] = sum over j of [V before j, S_j w_j].
 
@@ -142,7 +159,7 @@ def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
     for c, joint in enumerate(lay.tree.cuts):
         parent, child = index[joint.parent], index[joint.child]
         via = body[:, parent] + _bias_across(terms, lay.columns[joint.name], rate.V[:, parent], 1.0)
-        loop[:, c] = via - body[:, child]
+        loop[:, c] = body[:, child] - via
     return body, loop
 
 
@@ -166,6 +183,19 @@ def accelerations(lay: Layout, rate: Rates, ydd: Array) -> tuple[Array, Array]:
         Joint accelerations [rad/s^2 or m/s^2], shape (n, n_q), and screws, shape (n, n_body + 1, 6).
     """
     body, loop = _biases(lay, rate)
-    right = np.concatenate([-loop.reshape(len(ydd), -1), ydd], axis=1)
-    beta = linear.solve(rate.A, right[..., None])[..., 0]
-    return beta, np.einsum("bi,ni,nix->nbx", lay.path, beta, rate.pose.S) + body
+    system, at = rate.system, rate.pose
+    columns = lay.mechanism.independent_columns
+    readers = system.readers(at)[0]
+    goal = ydd.copy()
+    for k, column in enumerate(columns):
+        if column not in system.unknown:
+            place = lay.cut_columns.index(column)
+            goal[:, k] -= np.sum(readers[:, place] * loop[:, system.cut.owner[place]], axis=1)
+    right = np.concatenate([-system.bias(at, rate.V, body), goal / system.size[columns]], axis=1)
+    beta = np.zeros_like(at.q)
+    beta[:, system.unknown] = linear.solve(rate.A, right[..., None])[..., 0] * system.size[system.unknown]
+    A = np.einsum("bi,ni,nix->nbx", lay.path, beta, at.S) + body
+    (parents, _, _), (children, _, _) = lay.sides
+    own = loop + (A - body)[:, children] - (A - body)[:, parents]
+    beta[:, lay.cut_columns] = np.sum(readers * own[:, system.cut.owner], axis=2)
+    return beta, A

@@ -45,16 +45,25 @@ def condition(A: Array) -> Array:
 
     At most n times the one in the 2-norm, and an order of magnitude cheaper over a trajectory.
     """
+    size = np.linalg.norm(A, axis=(-2, -1))
+    if A.shape[-2] > A.shape[-1]:  # the triangular factor has the same singular values
+        A = np.linalg.qr(A, mode="r")
     if A.shape[-1] != A.shape[-2]:
         s = np.linalg.svd(A, compute_uv=False)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.linalg.norm(A, axis=(-2, -1)) * np.sqrt(np.sum(s**-2.0, axis=-1)))
+            return np.asarray(size * np.sqrt(np.sum(s**-2.0, axis=-1)))
+    found = size * np.linalg.norm(inverse(A), axis=(-2, -1))
+    return np.asarray(np.where(np.isnan(found) & np.isfinite(size), np.inf, found))
+
+
+def inverse(A: Array) -> Array:
+    """Inverses of a stack of square matrices, NaN where one is exactly singular. Shape (..., n, n)."""
     try:
-        inverse = np.linalg.inv(A)
+        return np.asarray(np.linalg.inv(A))
     except np.linalg.LinAlgError:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.linalg.cond(A))
-    return np.asarray(np.linalg.norm(A, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1)))
+        regular = np.linalg.slogdet(A)[0] != 0.0
+        safe = np.where(regular[..., None, None], A, np.eye(A.shape[-1]))
+        return np.where(regular[..., None, None], np.linalg.inv(safe), np.nan)
 
 
 def null_space(A: Array, tolerance: float = 1e-9) -> Array:

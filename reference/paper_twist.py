@@ -11,7 +11,7 @@ from screwgauge.reference.chains import closed_form
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.graph import output_body
 from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, rates
-from screwgauge.reference.pose import Layout, across, pose
+from screwgauge.reference.pose import Layout, pose, tree_pose
 from screwgauge.reference.rotations import Array
 
 TWISTS = ("right", "printed", "literal")
@@ -69,8 +69,7 @@ def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
     mechanism, n = lay.mechanism, len(q)
     joint = next(j for j in mechanism.joints if set(mechanism.independent.values()) <= set(j.coordinates))
     columns = lay.columns[joint.name]
-    ground = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
-    S = np.stack(across(joint, q[:, columns], *ground)[2], axis=2)
+    S = tree_pose(lay, q)[2][:, columns].swapaxes(1, 2)
     w, beta = np.zeros((2, n, q.shape[1]))
     w[:, mechanism.independent_columns], beta[:, mechanism.independent_columns] = motion.yd, motion.ydd
     w, beta = w[:, columns], beta[:, columns]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from screwgauge.reference import screws
 from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, rotation, vee
+from screwgauge.reference.rotations import Array, rotation, skew, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,10 +32,17 @@ class Pose:
     S: Array
     gap: Array
 
+    def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
+        """The same for some of the samples."""
+        at = np.asarray(rows)
+        return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.gap[at])
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """A mechanism with its spanning tree and the paths that follow from it.
+
+    The tree keeps the joints of the independent coordinates, so that these are unknowns of the tree itself.
 
     Attributes:
         path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
@@ -46,20 +55,72 @@ class Layout:
     path: Array
     loop: Array
 
+    @cached_property
+    def turns(self) -> NDArray[np.bool_]:
+        """Which coordinates are angles. Shape (n_q,)."""
+        return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
+
+    @cached_property
+    def _turning(self) -> tuple[Array, Array]:
+        axes = np.array([axis for joint in self.mechanism.joints for _, axis in joint.freedoms])
+        K = skew(axes)
+        return K, K @ K
+
+    def rotations(self, q: Array) -> Array:
+        """Rotation by each coordinate about its own axis, see `rotation`. Shape (n, n_q) -> (n, n_q, 3, 3)."""
+        K, K2 = self._turning
+        q = q[..., None, None]
+        return np.asarray(np.eye(3, dtype=K.dtype) + np.sin(q) * K + 2.0 * np.sin(0.5 * q) ** 2 * K2)
+
+    @cached_property
+    def cut_columns(self) -> list[int]:
+        """Coordinates of the cut joints, joint by joint."""
+        return [column for joint in self.tree.cuts for column in self.columns[joint.name]]
+
+    @cached_property
+    def sides(self) -> tuple[Side, Side]:
+        """Parent and child sides of the cut joints."""
+        index, cuts = self.mechanism.body_index, self.tree.cuts
+        return (
+            _side([index[j.parent] for j in cuts], [j.parent_frame for j in cuts]),
+            _side([index[j.child] for j in cuts], [j.child_frame for j in cuts]),
+        )
+
+
+#: Bodies of some joints, and the joints' frames in them: indices (c,), rotations (c, 3, 3), points (c, 3).
+Side = tuple[list[int], Array, Array]
+
+
+def _side(bodies: list[int], frames: Sequence[Frame]) -> Side:
+    return (
+        bodies,
+        np.array([f.R for f in frames]).reshape(-1, 3, 3),
+        np.array([f.p for f in frames]).reshape(-1, 3),
+    )
+
 
 def layout(mechanism: Mechanism) -> Layout:
     """Spanning tree, paths and loops of a mechanism."""
-    tree, index = spanning_tree(mechanism), mechanism.body_index
+    chosen = {*mechanism.independent.values()}
+    tree = spanning_tree(mechanism, [j.name for j in mechanism.joints if chosen & {*j.coordinates}])
+    index = mechanism.body_index
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
-    path = np.zeros((len(index), len(mechanism.coordinates)), dtype=mechanism.home.dtype)
-    for edge in tree.edges:
-        path[index[edge.far]] = path[index[edge.near]]
-        path[index[edge.far], columns[edge.joint.name]] = -1.0 if edge.reverse else 1.0
+    path = tree_path(mechanism, tree)
     loop = np.zeros((len(tree.cuts), path.shape[1]), dtype=path.dtype)
     for row, joint in zip(loop, tree.cuts, strict=True):
         row += path[index[joint.parent]] - path[index[joint.child]]
         row[columns[joint.name]] = 1.0
     return Layout(mechanism, tree, columns, path, loop)
+
+
+def tree_path(mechanism: Mechanism, tree: SpanningTree) -> Array:
+    """+1 or -1 where a coordinate lies on the way from ground to a body. Shape (n_body + 1, n_q)."""
+    index = mechanism.body_index
+    path = np.zeros((len(index), len(mechanism.coordinates)), dtype=mechanism.home.dtype)
+    for edge in tree.edges:
+        path[index[edge.far]] = path[index[edge.near]]
+        path[index[edge.far], mechanism.columns(edge.joint.coordinates)] = -1.0 if edge.reverse else 1.0
+    return path
 
 
 def place(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
@@ -74,59 +135,111 @@ def unplace(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
 
 
 def across(
-    joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False
-) -> tuple[Array, Array, list[Array]]:
+    joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False, turned: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
     """Walks over a joint from the pose of one body to that of the other (eq. 24, for any joint).
 
     Args:
         q: Its coordinates. Shape (n, n_freedom).
         R, p: Pose of its parent (of its child, if `reverse`). Shapes (n, 3, 3), (n, 3).
+        turned: Rotation by each of its angles, if these are known already. Shape (n, n_freedom, 3, 3).
 
     Returns:
-        Pose of the other body, and the unit screw of each freedom in the joint's own order, (n, 6) each.
+        Pose of the other body; direction and point of each freedom's axis in the joint's own order, (n, f, 3) each.
     """
     start, end = (
         (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
     )
     R, p = place(R, p, start)
-    found: list[tuple[int, Array]] = []
+    directions, points = np.empty((2, len(R), q.shape[1], 3), dtype=q.dtype)
     steps = list(enumerate(joint.freedoms))
     for i, (turns, axis) in reversed(steps) if reverse else steps:
         e = R @ axis
-        found.append((i, screws.revolute(e, p) if turns else screws.prismatic(e)))
-        amount = -q[:, i] if reverse else q[:, i]
+        directions[:, i], points[:, i] = e, p
         if turns:
-            R = R @ rotation(axis, amount)
+            turn = rotation(axis, q[:, i]) if turned is None else turned[:, i]
+            R = R @ (turn.swapaxes(1, 2) if reverse else turn)
         else:
-            p = p + e * amount[:, None]
+            p = p + e * (-q[:, i] if reverse else q[:, i])[:, None]
     R, p = unplace(R, p, end)
-    return R, p, [S for _, S in sorted(found, key=lambda item: item[0])]
+    return R, p, directions, points
+
+
+def tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
+    """Orientations, origins and screws (see `Pose`) by the joints of the tree; screws of cut joints are zero."""
+    n, index = len(q), lay.mechanism.body_index
+    R = np.empty((n, len(index), 3, 3), dtype=q.dtype)
+    p = np.zeros((n, len(index), 3), dtype=q.dtype)
+    directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
+    R[:, 0] = np.eye(3)
+    turned = lay.rotations(q)
+    for edge in lay.tree.edges:
+        near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
+        R[:, far], p[:, far], directions[:, columns], points[:, columns] = across(
+            edge.joint,
+            q[:, columns],
+            R[:, near],
+            p[:, near],
+            reverse=edge.reverse,
+            turned=turned[:, columns],
+        )
+    return R, p, _screws(lay, directions, points)
+
+
+def _screws(lay: Layout, directions: Array, points: Array) -> Array:
+    """Unit screws, eqs. (2), (18). Shapes (n, n_q, 3), (n, n_q, 3) -> (n, n_q, 6)."""
+    turns = lay.turns[None, :, None]
+    S = np.zeros((*directions.shape[:2], 6), dtype=directions.dtype)
+    S[..., :3] = np.where(turns, directions, 0.0)
+    S[..., 3:] = np.where(turns, np.cross(points, directions), directions)
+    return S
 
 
 def pose(lay: Layout, q: Array) -> Pose:
     """Poses and screws for joint coordinates `q`, shape (n, n_q); the loops need not be closed."""
+    return whole_pose(lay, q, *tree_pose(lay, q))
+
+
+def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
+    """The same from what `tree_pose` gives, if that is known: adds the cut joints."""
     n, index = len(q), lay.mechanism.body_index
-    R = np.empty((n, len(index), 3, 3), dtype=q.dtype)
-    p = np.zeros((n, len(index), 3), dtype=q.dtype)
-    S = np.empty((n, q.shape[1], 6), dtype=q.dtype)
-    R[:, 0] = np.eye(3)
-    for edge in lay.tree.edges:
-        near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
-        R[:, far], p[:, far], found = across(
-            edge.joint, q[:, columns], R[:, near], p[:, near], reverse=edge.reverse
-        )
-        S[:, columns] = np.stack(found, axis=1)
     gap = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
+    if not lay.tree.cuts:
+        return Pose(q, R, p, S, gap)
+    turned = lay.rotations(q)
+    directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
+    R_via, p_via = (
+        np.empty((n, gap.shape[1], 3, 3), dtype=q.dtype),
+        np.empty((n, gap.shape[1], 3), dtype=q.dtype),
+    )
     for c, joint in enumerate(lay.tree.cuts):
-        parent, child, columns = index[joint.parent], index[joint.child], lay.columns[joint.name]
-        R_via, p_via, found = across(joint, q[:, columns], R[:, parent], p[:, parent])
-        S[:, columns] = np.stack(found, axis=1)
-        turn = vee(R_via @ R[:, child].swapaxes(1, 2))
-        # measured at the joint, where the lever arms are short, then moved to O
-        at = p[:, child] + R[:, child] @ joint.child_frame.p
-        shift = p_via + R_via @ joint.child_frame.p - at
-        gap[:, c] = np.concatenate([turn, shift - np.cross(turn, at)], axis=1)
+        parent, columns = index[joint.parent], lay.columns[joint.name]
+        R_via[:, c], p_via[:, c], directions[:, columns], points[:, columns] = across(
+            joint, q[:, columns], R[:, parent], p[:, parent], turned=turned[:, columns]
+        )
+    cut = lay.cut_columns
+    S = S.copy()
+    S[:, cut] = _screws(lay, directions, points)[:, cut]
+    child, at_child = lay.sides[1][:3:2]
+    turn = vee(R_via @ R[:, child].swapaxes(-1, -2))
+    # measured at the joint, where the lever arms are short, then moved to O
+    at = p[:, child] + (R[:, child] @ at_child[..., None])[..., 0]
+    shift = p_via + (R_via @ at_child[..., None])[..., 0] - at
+    gap[..., :3], gap[..., 3:] = turn, shift - np.cross(turn, at)
     return Pose(q, R, p, S, gap)
+
+
+def length(lay: Layout) -> float:
+    """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
+    mechanism = lay.mechanism
+    R, p, _ = tree_pose(lay, mechanism.home[None])
+    index = mechanism.body_index
+    points = [p[0, index[b.name]] + R[0, index[b.name]] @ b.com for b in mechanism.bodies]
+    for joint in mechanism.joints:
+        for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+            points.append(p[0, index[side]] + R[0, index[side]] @ frame.p)
+    cloud = np.array(points)
+    return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
 
 
 def loop_matrix(lay: Layout, at: Pose) -> Array:

@@ -62,15 +62,15 @@ def triad_angles(R: Array, axes: Array) -> Array:
 
     Args:
         R: Rotation matrix. Shape (..., 3, 3).
-        axes: Three mutually orthogonal unit axes (right- or left-handed). Shape (3, 3).
+        axes: Three mutually orthogonal unit axes (right- or left-handed), or one such triad each. (..., 3, 3).
 
     Returns:
         Angles [rad], the middle one within +-pi/2. Shape (..., 3).
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
-    sign = 1.0 if np.linalg.det(axes) > 0 else -1.0
-    M = axes @ R @ axes.T
+    sign = np.where(np.linalg.det(axes) > 0, 1.0, -1.0).astype(R.dtype)
+    M = axes @ R @ axes.swapaxes(-1, -2)
     q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
     q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
     q3 = np.arctan2(-M[..., 0, 1], M[..., 0, 0])
-    return sign * np.stack([q1, q2, q3], axis=-1)
+    return np.asarray(sign[..., None] * np.stack([q1, q2, q3], axis=-1))

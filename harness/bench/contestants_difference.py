@@ -9,7 +9,7 @@ from screwgauge.bench.contestant import Contestant, Outcome, Task
 from screwgauge.bench.reference import reference_values
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.kinematics import closure_system, positions
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Values
@@ -109,7 +109,7 @@ def _without(case: Case, speed: float) -> Task:
     yd, ydd = speed * motion.yd, speed**2 * motion.ydd
 
     def call() -> Array:
-        A = rates(lay, positions(lay, motion.y, motion.t), yd).A
+        A = closure_system(lay, positions(lay, motion.y, motion.t))
         right = np.concatenate([np.zeros((len(yd), A.shape[1] - yd.shape[1])), ydd], axis=1)
         return linear.solve(A, right[..., None])[..., 0]
 

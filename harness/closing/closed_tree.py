@@ -13,10 +13,12 @@ import numpy as np
 from screwgauge.applied import State, applied_wrenches
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.closure import Loops, make_loops
-from screwgauge.closing.cut_joints import Chart
-from screwgauge.closing.rules import axial_forces, singular_note
+from screwgauge.closing.cut_joints import Chart, nearest_turn
+from screwgauge.closing.rules import axial_forces
+from screwgauge.closing.sizes import make_sizes
 from screwgauge.closing.transmission import joint_reactions, joint_sides
 from screwgauge.closing.tree import BodyPoses, Tree
+from screwgauge.guard import Part, Trust, examined, gain, shakes
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
@@ -24,7 +26,7 @@ from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND, actuator_names
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Motion, Problem, Solution
+from screwgauge.solution import Motion, Problem, Rows, Solution
 
 
 def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
@@ -39,9 +41,9 @@ def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
         work.names,
         work.clock,
         problem.progress,
+        length=work.sizes.length,
     )
-    notes = singular_note(problem.rule, problem.motion.t, np.array(work.rule_condition))
-    return replace(solution, notes=notes, tolerances=work.tolerances)
+    return replace(solution, tolerances=work.tolerances)
 
 
 def _check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
@@ -77,24 +79,55 @@ class _Work:
         }  # angles of cut joints at the last sample
         self.driven = [tree.coordinates.index(j.coordinates[0]) for j in file.joints if j.actuated]
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-        self.rule_condition: list[float] = []
+        self.sizes = make_sizes(tree, file, self.loops, self.q)
         self.tolerances: dict[str, float] = {}
 
-    def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
-        motion, out = self.problem.motion.part(rows), {}
+    def part(self, rows: slice) -> Part:
+        motion = self.problem.motion.part(rows)
         self.t = motion.t
         with self.clock.stage("positions"):
             q, A = self._positions(motion)
             at = self.tree.poses(q)
             charts = self.loops.charts(at)
-            out["joint_position"] = self._joints(
-                q, {name: self._unwrapped(name, c.q) for name, c in charts.items()}
-            )
+            cut = {name: self._unwrapped(name, c.q) for name, c in charts.items()}
+        values, trust = self._beyond(motion, q, at, charts, cut, A)
+
+        def again(doubtful: Rows) -> list[dict[str, Array]]:
+            own, self.clock = self.clock, Clock()
+            here = motion.part(doubtful)
+            found = []
+            for shake in shakes(A[doubtful], motion.y.shape[1]):
+                there = q[doubtful] + shake * self.sizes.q
+                moved = self.tree.poses(there)
+                read = self.loops.charts(moved)
+                near = {name: nearest_turn(c.q, cut[name][doubtful]) for name, c in read.items()}
+                matrix = self._scaled(there / self.sizes.q, here.y / self.sizes.y)[1]
+                found.append(self._beyond(here, there, moved, read, near, matrix)[0])
+            self.clock = own
+            return found
+
+        with self.clock.stage("error estimate"):
+            return examined(values, trust, again)
+
+    def _beyond(
+        self,
+        motion: Motion,
+        q: Array,
+        at: BodyPoses,
+        charts: dict[str, Chart],
+        cut: dict[str, Array],
+        A: Array,
+    ) -> tuple[dict[str, Array], Trust]:
+        """All that is wanted from closed poses, and what it rests on."""
+        out, forces = {"joint_position": self._joints(q, cut)}, dict[str, Array]()
+        speed = load = None
         if self.depth in "vaf":
-            self._rates(motion, q, at, charts, A, out)
+            speed, load = self._rates(motion, q, at, charts, A, out, forces)
         with self.clock.stage("condition"):
             condition = linear.condition(A)
-        return {name: array for name, array in out.items() if name in self.problem.quantities}, condition
+            worst = np.max([chart.condition for chart in charts.values()], axis=0, initial=1.0)
+            trust = Trust(condition, gain(A, condition), np.broadcast_to(worst, len(q)), forces, speed, load)
+        return {name: array for name, array in out.items() if name in self.problem.quantities}, trust
 
     def _rates(
         self,
@@ -104,20 +137,28 @@ class _Work:
         charts: dict[str, Chart],
         A: Array,
         out: dict[str, Array],
-    ) -> None:
-        """Rates from ``A v = [0; yd]``, then whatever is wanted beyond them."""
+        forces: dict[str, Array],
+    ) -> tuple[Array, Array | None]:
+        """Rates from ``A v = [0; yd]``, then whatever is wanted beyond them.
+
+        Returns:
+            Largest rate and, if forces are wanted, largest force [N], both without regard to the kind of joint.
+        """
+        sizes = self.sizes
         with self.clock.stage("velocities"):
-            K = partial_rates(A, motion.y.shape[1])
+            K = partial_rates(A, motion.y.shape[1]) * sizes.q[:, None] / sizes.y
             v = (K @ motion.yd[..., None])[..., 0]
             J = {joint.name: self.loops.relative(joint, at.J) for joint in self.loops.cut}
             cut_v = {name: (chart.rates(J[name]) @ v[..., None])[..., 0] for name, chart in charts.items()}
             out["joint_velocity"] = self._joints(v, cut_v)
             bodies = [self.loops.index[name] for name in self.file.bodies]
             out["body_angular_velocity"] = (at.J[:, bodies, :3] @ v[:, None, :, None]).reshape(len(v), -1)
-        if self.depth in "af":
-            with self.clock.stage("accelerations"):
-                a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
-            self._forces(at, A, K, (q, v, a), out)
+        speed = np.abs(v / sizes.q).max(axis=1)
+        if self.depth not in "af":
+            return speed, None
+        with self.clock.stage("accelerations"):
+            a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
+        return speed, self._forces(at, A, K, (q, v, a), out, forces)
 
     def _unwrapped(self, joint: str, q: Array) -> Array:
         """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m)."""
@@ -145,11 +186,22 @@ class _Work:
             rows.append(row[:, None])
         return np.concatenate(errors, axis=1), np.concatenate(rows, axis=1)
 
+    def _scaled(self, z: Array, y: Array) -> tuple[Array, Array]:
+        """The same without dimension."""
+        sizes = self.sizes
+        error, rows = self._evaluate(z * sizes.q, y * sizes.y)
+        return error / sizes.rows, rows * sizes.q / sizes.rows[:, None]
+
     def _positions(self, motion: Motion) -> tuple[Array, Array]:
-        start = follow(corrector(self._evaluate), self.q, self.y, motion.y, motion.t)
-        q, A, error = newton(self._evaluate, start, motion.y)
+        sizes = self.sizes
+        goal = motion.y / sizes.y
+        start = follow(
+            corrector(self._scaled), self.q / sizes.q, self.y / sizes.y, goal, motion.t, size=sizes.y
+        )
+        z, A, error = newton(self._scaled, start, goal)
         check_closed(error, motion.y, motion.t)
-        self.q, self.y, self.gap = q[-1], motion.y[-1], float(error.max())
+        q = z * sizes.q
+        self.q, self.y, self.gap = q[-1], motion.y[-1], float(error.max()) * max(1.0, sizes.length)
         return q, A
 
     def _joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
@@ -182,7 +234,7 @@ class _Work:
                 right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[
                     :, i
                 ]
-        a = linear.solve(A, right[..., None])[..., 0]
+        a = linear.solve(A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         wanted, bodies = self.problem.quantities, [self.loops.index[name] for name in self.file.bodies]
         if "com_acceleration" in wanted:
             com = self.tree.com_accelerations(q, v, a)
@@ -194,13 +246,13 @@ class _Work:
         out["joint_acceleration"] = self._joints(a, cut_a)
         out["body_angular_acceleration"] = acceleration[:, bodies, :3].reshape(len(v), -1)
         if "tree_force_soft" in wanted:
-            self._measure(A, at, v, V, acceleration)
+            self._measure(at, v, V, acceleration)
         return a
 
-    def _measure(self, A: Array, at: BodyPoses, v: Array, V: Array, acceleration: Array) -> None:
+    def _measure(self, at: BodyPoses, v: Array, V: Array, acceleration: Array) -> None:
         """Largest closure residual of position, rate and acceleration, which a stiff constraint turns into force."""
-        m = A.shape[1] - len(self.loops.independent)
-        rate, residual = (A[:, :m] @ v[..., None]), self.loops.bias(at, V, acceleration)
+        rate = self.loops.jacobian(at) @ v[..., None]
+        residual = self.loops.bias(at, V, acceleration)
         measured = np.array([self.gap, np.abs(rate).max(initial=0.0), np.abs(residual).max(initial=0.0)])
         # an engine's own evaluation of the same rows rounds differently
         sizes = [np.abs(array).max(initial=0.0) for array in (at.p, V, acceleration)]
@@ -212,8 +264,14 @@ class _Work:
         return chart.bias(rates, omega_parent, self.loops.relative(joint, V), self.loops.relative(joint, A))
 
     def _forces(
-        self, at: BodyPoses, A: Array, K: Array, qva: tuple[Array, Array, Array], out: dict[str, Array]
-    ) -> None:
+        self,
+        at: BodyPoses,
+        A: Array,
+        K: Array,
+        qva: tuple[Array, Array, Array],
+        out: dict[str, Array],
+        conditions: dict[str, Array],
+    ) -> Array | None:
         wanted, order = self.problem.quantities, [self.tree.coordinates.index(n) for n in self._tree_names()]
         if "tree_force" in wanted or self.depth == "f":
             with self.clock.stage("tree forces"):
@@ -225,9 +283,10 @@ class _Work:
                 out["tree_force_soft"] = soft[:, order]
                 known = self.tolerances.get("tree_force_soft", 0.0)
                 self.tolerances["tree_force_soft"] = max(known, tolerance)
-        if self.depth == "f":
-            with self.clock.stage("forces"):
-                self._closed_forces(at, A, K, tau, qva, out)
+        if self.depth != "f":
+            return None
+        with self.clock.stage("forces"):
+            return self._closed_forces(at, A, K, tau, qva, out, conditions)
 
     def _closed_forces(
         self,
@@ -237,30 +296,36 @@ class _Work:
         tau: Array,
         qva: tuple[Array, Array, Array],
         out: dict[str, Array],
-    ) -> None:
-        """Generalised and actuator forces by projection, multipliers from what is left."""
+        conditions: dict[str, Array],
+    ) -> Array:
+        """Generalised and actuator forces by projection, multipliers from what is left; the largest force [N]."""
         load = self._loads(at, qva[1], out)
         need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
         out["generalized_force"] = Q
+        largest = np.abs(need * self.sizes.q).max(axis=1) / self.sizes.length
         if not self.problem.quantities & {"actuator_force", "reaction"}:
-            return
+            return largest
         f = min_norm(K[:, self.driven], Q)
-        G = A[:, : A.shape[1] - K.shape[2]]
+        conditions["actuator_force"] = linear.condition(K[:, self.driven])
         if self.problem.rule == "spherical_axial":
-            f, condition = axial_forces(self.file, self.loops, at, G, need, self.driven)
-            self.rule_condition.extend(condition)
+            G = self.loops.jacobian(at)
+            f, conditions["actuator_force"] = axial_forces(self.file, self.loops, at, G, need, self.driven)
+            conditions["reaction"] = conditions["actuator_force"]
         out["actuator_force"] = f
         if "reaction" in self.problem.quantities:
             rest = need.copy()
             rest[:, self.driven] -= f
-            multipliers = linear.solve(G.swapaxes(1, 2), rest[..., None])[..., 0]
+            G, units = A[:, : A.shape[1] - K.shape[2]], self.sizes.rows[: A.shape[1] - K.shape[2]]
+            scaled = linear.solve(G.swapaxes(1, 2), (rest * self.sizes.q)[..., None])
+            multipliers = scaled[..., 0] / units
             wrench = load + self.loops.wrenches(at, multipliers)
             found = self.tree.transmitted(*qva, wrench)
             reactions, out["reaction"] = joint_reactions(
                 self.file, self.tree, self.loops, at, found, multipliers
             )
             self.reaction_names = (reactions.names, reactions.units)
+        return largest
 
     def _loads(self, at: BodyPoses, v: Array, out: dict[str, Array]) -> Array:
         """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""

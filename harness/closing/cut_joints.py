@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.reference import linear
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, rotation, triad_angles
@@ -24,12 +25,14 @@ class Chart:
         R: Orientation of its parent side in the world. Shape (n, 3, 3).
         inverse: Maps a relative angular velocity, in the parent side's axes, to rates. Shape (n, m, 3).
         axes: Current directions of its axes in the parent side's axes. Shape (n, m, 3).
+        condition: How much the reading of its rates loses, 1 at best. Shape (n,).
     """
 
     q: Array
     R: Array
     inverse: Array
     axes: Array
+    condition: Array
 
     def rates(self, omega: Array) -> Array:
         """Coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
@@ -75,8 +78,14 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         turned[:, i] = M @ axes[i]
         M = M @ rotation(axes[i], angles[:, i])
     m = len(joint.axes)
-    inverse = np.asarray(np.linalg.inv(turned.swapaxes(1, 2))[:, :m], dtype=np.float64)
-    return Chart(angles[:, :m], R, inverse, turned[:, :m])
+    inverse = np.asarray(linear.inverse(turned.swapaxes(1, 2))[:, :m], dtype=np.float64)
+    condition = np.ones(len(R)) if m < 3 else linear.condition(turned) / 3.0
+    return Chart(angles[:, :m], R, inverse, turned[:, :m], condition)
+
+
+def nearest_turn(angles: Array, near: Array) -> Array:
+    """The same angles, whole turns added so that they come near to others. Shapes (n, m)."""
+    return np.asarray(angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi)))
 
 
 def _triad(axes: Array) -> Array:

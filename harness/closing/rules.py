@@ -1,4 +1,4 @@
-"""Rules that fix the forces of redundant actuators, and what is said where one of them has no solution."""
+"""Rules that fix the forces of redundant actuators."""
 
 from __future__ import annotations
 
@@ -10,25 +10,7 @@ from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.dynamics import across_direction
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.rotations import Array
-
-
-def singular_note(rule: str, t: Array, condition: Array) -> tuple[str, ...]:
-    """A sentence for the report if the rule is singular somewhere.
-
-    Args:
-        t: Times [s]. Shape (n,).
-        condition: Condition number of the rule's equations, empty where the rule has none. Shape (n,) or (0,).
-    """
-    bad = np.flatnonzero(~(condition <= SINGULAR))
-    if not bad.size:
-        return ()
-    times = ", ".join(f"{t[i]:.6g}" for i in bad[:5]) + (", ..." if bad.size > 5 else "")
-    return (
-        f"rule {rule} is singular at {bad.size} of {len(t)} samples (t = {times} s; condition above {SINGULAR:.0e}): "
-        "forces are not given there",
-    )
 
 
 def axial_forces(
@@ -42,7 +24,7 @@ def axial_forces(
         driven: Columns of the actuated coordinates.
 
     Returns:
-        Forces, NaN where the rule is singular, shape (n, n_actuator), and the condition of the equations, (n,).
+        Forces, shape (n, n_actuator), and the condition of the equations, (n,).
 
     Raises:
         ModelFileError: The joint is not among the cut ones.
@@ -62,7 +44,4 @@ def axial_forces(
     first = len(driven) + 3 * columns[0]
     system[:, nv:, first : first + 3] = across
     right = np.concatenate([need, np.zeros((n, 2))], axis=1)
-    condition = linear.condition(system)
-    f = linear.solve(system, right[..., None])[:, : len(driven), 0]
-    f[~(condition <= SINGULAR)] = np.nan
-    return f, condition
+    return linear.solve(system, right[..., None])[:, : len(driven), 0], linear.condition(system)

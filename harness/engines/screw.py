@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
-from screwgauge.closing.rules import singular_note
+from screwgauge.guard import Part, Trust, examined, gain, shakes
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import dynamics, screws, springs
+from screwgauge.reference import dynamics, linear, screws, springs
+from screwgauge.reference.assembly import closing, fill
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.forward import joint_wrenches
-from screwgauge.reference.kinematics import Rates, accelerations, closure_system, positions, rates
-from screwgauge.reference.linear import SINGULAR
-from screwgauge.reference.linear import condition as condition_number
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, layout
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.pose import Layout, Pose, layout, tree_path
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Motion, Problem, Solution
+from screwgauge.solution import Motion, Problem, Rows, Solution
 
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
@@ -46,7 +43,7 @@ def solve(problem: Problem) -> Solution:
 def solve_layout(problem: Problem, lay: Layout) -> Solution:
     """Solves a problem for a mechanism that is loaded and laid out."""
     work = _Work(problem, lay)
-    solution = assemble(
+    return assemble(
         "screw",
         screwgauge.__version__,
         f"rule {problem.rule}",
@@ -55,14 +52,8 @@ def solve_layout(problem: Problem, lay: Layout) -> Solution:
         work.names,
         work.clock,
         problem.progress,
+        length=work.system.length,
     )
-    return replace(solution, notes=singular_note(problem.rule, problem.motion.t, np.array(work.singular)))
-
-
-def tree_columns(mechanism: Mechanism, lay: Layout) -> list[int]:
-    """Columns of the coordinates in the spanning tree, in the order of the description."""
-    kept = {edge.joint.name for edge in lay.tree.edges}
-    return [column for joint in mechanism.joints if joint.name in kept for column in lay.columns[joint.name]]
 
 
 class _Work:
@@ -70,37 +61,64 @@ class _Work:
 
     def __init__(self, problem: Problem, lay: Layout) -> None:
         self.problem, self.lay, self.clock = problem, lay, Clock()
-        self.tree = tree_columns(lay.mechanism, lay)
+        self.system = closing(lay)
+        open_tree = spanning_tree(lay.mechanism)  # that of the model files
+        self.path = tree_path(lay.mechanism, open_tree)[1:]
+        kept = {edge.joint.name for edge in open_tree.edges}
+        self.tree = [c for j in lay.mechanism.joints if j.name in kept for c in lay.columns[j.name]]
         self.depth = stages(problem.quantities)
         self.reactions: Reactions | None = None
-        self.singular: list[float] = []  # condition of the rule, sample by sample
 
-    def part(self, rows: slice) -> tuple[dict[str, Array], Array]:
-        wanted, lay = self.problem.quantities, self.lay
+    def part(self, rows: slice) -> Part:
         motion = self.problem.motion.part(rows)
-        out: dict[str, Array] = {}
         with self.clock.stage("positions"):
-            at = positions(lay, motion.y, motion.t)
-        out["joint_position"] = at.q
-        A = None
+            at = positions(self.lay, motion.y, motion.t)
+        values, trust, A = self._beyond(at, motion)
+
+        def again(doubtful: Rows) -> list[dict[str, Array]]:
+            own, self.clock = self.clock, Clock()
+            z = at.q[doubtful] / self.system.size
+            found = []
+            for shake in shakes(A[doubtful], motion.y.shape[1]):
+                there = fill(self.system, z[:, self.system.unknown] + shake, at.q[doubtful])
+                found.append(self._beyond(there, motion.part(doubtful))[0])
+            self.clock = own
+            return found
+
+        with self.clock.stage("error estimate"):
+            return examined(values, trust, again)
+
+    def _beyond(self, at: Pose, motion: Motion) -> tuple[dict[str, Array], Trust, Array]:
+        """All that is wanted from closed poses: values, what they rest on, and the closing system."""
+        lay, wanted = self.lay, self.problem.quantities
+        out, forces = {"joint_position": at.q}, dict[str, Array]()
+        speed = load = None
         if self.depth in "vaf":
             with self.clock.stage("velocities"):
                 rate = rates(lay, at, motion.yd)
-            A = rate.A
+            A, charts = rate.A, rate.charts
             out["joint_velocity"] = rate.w
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
+            # a cut joint's own rates are no summands of anything else
+            speed = np.abs(rate.w / self.system.size)[:, self.system.unknown].max(axis=1)
             if self.depth in "af":
-                self._dynamics(rate, motion, out)
+                load = self._dynamics(rate, motion, out, forces)
+        else:
+            A, charts = self.system.matrix(at), self.system.readers(at)[1]
         with self.clock.stage("condition"):
-            condition = condition_number(closure_system(lay, at) if A is None else A)
-        return {name: array for name, array in out.items() if name in wanted}, condition
+            condition = linear.condition(A)
+            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, load)
+        return {name: array for name, array in out.items() if name in wanted}, trust, A
 
-    def _dynamics(self, rate: Rates, given: Motion, out: dict[str, Array]) -> None:
+    def _dynamics(
+        self, rate: Rates, given: Motion, out: dict[str, Array], conditions: dict[str, Array]
+    ) -> Array | None:
+        """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
         lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
             if problem.quantities <= _JOINTS:
-                return
+                return None
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
         out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
         out["com_acceleration"] = motion.a.reshape(n, -1)
@@ -109,17 +127,20 @@ class _Work:
             with self.clock.stage("tree forces"):
                 F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, ())
                 out["tree_force"] = out["tree_force_soft"] = self._tree_force(rate, motion, F, T)
-        if self.depth == "f":
-            with self.clock.stage("forces"):
-                loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
-                pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
-                if pulls is not None:
-                    loads += pulls[1]
-                F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
-                if pulls is not None:
-                    along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
-                    F, T = F - along[..., :3], T - along[..., 3:]
-                self._forces(rate, motion, F, T, out)
+        if self.depth != "f":
+            return None
+        with self.clock.stage("forces"):
+            loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
+            pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
+            if pulls is not None:
+                loads += pulls[1]
+            F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+            if pulls is not None:
+                along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+                F, T = F - along[..., :3], T - along[..., 3:]
+            self._forces(rate, motion, (F, T), out, conditions)
+        sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
+        return np.maximum(*sizes)
 
     def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
         """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
@@ -132,28 +153,36 @@ class _Work:
     def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
         wrench = screws.force(F, motion.com) + screws.couple(T)
-        moved = np.einsum("bi,nbx->nix", self.lay.path[1:], wrench)
+        moved = np.einsum("bi,nbx->nix", self.path, wrench)
         return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
 
     def _forces(
-        self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array, out: dict[str, Array]
+        self,
+        rate: Rates,
+        motion: dynamics.BodyMotion,
+        wrench: tuple[Array, Array],
+        out: dict[str, Array],
+        conditions: dict[str, Array],
     ) -> None:
-        lay, problem = self.lay, self.problem
+        lay, problem, (F, T) = self.lay, self.problem, wrench
         Q = dynamics.generalized_force(lay, rate, motion, F, T)
         out["generalized_force"] = Q
         if not problem.quantities & {"actuator_force", "reaction"}:
             return
         B = rate.K[:, lay.mechanism.actuated_columns]
         f = dynamics.min_norm(B, Q)
+        conditions["actuator_force"] = linear.condition(B)
         axial = problem.rule == "spherical_axial"
         if axial or "reaction" in problem.quantities:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)
-            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule)
+            unknown, condition = dynamics.solve_newton_euler(
+                c, F, T, rule, self.reactions, rate.system.length
+            )
+            conditions["reaction"] = condition
             if axial:
-                self.singular.extend(condition)
-                unknown[condition > SINGULAR] = np.nan
+                conditions["actuator_force"] = condition
                 f = unknown[:, len(self.reactions.names) :]
             out["reaction"] = unknown[:, : len(self.reactions.names)]
         out["actuator_force"] = f

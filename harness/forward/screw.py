@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter, process_time
 
 import numpy as np
@@ -103,4 +104,12 @@ def _part(rate: Rates, i: int) -> Rates:
     """One sample."""
     here, at = slice(i, i + 1), rate.pose
     pose = Pose(at.q[here], at.R[here], at.p[here], at.S[here], at.gap[here])
-    return Rates(pose, rate.K[here], rate.A[here], rate.w[here], rate.V[here])
+    return replace(
+        rate,
+        pose=pose,
+        K=rate.K[here],
+        A=rate.A[here],
+        w=rate.w[here],
+        V=rate.V[here],
+        charts=rate.charts[here],
+    )

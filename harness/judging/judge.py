@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.rotations import Array, vee
+from screwgauge.refusals import Refusal
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution, Values
 
@@ -22,8 +24,21 @@ COLUMNS = [
 ]
 
 
-def judge(scene: Scene, solution: Solution, tolerance: float = SOLVED) -> pd.DataFrame:
-    """All residuals that the computed quantities allow. One row per residual and unit."""
+def judge(
+    scene: Scene, solution: Solution, tolerance: float = SOLVED, *, refused: Sequence[Refusal] = ()
+) -> pd.DataFrame:
+    """All residuals that the computed quantities allow. One row per residual and unit.
+
+    Args:
+        refused: Samples without numbers: what an engine does not say cannot be judged.
+    """
+    own = [one for one in refused if one.engine == solution.engine]
+    if own:
+        rows = np.arange(len(scene.motion)) if solution.rows is None else solution.rows
+        rows = np.setdiff1d(rows, np.concatenate([one.rows for one in own]))
+        if not rows.size:
+            return pd.DataFrame(columns=COLUMNS)
+        solution = replace(solution, rows=rows)
     if solution.rows is not None:  # it solved some of the samples: these are judged
         scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
     rows = [

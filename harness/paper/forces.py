@@ -48,7 +48,7 @@ def solve_forces(case: Case, rule: str = "min_norm") -> tuple[Forces, Array]:
         rows[:, :, -4:] = dynamics.preload_space(case.B).swapaxes(1, 2)
     else:
         rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
-    unknown, condition = dynamics.solve_newton_euler(c, F, T, rows)
+    unknown, condition = dynamics.solve_newton_euler(c, F, T, rows, reactions, case.rate.system.length)
     wrenches = _joint_wrenches(case, reactions, unknown)
     return Forces(reactions, c, np.concatenate([c, rows], axis=1), F, T, unknown, *wrenches), condition
 

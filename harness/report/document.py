@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from screwgauge.report import sections
 from screwgauge.report.formatting import cell
 from screwgauge.report.forward import published
+from screwgauge.report.guard import guard_section
 from screwgauge.report.plots import Plot
 from screwgauge.report.prose import HOW, INTEGRATED, INTEGRATED_LIMITATIONS, LIMITATIONS
 from screwgauge.report.verdict import verdict
@@ -34,6 +35,8 @@ def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") ->
         "## Judge",
         "Residuals of the equations themselves, engine by engine; no second engine is needed.",
         sections.judge(results),
+        "## Guard",
+        guard_section(results),
         "## Plots",
         _plots(plots, len(results.solutions)),
         "## Mechanism",

@@ -31,6 +31,11 @@ def summary(results: Results) -> dict[str, Any]:
             "first_difference": first_difference(results),
             "quantities": [_pair(row) for row in rows(results.pairs)],
             "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
+            "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
+            "refused": [
+                {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
+                for x in results.refusals
+            ],
             "timings": [asdict(timing) for s in results.solutions.values() for timing in s.timings],
             "environment": results.environment,
         }
@@ -41,7 +46,8 @@ def summary(results: Results) -> dict[str, Any]:
 def _pair(row: Row) -> Row:
     worst = {"component": row["worst_component"], "t": row["worst_t"]}
     tail = {key: row[key] for key in ("rule", "unique", "tolerance", "ok")}
-    return {**{key: row[key] for key in PAIR_KEYS}, "worst": worst, **tail}
+    reason = {"reason": row["reason"]} if row.get("reason") else {}
+    return {**{key: row[key] for key in PAIR_KEYS}, "worst": worst, **tail, **reason}
 
 
 def plain(value: Any) -> Any:

@@ -7,6 +7,7 @@ import textwrap
 import numpy as np
 
 from screwgauge.report.formatting import Row, digits, number, rows, size, text_table, tick
+from screwgauge.report.guard import guard_line
 from screwgauge.report.verdict import compared, verdict
 from screwgauge.results import Results
 
@@ -24,6 +25,7 @@ def format_terminal(results: Results) -> str:
         parts += ["", *_pairs(pairs)]
     if len(results.judge):
         parts += ["", *_judge(rows(results.judge))]
+    parts += ["", *textwrap.wrap(guard_line(results), COLUMNS)] if results.guard else []
     return "\n".join(line[:COLUMNS].rstrip() for line in parts)
 
 

@@ -39,19 +39,34 @@ def first_difference(results: Results) -> Row | None:
 
 def verdict(results: Results) -> Verdict:
     """What a run found, worst news first."""
-    difference, fault = _difference(results), _fault(results)
-    rest = " ".join(part for part in (difference, fault) if part)
+    refused = _refused(results)
+    difference, fault = _difference(results, beside=bool(refused)), _fault(results)
+    rest = " ".join(part for part in (refused, difference, fault) if part)
     if results.failures:
         failed = [f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items()]
         head = "An engine failed" if len(failed) == 1 else f"{len(failed)} engines failed"
         return Verdict("failed", "✗ FAILED", f"{head}: {'; '.join(failed)}. {rest or _agreement(results)}")
     if rest:
-        return Verdict("differ", "✗ DIFFER" if difference else "✗ OUT OF TOLERANCE", rest)
+        word = "✗ DIFFER" if difference else "✗ NO NUMBER" if refused else "✗ OUT OF TOLERANCE"
+        return Verdict("differ", word, rest)
+    if not results.ok:
+        return Verdict("differ", "✗ NOTHING COMPARED", _agreement(results))
     return Verdict("agree", "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE", _agreement(results))
 
 
-def _difference(results: Results) -> str:
+def _refused(results: Results) -> str:
+    """Samples without numbers, those of the same kind named once."""
+    said: dict[str, list[str]] = {}
+    for one in results.refusals:
+        said.setdefault(one.sentence, []).append(one.engine)
+    return " ".join(f"{listed(names)}: {sentence}." for sentence, names in said.items())
+
+
+def _difference(results: Results, *, beside: bool = False) -> str:
+    """The first difference; `beside`: other than by missing numbers, which are explained already."""
     bad = [row for row in compared(results) if not row["ok"]]
+    if beside:
+        bad = [row for row in bad if not missing(row["max_scaled"])]
     if not bad:
         return ""
     row = bad[0]
@@ -90,8 +105,11 @@ def _agreement(results: Results) -> str:
     if not engines:
         return "No engine ran."
     if not pairs:
-        judged = "its residuals are within tolerance" if len(results.judge) else "nothing was judged"
-        return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
+        judged = "its residuals are" if len(engines) == 1 else "their residuals are"
+        judged = f"{judged} within tolerance" if len(results.judge) else "nothing was judged"
+        if len(engines) == 1:
+            return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
+        return f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."
     least = min(pairs, key=lambda row: digits(row["max_scaled"]))
     return (
         f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "

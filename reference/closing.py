@@ -1,0 +1,225 @@
+"""The closing equations of a mechanism in the coordinates of its spanning tree, without dimension.
+
+A joint that closes a loop constrains its two bodies by the wrenches reciprocal to its freedoms (eq. 8), and only these
+rows are set up: its own coordinates are no unknowns, so that its chart may lock and nothing but its own rates is lost.
+Lengths are divided by the mechanism's own length, so that thresholds mean the same for every size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.reference import passive, screws
+from screwgauge.reference.passive import CutColumns
+from screwgauge.reference.pose import Layout, Pose, length, tree_pose, whole_pose
+from screwgauge.reference.reactions import Reactions, reaction_components
+from screwgauge.reference.rotations import Array, vee
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The reciprocal wrenches of the cut joints at n poses; the order is that of `Closing.components`.
+
+    Attributes:
+        direction: Unit force or unit moment. Shape (n, m, 3).
+        point: Where each cut joint acts on its child [m]. Shape (n, n_cut, 3).
+        apart: Rotation [rad] and displacement [m] of its child side against its parent side. (n, n_cut, 3) each.
+    """
+
+    direction: Array
+    point: Array
+    apart: tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """The closing equations of a layout.
+
+    Attributes:
+        held: Columns of tree coordinates that keep their home value.
+    """
+
+    lay: Layout
+    held: tuple[int, ...] = ()
+
+    @cached_property
+    def length(self) -> float:
+        """Unit of distances [m]."""
+        return length(self.lay)
+
+    @cached_property
+    def size(self) -> Array:
+        """Unit of each joint coordinate: 1 for angles, the mechanism's length for distances. Shape (n_q,)."""
+        return np.where(self.lay.turns, 1.0, self.length).astype(self.lay.path.dtype)
+
+    @cached_property
+    def unknown(self) -> list[int]:
+        """Columns of the tree coordinates that are not held."""
+        tree = [c for edge in self.lay.tree.edges for c in self.lay.columns[edge.joint.name]]
+        return sorted(set(tree) - set(self.held))
+
+    @cached_property
+    def cut(self) -> CutColumns:
+        return passive.cut_columns(self.lay)
+
+    @cached_property
+    def components(self) -> Reactions:
+        """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
+        cuts = self.lay.tree.cuts
+        rest, zero = (
+            [np.eye(3, dtype=self.lay.path.dtype)[None]],
+            [np.zeros((1, 3), dtype=self.lay.path.dtype)],
+        )
+        if not cuts:
+            return Reactions((), (), (), *[np.zeros((1, 0, 3))] * 3)
+        return reaction_components(cuts, rest * len(cuts), rest * len(cuts), zero * len(cuts))
+
+    @cached_property
+    def _kinds(self) -> tuple[list[int], Array, Array, Array]:
+        """Owner of each row; whether it is a force; whether its direction turns with the child; if U's moment."""
+        owner = list(self.components.joints)
+        kind = [self.lay.tree.cuts[c].kind for c in owner]
+        force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
+        carried = np.array(
+            [k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool
+        )
+        normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
+        return owner, force, carried, normal
+
+    def rows(self, R: Array, p: Array) -> Rows:
+        """The reciprocal wrenches at given poses of the bodies, and how far the loops are open."""
+        (i, R_i, p_i), (j, R_j, p_j) = self.lay.sides
+        cuts = self.lay.tree.cuts
+        R_child = R[:, j]
+        R_from, R_to = R[:, i] @ R_i, R_child @ R_j
+        point = p[:, j] + (R_child @ p_j[..., None])[..., 0]
+        shift = point - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
+        turn = np.zeros_like(shift)
+        owner, _, carried, normal = self._kinds
+        direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
+        direction[:, carried] = (
+            R_child[:, [c for c, own in zip(owner, carried, strict=True) if own]]
+            @ direction[:, carried][..., None]
+        )[..., 0]
+        by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
+        if by_axis:
+            first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
+            last = (R_to[:, by_axis] @ np.array([cuts[c].axes[-1] for c in by_axis])[..., None])[..., 0]
+            turn[:, by_axis] = np.cross(first, last)
+            for row in np.flatnonzero(normal):  # axes of a U joint stay at right angles
+                c, k = owner[row], by_axis.index(owner[row])
+                across = turn[:, c].copy()
+                direction[:, row] = across / np.linalg.norm(across, axis=1, keepdims=True)
+                turn[:, c] = -np.sum(first[:, k] * last[:, k], axis=1, keepdims=True) * across
+        for c, joint in enumerate(cuts):
+            if joint.kind == "P":
+                turn[:, c] = vee(R_to[:, c] @ R_from[:, c].swapaxes(1, 2))
+        return Rows(direction, point, (turn, shift))
+
+    def errors(self, rows: Rows) -> Array:
+        """How far each loop is open along each reciprocal wrench, without dimension. Shape (n, m)."""
+        owner, force, _, _ = self._kinds
+        turn, shift = rows.apart
+        apart = np.where(force[:, None], shift[:, owner] / self.length, turn[:, owner])
+        return np.asarray(np.sum(rows.direction * apart, axis=2))
+
+    def _matrix(self, rows: Rows, at: Pose) -> Array:
+        owner, force, _, _ = self._kinds
+        # the work of each wrench on the child's twist less the parent's
+        d = np.where(force[:, None], rows.direction / self.length, 0.0)
+        work = np.empty((*d.shape[:2], 6), dtype=d.dtype)
+        work[..., 3:] = d
+        work[..., :3] = np.where(force[:, None], np.cross(rows.point[:, owner], d), rows.direction)
+        found = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
+        return np.concatenate([found, self._selection(at)], axis=1) * self.size[self.unknown]
+
+    @cached_property
+    def _signs(self) -> Array:
+        return np.asarray(-self.lay.loop[np.ix_(self._kinds[0], self.unknown)])
+
+    def matrix(self, at: Pose) -> Array:
+        """Derivative of the closing errors by the unknowns, without dimension. Shape (n, m + k, n_unknown)."""
+        return self._matrix(self.rows(at.R, at.p), at)
+
+    def _selection(self, at: Pose) -> Array:
+        """Rows that pick the independent coordinates. Shape (n, k, n_unknown)."""
+        columns = self.lay.mechanism.independent_columns
+        rows = np.zeros((len(at.q), len(columns), len(self.unknown)), dtype=at.q.dtype)
+        for k, column in enumerate(columns):
+            if column in self.unknown:
+                rows[:, k, self.unknown.index(column)] = 1.0
+            else:
+                place = self.lay.cut_columns.index(column)
+                rows[:, k] = self.cut_rows(at)[0][:, place][:, self.unknown]
+            rows[:, k] /= self.size[column]
+        return rows
+
+    def cut_rows(self, at: Pose) -> tuple[Array, Array]:
+        """Rates of the cut coordinates per rate of the tree, and the condition of each cut joint's chart.
+
+        Returns:
+            Shapes (n, n_place, n_q) in the order of `Layout.cut_columns`, and (n, n_cut).
+        """
+        tree = self.lay.loop.copy()
+        tree[:, self.lay.cut_columns] = 0.0
+        reader, condition = self.readers(at)
+        return -(reader @ at.S.swapaxes(1, 2)) * tree[self.cut.owner], condition
+
+    def readers(self, at: Pose) -> tuple[Array, Array]:
+        """What reads the rates of the cut joints, see `passive.readers`."""
+        _, (j, _, p_j) = self.lay.sides
+        points = at.p[:, j] + (at.R[:, j] @ p_j[..., None])[..., 0]
+        return passive.readers(self.lay, self.cut, at.S, points)
+
+    def evaluate(self, z: Array, y: Array) -> tuple[Array, Array]:
+        """Closing errors and their derivative, all without dimension: an `Evaluation` for Newton's method.
+
+        Args:
+            z: Unknowns over their `size`. Shape (n, n_unknown).
+            y: Independent coordinates over theirs. Shape (n, k).
+        """
+        columns = self.lay.mechanism.independent_columns
+        q = np.tile(self.lay.mechanism.home, (len(z), 1))
+        q[:, self.unknown] = z * self.size[self.unknown]
+        for k, column in enumerate(columns):
+            if column not in self.unknown:  # the angle nearest to what is wanted
+                q[:, column] = y[:, k] * self.size[column]
+        R, p, S = tree_pose(self.lay, q)
+        rows = self.rows(R, p)
+        at = Pose(q, R, p, S, np.zeros((len(z), 0, 6)))
+        if not set(columns) <= set(self.unknown):
+            at = whole_pose(self.lay, passive.read(self.lay, self.cut, R, p, q), R, p, S)
+        error = at.q[:, columns] / self.size[columns] - y
+        return np.concatenate([self.errors(rows), error], axis=1), self._matrix(rows, at)
+
+    def bias(self, at: Pose, V: Array, A: Array) -> Array:
+        """Second derivative of the closing errors where the unknowns have none. Shape (n, m).
+
+        Args:
+            V: Twists of the bodies at O. Shape (n, n_body + 1, 6).
+            A: Their acceleration screws for joint accelerations of zero. Shape (n, n_body + 1, 6).
+        """
+        rows = self.rows(at.R, at.p)
+        owner, force, carried, normal = self._kinds
+        (i, _, _), (j, _, _) = self.lay.sides
+        V_i, V_j, A_i, A_j = V[:, i], V[:, j], A[:, i], A[:, j]
+        w_i, w_j = V_i[..., :3], V_j[..., :3]
+        apart = screws.acceleration_at(V_j, A_j, rows.point) - screws.acceleration_at(V_i, A_i, rows.point)
+        # a child's point that slides on the parent is carried along by that; zero where nothing slides
+        sliding = screws.velocity_at(V_j, rows.point) - screws.velocity_at(V_i, rows.point)
+        sliding[:, [joint.kind not in "PC" for joint in self.lay.tree.cuts]] = 0.0
+        apart -= np.cross(w_i, sliding)
+        change = np.where(carried[:, None], np.cross(w_j[:, owner], rows.direction), 0.0)
+        for row in np.flatnonzero(normal):
+            first, second = at.S[:, self.lay.columns[self.lay.tree.cuts[owner[row]].name], :3].swapaxes(0, 1)
+            w_first, w_second = w_i[:, owner[row]], w_j[:, owner[row]]
+            change[:, row] = np.cross(np.cross(w_first, first), second) + np.cross(
+                first, np.cross(w_second, second)
+            )
+        along = np.where(force[:, None], apart[:, owner], (A_j - A_i)[:, owner, :3])
+        rate = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
+        found = np.sum(rows.direction * along + change * rate, axis=2)
+        return np.asarray(np.where(force, found / self.length, found))

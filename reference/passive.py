@@ -1,0 +1,155 @@
+"""Coordinates of the joints that close the loops, each from the motion of its own two bodies.
+
+They are no unknowns of the loops. Where the axes of a spherical joint come to lie in one plane (a chart lock), its
+rates are lost, and only they.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array, triad_angles
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CutColumns:
+    """The coordinates of the cut joints, in the order of `Layout.cut_columns`; places refer to that order.
+
+    Attributes:
+        triads: The axes of each cut joint, completed to three. Shape (n_cut, 3, 3).
+        angles: (places, cut joints, numbers of the angle) of all angles.
+        slides: (places, cut joints) of all distances.
+        slide_axes: Axes of these in the parent side's frame. Shape (n_slide, 3).
+        balls: (places of three angles, cut joint) of each spherical joint.
+        owner: Cut joint of each place.
+    """
+
+    triads: Array
+    angles: tuple[list[int], list[int], list[int]]
+    slides: tuple[list[int], list[int]]
+    slide_axes: Array
+    balls: tuple[list[list[int]], list[int]]
+    owner: list[int]
+
+
+def cut_columns(lay: Layout) -> CutColumns:
+    """Sorts the coordinates of the cut joints by what they are."""
+    angles: tuple[list[int], list[int], list[int]] = ([], [], [])
+    slides: tuple[list[int], list[int]] = ([], [])
+    balls: tuple[list[list[int]], list[int]] = ([], [])
+    axes, owner = [], []
+    for c, joint in enumerate(lay.tree.cuts):
+        first = len(owner)
+        for i, (turn, axis) in enumerate(joint.freedoms):
+            if turn:
+                for kept, value in zip(angles, (len(owner), c, i), strict=True):
+                    kept.append(value)
+            else:
+                slides[0].append(len(owner))
+                slides[1].append(c)
+                axes.append(axis)
+            owner.append(c)
+        if joint.kind == "S":
+            balls[0].append([first, first + 1, first + 2])
+            balls[1].append(c)
+    triads = np.array([_triad(joint.axes) for joint in lay.tree.cuts], dtype=lay.path.dtype).reshape(-1, 3, 3)
+    return CutColumns(triads, angles, slides, np.array(axes).reshape(-1, 3), balls, owner)
+
+
+def _triad(axes: Array) -> Array:
+    """Completes one or two orthogonal axes to three."""
+    if len(axes) == 3:
+        return axes
+    second = axes[1] if len(axes) == 2 else np.linalg.svd(axes)[2][1]
+    return np.vstack([axes[0], second, np.cross(axes[0], second)])
+
+
+def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Array:
+    """Joint coordinates in which those of the cut joints are what the bodies' poses say.
+
+    Args:
+        R, p: Poses of the bodies. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
+        guess: Joint coordinates; of all angles that mean the same, the nearest is taken. Shape (n, n_q).
+
+    Returns:
+        Shape (n, n_q).
+    """
+    q = guess.copy()
+    if not cut.owner:
+        return q
+    columns = np.array(lay.cut_columns)
+    (i, R_i, p_i), (j, R_j, p_j) = lay.sides
+    R_from = R[:, i] @ R_i
+    place, owner, number = cut.angles
+    near = np.zeros((*R_from.shape[:2], 3), dtype=q.dtype)
+    near[:, owner, number] = guess[:, columns[place]]
+    angles = triad_angles(R_from.swapaxes(-1, -2) @ (R[:, j] @ R_j), cut.triads)
+    q[:, columns[place]] = _nearest(angles, near)[:, owner, number]
+    if cut.slides[0]:
+        apart = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (
+            p[:, i] + (R[:, i] @ p_i[..., None])[..., 0]
+        )
+        place, owner = cut.slides
+        along = (R_from[:, owner] @ cut.slide_axes[..., None])[..., 0]
+        q[:, columns[place]] = np.sum(along * apart[:, owner], axis=-1)
+    return q
+
+
+def _nearest(angles: Array, near: Array) -> Array:
+    """Of the two triples of angles of a rotation, and of all their whole turns, those nearest to a guess.
+
+    Args:
+        angles, near: Shape (n, n_cut, 3); what a joint does not have is near zero.
+    """
+    other = angles * np.array([1.0, -1.0, 1.0], dtype=near.dtype) + np.pi
+    one, two = near + _within(angles - near), near + _within(other - near)
+    farther = np.abs(two - near).sum(axis=-1) < np.abs(one - near).sum(axis=-1)
+    turns = np.round((angles - near) / (2.0 * np.pi))
+    exact = np.where(turns == 0.0, angles, one)  # what needs no turning keeps its last bit
+    return np.asarray(np.where(farther[..., None], two, exact))
+
+
+def _within(angle: Array) -> Array:
+    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
+
+
+def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Array, Array]:
+    """What reads the rates of cut joints from the twist of their child less that of their parent.
+
+    Args:
+        S: Unit screws of all coordinates. Shape (n, n_q, 6).
+        points: Where each cut joint acts, in the world [m]. Shape (n, n_cut, 3).
+
+    Returns:
+        Rows for twists at O, NaN at a chart lock, in the order of `Layout.cut_columns`, shape (n, n_place, 6), and
+        the condition number of each joint's chart, shape (n, n_cut).
+    """
+    own = S[:, lay.cut_columns]
+    rows = np.zeros_like(own)
+    condition = np.ones(points.shape[:2])
+    place = cut.angles[0]
+    rows[:, place, :3] = own[:, place, :3]  # one axis, or two at right angles
+    if cut.balls[1]:
+        axes = own[:, cut.balls[0], :3]
+        faces = np.cross(axes[:, :, [1, 2, 0]], axes[:, :, [2, 0, 1]])
+        volume = np.sum(axes[:, :, 0] * faces[:, :, 0], axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dual = faces / volume[..., None, None]
+            size = 3.0**-0.5 * np.linalg.norm(dual, axis=(-2, -1))
+        dual[~(size <= linear.SINGULAR)] = np.nan
+        rows[:, cut.balls[0], :3], condition[:, cut.balls[1]] = dual, size
+    if cut.slides[0]:
+        place, owner = cut.slides
+        along = own[:, place, 3:]
+        rows[:, place, 3:], rows[:, place, :3] = along, np.cross(points[:, owner], along)
+    return rows, condition
+
+
+def locked(joint: Joint) -> tuple[str, str]:
+    """The two coordinates of a spherical joint that turn about one line where its chart locks."""
+    return joint.coordinates[0], joint.coordinates[2]

@@ -1,0 +1,80 @@
+"""Which singularity a pose is near, in one sentence, from the freedoms and constraints of the loops there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference import screws
+from screwgauge.reference.closing import Closing
+from screwgauge.reference.graph import output_body
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.rotations import Array
+
+#: Parts of a null vector below this share of its largest are left out of the sentence.
+SHARE = 0.05
+
+
+def near_singularity(lay: Layout, at: Pose) -> str:
+    """What happens at the singular pose that a pose is nearest to. `at` holds one sample.
+
+    The smallest singular value's right vector is the motion that the loops no longer stop while the independent
+    coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
+    """
+    system = Closing(lay)
+    U, _, Vt = np.linalg.svd(system.matrix(at)[0], full_matrices=False)
+    motion = np.zeros(at.q.shape[1])
+    motion[system.unknown] = Vt[-1]
+    coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
+    bodies = _moved(lay, system, at, motion * system.size)
+    chosen = ", ".join(lay.mechanism.independent)
+    lost = [system.components.names[i] for i in _large(U[: len(system.components.names), -1], 0.3)]
+    joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
+    constraint = f"; the constraint of {_listed(joints)} is lost" if lost else ""
+    if output_body(lay.mechanism) in bodies:
+        return (
+            f"{output_body(lay.mechanism)} gains a freedom that {chosen} do not determine "
+            f"({_listed(coordinates)} move){constraint}"
+        )
+    joint = next(
+        (j for j in lay.mechanism.joints if set(j.coordinates) >= set(coordinates)),
+        None,
+    )
+    if joint is not None and len(joint.coordinates) > 1:
+        return f"{joint.name} locks: {_listed(bodies)} turn idly ({_listed(coordinates)} moves nothing else)"
+    return f"{_listed(bodies)} gain a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
+
+
+def chart_lock(lay: Layout, cut: int) -> str:
+    """What happens where the chart of cut joint number `cut` locks."""
+    joint = lay.tree.cuts[cut]
+    first, last = joint.coordinates[0], joint.coordinates[-1]
+    return f"the chart of {joint.name} locks ({first} and {last} turn about one line)"
+
+
+def _large(values: Array, share: float = SHARE) -> list[int]:
+    """Indices of what is not small beside the largest, the largest first."""
+    size = np.abs(values)
+    order = np.argsort(-size, kind="stable")
+    return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
+
+
+def _moved(lay: Layout, system: Closing, at: Pose, motion: Array) -> list[str]:
+    """Bodies that a motion of the tree moves."""
+    V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])
+    index = lay.mechanism.body_index
+    speed = np.zeros(len(index))
+    for body in lay.mechanism.bodies:
+        i = index[body.name]
+        com = at.p[0, i] + at.R[0, i] @ body.com
+        parts = [V[i, :3], screws.velocity_at(V[i], com) / system.length]
+        speed[i] = np.abs(np.concatenate(parts)).max()
+    large = set(_large(speed))
+    return [name for name, i in index.items() if i in large and name != GROUND]
+
+
+def _listed(names: list[str]) -> str:
+    """The first few names."""
+    shown = names[:4]
+    more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
+    return ", ".join(shown) + more
