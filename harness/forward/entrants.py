@@ -115,15 +115,18 @@ def _rungs(method: str, quick: bool, least: float = 0.0) -> list[float]:
 def _screw(own: str, *, stiff: bool, quick: bool) -> Iterator[Entrant]:
     for method in METHODS:
         rungs = _rungs(method, quick)
-        if stiff and method in EXPLICIT:
-            rungs = rungs[:1]  # it is stability that asks for the steps: all rungs take as long
         if quick and method != own:
             rungs = rungs[:1]
-        yield from _ladder(f"screw-{method}", "screw", method, rungs)
+        if stiff and method in EXPLICIT:  # it is stability that asks for steps: every rung takes very long
+            yield from _ladder(f"screw-{method}", "screw", method, rungs[:1], first=len(LADDER))
+        else:
+            yield from _ladder(f"screw-{method}", "screw", method, rungs)
 
 
-def _ladder(family: str, engine: str, method: str, rungs: Sequence[float]) -> Iterator[Entrant]:
-    for effort, rtol in enumerate(rungs):
+def _ladder(
+    family: str, engine: str, method: str, rungs: Sequence[float], first: int = 0
+) -> Iterator[Entrant]:
+    for effort, rtol in enumerate(rungs, first):
         yield Entrant(
             family=family,
             engine=engine,
