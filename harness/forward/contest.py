@@ -162,12 +162,18 @@ def contest(
     return Contest(
         scene=here,
         plan=plan,
-        outcomes=tuple(outcomes),
+        outcomes=tuple(_by_family(outcomes)),
         fits=tuple(_fits(outcomes)),
         reference=work.source,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
     )
+
+
+def _by_family(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Family by family, those of `screw` first."""
+    names = list(dict.fromkeys(o.entrant.family for o in outcomes))
+    return sorted(outcomes, key=lambda o: (o.entrant.engine != "screw", names.index(o.entrant.family)))
 
 
 def _hopeless(entrant: Entrant, before: Sequence[Outcome], plan: Plan) -> bool:

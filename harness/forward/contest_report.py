@@ -166,7 +166,7 @@ def report_markdown(found: Contest, plots: Sequence[Plot]) -> str:
 def _table(found: Contest) -> str:
     head = ["who", "setting", "observable off by", "energy off by [J]", "processor time", "wall time"]
     head += ["steps", "evaluations", "remark"]
-    body = [_row(o) for o in sorted(found.outcomes, key=lambda o: _family(found, o))]
+    body = [_row(o) for o in found.outcomes]
     for item in found.scene.published:
         off = "" if np.isnan(item.accuracy) else size(item.accuracy)
         energy = item.measure == "energy"
@@ -175,10 +175,6 @@ def _table(found: Contest) -> str:
         errors = ["" if energy else off, off if energy else ""]
         body.append(["*published*", item.who, *errors, time, "", "", "", remark])
     return markdown_table(head, body, (2, 3, 4, 5, 6, 7))
-
-
-def _family(found: Contest, outcome: Outcome) -> int:
-    return list(dict.fromkeys(o.entrant.family for o in found.outcomes)).index(outcome.entrant.family)
 
 
 def _row(o: Outcome) -> list[str]:
@@ -213,7 +209,7 @@ def format_terminal(found: Contest) -> str:
             duration(o.wall),
             o.status,
         )
-        for o in sorted(found.outcomes, key=lambda o: _family(found, o))
+        for o in found.outcomes
     ]
     theirs = [
         (
