@@ -318,5 +318,7 @@ def _fits(outcomes: Sequence[Outcome]) -> list[Fit]:
         points = [(o.entrant.parameter[1], o.scaled) for o in here if o.entrant.parameter]
         order = next((o.entrant.order for o in here), None)
         if points and order is not None and here[0].entrant.parameter is not None:
-            found.append(fit(Rule(family, "observable", order), here[0].entrant.parameter[0], points))
+            one = fit(Rule(family, "observable", order), here[0].entrant.parameter[0], points)
+            if np.isfinite(one.slope):  # three points between saturation and rounding
+                found.append(one)
     return found
