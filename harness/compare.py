@@ -148,9 +148,7 @@ def _pair(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _explained(
-    row: dict[str, Any], a: Solution, b: Solution, refusals: Sequence[Refusal]
-) -> dict[str, Any]:
+def _explained(row: dict[str, Any], a: Solution, b: Solution, refusals: Sequence[Refusal]) -> dict[str, Any]:
     """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
     if row["ok"]:
         return row

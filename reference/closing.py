@@ -69,7 +69,10 @@ class Closing:
     def components(self) -> Reactions:
         """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
         cuts = self.lay.tree.cuts
-        rest, zero = [np.eye(3, dtype=self.lay.path.dtype)[None]], [np.zeros((1, 3), dtype=self.lay.path.dtype)]
+        rest, zero = (
+            [np.eye(3, dtype=self.lay.path.dtype)[None]],
+            [np.zeros((1, 3), dtype=self.lay.path.dtype)],
+        )
         if not cuts:
             return Reactions((), (), (), *[np.zeros((1, 0, 3))] * 3)
         return reaction_components(cuts, rest * len(cuts), rest * len(cuts), zero * len(cuts))
@@ -80,7 +83,9 @@ class Closing:
         owner = list(self.components.joints)
         kind = [self.lay.tree.cuts[c].kind for c in owner]
         force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
-        carried = np.array([k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool)
+        carried = np.array(
+            [k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool
+        )
         normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
         return owner, force, carried, normal
 

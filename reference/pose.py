@@ -208,7 +208,10 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
         return Pose(q, R, p, S, gap)
     turned = lay.rotations(q)
     directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
-    R_via, p_via = np.empty((n, gap.shape[1], 3, 3), dtype=q.dtype), np.empty((n, gap.shape[1], 3), dtype=q.dtype)
+    R_via, p_via = (
+        np.empty((n, gap.shape[1], 3, 3), dtype=q.dtype),
+        np.empty((n, gap.shape[1], 3), dtype=q.dtype),
+    )
     for c, joint in enumerate(lay.tree.cuts):
         parent, columns = index[joint.parent], lay.columns[joint.name]
         R_via[:, c], p_via[:, c], directions[:, columns], points[:, columns] = across(

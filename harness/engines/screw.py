@@ -106,9 +106,7 @@ class _Work:
             A, charts = self.system.matrix(at), self.system.readers(at)[1]
         with self.clock.stage("condition"):
             condition = linear.condition(A)
-            trust = Trust(
-                condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, load
-            )
+            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, load)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
