@@ -67,7 +67,7 @@ def test_the_newton_euler_system_has_the_same_forces(monkeypatch):
     assert np.median(digits) > 10.6
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e-2, 1e2, 1e3])
+@pytest.mark.parametrize("size", [1e-3, 1e3])
 def test_size_does_not_matter(size):
     """A mechanism s times as large, gravity s times as strong: all forces are s^4 times as large, moments s^5."""
     scene = load_scene("3ups-upu-s")
@@ -123,7 +123,7 @@ def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
     assert results.pairs["max_scaled"].max() <= THIRTEEN, results.pairs.to_string()
 
 
-@pytest.mark.parametrize("speed", [0.0, 30.0, 1e3])
+@pytest.mark.parametrize("speed", [0.0, 1e3])
 def test_speed_costs_no_engine_its_digits(speed):
     scene = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]])
     motion = scene.motion

@@ -133,7 +133,7 @@ class _Work:
             F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
             self._forces(rate, motion, (F, T), out, conditions)
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
-        return np.maximum(*sizes)
+        return np.asarray(np.maximum(*sizes))
 
     def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
