@@ -47,7 +47,7 @@ class Plan:
     Attributes:
         samples: Times compared, at most.
         rounds: Measurements of what is short.
-        budget: Seconds after which nothing further begins.
+        budget: Seconds after which nothing further begins or goes on.
         each: Seconds after which an entrant is stopped.
         share: Share of the duration that is integrated.
     """
@@ -158,7 +158,7 @@ def contest(
                 reason = f"the setting before took so long that this one would take more than {plan.each:g} s"
                 outcomes.append(Outcome(entrant, CUT, reason))
             else:
-                outcomes.append(work.outcome(entrant))
+                outcomes.append(work.outcome(entrant, plan.budget - perf_counter() + begin))
     return Contest(
         scene=here,
         plan=plan,
@@ -222,12 +222,13 @@ class _Work:
         floor = natural_scales(scene.mechanism)
         self.scale = np.array([reference_scale(self.known, unit, floor[unit]) for unit in self.known.units])
 
-    def problem(self, engine: str, until: float = np.inf) -> ForwardProblem:
-        """The problem of an engine; an integration that lasts until a reading of the clock is stopped."""
+    def problem(self, engine: str, most: float = np.inf) -> ForwardProblem:
+        """The problem of an engine; an integration that lasts longer than so many seconds is stopped."""
+        begin = perf_counter()
 
         def progress(share: float) -> None:
-            if perf_counter() > until:
-                raise _TooLong(f"stopped after {self.plan.each:g} s, {share:.0%} of the way")
+            if perf_counter() - begin > most:
+                raise _TooLong(f"stopped after {most:.3g} s, {share:.0%} of the way")
 
         return make_problem(self.scene, self.start, *model_files(self.scene, engine, self.folder), progress)
 
@@ -246,14 +247,19 @@ class _Work:
         q = found.q[len(problem.times) - len(self.scene.motion) :]
         return observe(self.lay, self.scene.observables, q), f"screw with {method.name}, rtol = atol = 1e-12"
 
-    def outcome(self, entrant: Entrant) -> Outcome:
-        """Integrates, again if that was short, and scores. Whatever is raised becomes a row."""
+    def outcome(self, entrant: Entrant, left: float) -> Outcome:
+        """Integrates, again if that was short, and scores. Whatever is raised becomes a row.
+
+        Args:
+            left: Of the budget [s].
+        """
+        most = min(self.plan.each, left)
         try:
-            found = self._integrate(entrant)
+            found = self._integrate(entrant, most)
             times = [(found.seconds, found.cpu)]
             for _ in range(self.plan.rounds - 1):
                 if found.seconds < SHORT:
-                    again = self._integrate(entrant)
+                    again = self._integrate(entrant, most)
                     times.append((again.seconds, again.cpu))
         except _TooLong as error:
             return Outcome(entrant, CUT, str(error))
@@ -265,8 +271,8 @@ class _Work:
         wall, cpu = np.min(np.array(times), axis=0).tolist()
         return self._scored(entrant, found, wall, cpu)
 
-    def _integrate(self, entrant: Entrant) -> ForwardSolution:
-        problem = self.problem(entrant.engine, perf_counter() + self.plan.each)
+    def _integrate(self, entrant: Entrant, most: float) -> ForwardSolution:
+        problem = self.problem(entrant.engine, most)
         with np.errstate(all="ignore"):
             found = entrant.integrate(problem)
         return trimmed(found, len(problem.times) - len(self.scene.motion))

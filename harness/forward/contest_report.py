@@ -50,7 +50,7 @@ HOW = """\
   whole trees under constraints; they are driven by the same methods of scipy. The families with the name of an
   integrator are the engines' own steppers at fixed steps: MuJoCo's with its default softness (refined: solimp 0.9999
   and proximal refinements), Pinocchio's with a projection onto the closed loops after every step.
-- A contestant is stopped after {each} s; after {budget} s nothing further begins. Both are marked `cut short`.
+- A contestant is stopped after {each} s, the whole bench after {budget} s. Both are marked `cut short`.
 - Published results were measured on other machines, some decades ago: their times are comparable to an order of
   magnitude at best. Their accuracy is what they state, or what the values that they print differ from the reference.
 - All contestants here but the engines' inner loops run under Python: its overhead is in every time."""

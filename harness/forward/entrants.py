@@ -16,7 +16,7 @@ LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
 #: Fixed steps over the whole motion, and how each stepper is set: family, integrator, and whatever is not default.
-STEPS = (250, 1_000, 4_000, 16_000)
+STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
 #: Impedance that leaves least softness, and refinements that remove the rest of it.
 STIFF: dict[str, Any] = {"solimp": 0.9999, "passes": 20}
