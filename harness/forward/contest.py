@@ -85,7 +85,7 @@ def contest(
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
     chosen = _chosen(here, start, lay, contestants, quick=plan.share < 1.0)
-    outcomes = []
+    outcomes: list[Outcome] = []
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
         progress(REFERENCE, 0.0)
