@@ -44,7 +44,10 @@ def upu_singularity() -> Case:
         name="upu-singularity",
         title="Towards the UPU leg's constraint singularity",
         axis="distance [rad]",
-        about="The platform gains a third freedom at b = 0.356801 rad; reactions grow as 1 / distance.",
+        about="The platform gains a third freedom at b = 0.356801 rad; the moment in leg 1's wrist grows as "
+        "1 / distance. `screw` sees from the description that the third rotation vanishes, and gets its forces from "
+        "virtual power; projected paths solve for that rotation, and of its rounding every derivative is divided by "
+        "the distance once more: three digits a decade in motion, two at rest.",
         drawn="generalized_force",
         low=1e-15,
         high=0.3,
