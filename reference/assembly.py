@@ -84,7 +84,7 @@ def corrector(system: Closing) -> Corrector:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near a chart lock they run away
         K[system.unknown] = partial_rates(matrix, len(y))[0]
-        return fill(system, z, q[None] * system.size).q[0] / system.size, K
+        return _read(system, z, q[None] * system.size)[0][0] / system.size, K
 
     return correct
 
@@ -96,8 +96,13 @@ def fill(system: Closing, z: Array, guess: Array) -> Pose:
         z: Unknowns without dimension. Shape (n, n_unknown).
         guess: Joint coordinates, of which those of cut joints say which of equal angles is meant. Shape (n, n_q).
     """
+    return whole_pose(system.lay, *_read(system, z, guess))
+
+
+def _read(system: Closing, z: Array, guess: Array) -> tuple[Array, Array, Array, Array]:
+    """All joint coordinates, and what `tree_pose` gives."""
     q, held = guess.copy(), list(system.held)
     q[:, held] = system.lay.mechanism.home[held]
     q[:, system.unknown] = z * system.size[system.unknown]
     R, p, S = tree_pose(system.lay, q)
-    return whole_pose(system.lay, passive.read(system.lay, system.cut, R, p, q), R, p, S)
+    return passive.read(system.lay, system.cut, R, p, q), R, p, S

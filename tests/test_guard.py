@@ -113,11 +113,14 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     results = ladder[4]
     rows = {(row["engine"], row["quantity"]): row for row in summary(results)["guard"]}
     ours, theirs = rows["screw", "joint_acceleration"], rows["pinocchio", "joint_acceleration"]
-    assert ours["ok"] and not ours["flagged"] and ours["estimate"] < LIMIT and ours["condition"] < 1e3
-    assert not theirs["ok"] and theirs["flagged"] == 3 and theirs["condition"] > 1e5
+    assert (ours["ok"], ours["flagged"]) == (True, 0)
+    assert max(ours["estimate"] / LIMIT, ours["condition"] / 1e3) < 1.0
+    assert (theirs["ok"], theirs["flagged"]) == (False, 3)
+    assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
-    assert "flagged (" in guard_line(results) and "pinocchio" in guard_line(results)
-    assert "no digit" in guard_section(results) and "✗ (3 of 3" in guard_section(results)
+    assert "flagged (pinocchio" in guard_line(results)
+    assert "no digit" in guard_section(results)
+    assert "✗ (3 of 3" in guard_section(results)
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
     assert guard_line(quiet).startswith("guard: nothing flagged")
 
