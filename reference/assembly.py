@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from screwgauge.reference import linear, passive
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import Closing, make_closing
 from screwgauge.reference.continuation import OPEN, Corrector, follow, newton, partial_rates
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.mechanism import Mechanism
@@ -26,7 +26,7 @@ def closing(lay: Layout) -> Closing:
     """The closing equations of a layout, coordinates that never move being held. Worked out once a mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = held_columns(lay)
-    return Closing(lay, _known[lay.mechanism])
+    return make_closing(lay, _known[lay.mechanism])
 
 
 def held_columns(lay: Layout) -> tuple[int, ...]:
@@ -35,7 +35,7 @@ def held_columns(lay: Layout) -> tuple[int, ...]:
     Coordinates are analytic in y. One that rests at several poses in general position, in value and in every first
     derivative, rests on the whole branch; the loops then close to rounding with it held, which is tested too.
     """
-    free = Closing(lay)
+    free = make_closing(lay)
     found = _trials(free)
     if lay.path.dtype != np.float64 or not lay.tree.cuts or found is None:
         return ()
@@ -48,7 +48,7 @@ def held_columns(lay: Layout) -> tuple[int, ...]:
     held = tuple(c for c, still in zip(free.unknown, rests, strict=True) if still and c not in chosen)
     if not held:
         return ()
-    fixed = Closing(lay, held)
+    fixed = make_closing(lay, held)
     start = z[:, [free.unknown.index(c) for c in fixed.unknown]]
     _, _, error = newton(fixed.evaluate, start, y)
     return held if (error <= 64 * linear.EPS).all() else ()

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 
 def revolute(e: Array, r: Array) -> Array:
     """Unit screw of a rotation about the axis `e` through the point `r`, eq. (2). Shape (..., 6)."""
-    return np.concatenate([e, np.cross(r, e)], axis=-1)
+    return np.concatenate([e, cross(r, e)], axis=-1)
 
 
 def prismatic(e: Array) -> Array:
@@ -23,7 +23,7 @@ def prismatic(e: Array) -> Array:
 
 def force(f: Array, r: Array) -> Array:
     """Wrench of a force `f` acting at the point `r`. Shape (..., 6)."""
-    return np.concatenate([f, np.cross(r, f)], axis=-1)
+    return np.concatenate([f, cross(r, f)], axis=-1)
 
 
 def couple(m: Array) -> Array:
@@ -44,7 +44,7 @@ def lie_bracket(first: Array, second: Array) -> Array:
         Twist. Shape (..., 6).
     """
     w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]
-    return np.concatenate([np.cross(w1, w2), np.cross(w1, v2) - np.cross(w2, v1)], axis=-1)
+    return np.concatenate([cross(w1, w2), cross(w1, v2) - cross(w2, v1)], axis=-1)
 
 
 def reciprocal_product(wrench: Array, twist: Array) -> Array:
@@ -54,7 +54,7 @@ def reciprocal_product(wrench: Array, twist: Array) -> Array:
 
 def velocity_at(twist: Array, r: Array) -> Array:
     """Velocity [m/s] of the body point at `r`. Shape (..., 3)."""
-    return twist[..., 3:] + np.cross(twist[..., :3], r)
+    return twist[..., 3:] + cross(twist[..., :3], r)
 
 
 def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
@@ -68,4 +68,4 @@ def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
         r: World position of the point [m]. Shape (..., 3).
     """
     w, beta = twist[..., :3], acceleration[..., :3]
-    return acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, velocity_at(twist, r))
+    return acceleration[..., 3:] + cross(beta, r) + cross(w, velocity_at(twist, r))

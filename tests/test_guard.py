@@ -156,7 +156,7 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
-    from screwgauge.reference.closing import Closing
+    from screwgauge.reference.closing import make_closing
     from screwgauge.reference.kinematics import positions
     from screwgauge.reference.pose import layout
 
@@ -166,7 +166,7 @@ def at_lock(scene) -> np.ndarray:
 
     def condition(a: float) -> float:
         at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
-        found = float(Closing(lay).readers(at)[1][0, cut])
+        found = float(make_closing(lay).readers(at)[1][0, cut])
         return found if np.isfinite(found) else np.inf
 
     while step > 1e-17 and np.isfinite(condition(a)):
