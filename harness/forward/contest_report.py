@@ -12,8 +12,9 @@ import pandas as pd
 from screwgauge.bench.report import duration
 from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.bench.slopes import table as slope_table
-from screwgauge.forward.contest import Contest, Outcome
+from screwgauge.forward.contest import Contest
 from screwgauge.forward.contest_drawing import make_plots
+from screwgauge.forward.contest_work import Outcome
 from screwgauge.report.formatting import (
     cell,
     digits,
@@ -50,7 +51,7 @@ HOW = """\
   whole trees under constraints; they are driven by the same methods of scipy. The families with the name of an
   integrator are the engines' own steppers at fixed steps: MuJoCo's with its default softness (refined: solimp 0.9999
   and proximal refinements), Pinocchio's with a projection onto the closed loops after every step.
-- A contestant is stopped after {each} s; after {budget} s nothing further begins. Both are marked `cut short`.
+- A contestant is stopped after {each} s, the whole bench after {budget} s. Both are marked `cut short`.
 - Published results were measured on other machines, some decades ago: their times are comparable to an order of
   magnitude at best. Their accuracy is what they state, or what the values that they print differ from the reference.
 - All contestants here but the engines' inner loops run under Python: its overhead is in every time."""
@@ -166,7 +167,7 @@ def report_markdown(found: Contest, plots: Sequence[Plot]) -> str:
 def _table(found: Contest) -> str:
     head = ["who", "setting", "observable off by", "energy off by [J]", "processor time", "wall time"]
     head += ["steps", "evaluations", "remark"]
-    body = [_row(o) for o in sorted(found.outcomes, key=lambda o: _family(found, o))]
+    body = [_row(o) for o in found.outcomes]
     for item in found.scene.published:
         off = "" if np.isnan(item.accuracy) else size(item.accuracy)
         energy = item.measure == "energy"
@@ -175,10 +176,6 @@ def _table(found: Contest) -> str:
         errors = ["" if energy else off, off if energy else ""]
         body.append(["*published*", item.who, *errors, time, "", "", "", remark])
     return markdown_table(head, body, (2, 3, 4, 5, 6, 7))
-
-
-def _family(found: Contest, outcome: Outcome) -> int:
-    return list(dict.fromkeys(o.entrant.family for o in found.outcomes)).index(outcome.entrant.family)
 
 
 def _row(o: Outcome) -> list[str]:
@@ -213,7 +210,7 @@ def format_terminal(found: Contest) -> str:
             duration(o.wall),
             o.status,
         )
-        for o in sorted(found.outcomes, key=lambda o: _family(found, o))
+        for o in found.outcomes
     ]
     theirs = [
         (

@@ -16,7 +16,7 @@ LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
 #: Fixed steps over the whole motion, and how each stepper is set: family, integrator, and whatever is not default.
-STEPS = (1_000, 4_000, 16_000, 64_000)
+STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
 #: Impedance that leaves least softness, and refinements that remove the rest of it.
 STIFF: dict[str, Any] = {"solimp": 0.9999, "passes": 20}
@@ -42,6 +42,7 @@ class Entrant:
         setting: In words.
         integrate: Takes the problem of that engine.
         effort: Place on its ladder; what comes first is short.
+        late: It is known to take very long, so that it has its turn when all others had theirs.
         label: Short name in the diagram.
         parameter: Name and value of what is varied, if errors should be a power of it; `order` is that power.
     """
@@ -54,6 +55,7 @@ class Entrant:
     label: str
     parameter: tuple[str, float] | None = None
     order: float | None = None
+    late: bool = False
 
     @property
     def name(self) -> str:
@@ -62,7 +64,7 @@ class Entrant:
 
 
 def entrants(own: str, duration: float, *, stiff: bool, quick: bool) -> list[Entrant]:
-    """All of them, short ones first.
+    """All of them, each family from coarse to fine.
 
     Args:
         own: Method of the scene.
@@ -74,8 +76,7 @@ def entrants(own: str, duration: float, *, stiff: bool, quick: bool) -> list[Ent
         if engine != "screw":
             found += _ladder(engine, engine, own, _rungs(own, quick, LEAST_CONSTRAINED))
     found += _steppers(duration, quick=quick)
-    # screw runs under Python throughout: its rungs last longest
-    return sorted(found, key=lambda entrant: (entrant.effort, entrant.engine == "screw"))
+    return sorted(found, key=lambda entrant: entrant.effort)
 
 
 def _steppers(duration: float, *, quick: bool) -> Iterator[Entrant]:
@@ -118,15 +119,15 @@ def _screw(own: str, *, stiff: bool, quick: bool) -> Iterator[Entrant]:
         if quick and method != own:
             rungs = rungs[:1]
         if stiff and method in EXPLICIT:  # it is stability that asks for steps: every rung takes very long
-            yield from _ladder(f"screw-{method}", "screw", method, rungs[:1], first=len(LADDER))
+            yield from _ladder(f"screw-{method}", "screw", method, rungs[:1], late=True)
         else:
             yield from _ladder(f"screw-{method}", "screw", method, rungs)
 
 
 def _ladder(
-    family: str, engine: str, method: str, rungs: Sequence[float], first: int = 0
+    family: str, engine: str, method: str, rungs: Sequence[float], late: bool = False
 ) -> Iterator[Entrant]:
-    for effort, rtol in enumerate(rungs, first):
+    for effort, rtol in enumerate(rungs):
         yield Entrant(
             family=family,
             engine=engine,
@@ -134,6 +135,7 @@ def _ladder(
             integrate=_with(engine, method, rtol),
             effort=effort,
             label=f"{rtol:.0e}".replace("e-0", "e-"),
+            late=late,
         )
 
 
