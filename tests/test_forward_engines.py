@@ -202,7 +202,7 @@ def test_a_start_without_direction_is_refused():
 @pytest.mark.parametrize("engine", ENDINGS)
 def test_a_start_that_its_coordinates_do_not_determine_is_refused(engine):
     """All links of the four-bars in one line: which way they bend is not said by the crank."""
-    with pytest.raises(screwgauge.ScrewgaugeError):
+    with pytest.raises(SingularPoseError, match="do not determine the motion"):
         integrator(engine)(problem_of("a02-fourbar-2", engine, start=np.array([-0.5 * np.pi]))[0])
 
 

@@ -1,6 +1,6 @@
 """Integration of a closed mechanism in all coordinates of an engine's open tree.
 
-The state is (q, v, work). A pose that is singular for the independent coordinates is none here, so that `Method.near` is
+The state is (q, v, work). A pose that is singular for the independent coordinates is none here: `Method.near` is
 not looked at. What the accelerations leave of drift is taken out after every step by the smallest correction onto the
 closed loops.
 """
