@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from screwgauge.scene import Scene
 
 DEFAULT_SCENE = "3ups-upu-s"
-EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance; 2 bad input or usage;
+EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared; 2 bad input or usage;
 3 an engine failed or is missing"""
 
 

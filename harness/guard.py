@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
@@ -131,7 +132,9 @@ def examined(
                     away = np.abs(array - values[name][doubtful])
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
     for name, array in values.items():
-        bad = ~(trust.of(name) <= linear.SINGULAR)
+        # at a chart lock angles are arbitrary, but they close the loops; their rates are infinite
+        condition = trust.condition if name == "joint_position" else trust.of(name)
+        bad = ~(condition <= linear.SINGULAR)
         if bad.any():
             values[name] = np.where(bad[:, None], np.nan, array)
     return Part(values, trust, doubtful, moved)
@@ -175,6 +178,8 @@ def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Ar
         error = ROUNDED * linear.EPS * _power(name, trust) * local
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
+        if name != "joint_position":  # what stands on partial rates without a digit has none either
+            error[~(ROUNDED * linear.EPS * trust.gain**2 < DIGIT)] = np.inf
     return error
 
 
@@ -196,7 +201,7 @@ def _summands(unit: str, trust: Trust, length: float) -> Array | float:
     return 0.0
 
 
-def flagged(solution: Solution) -> dict[str, Array]:
+def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
     """Samples of each quantity whose estimated error is above `LIMIT`. Quantity -> booleans of shape (n,)."""
     return {name: ~(estimate <= LIMIT) for name, estimate in solution.estimate.items()}
 

@@ -43,9 +43,9 @@ def refusals(scene: Scene, solution: Solution) -> tuple[Refusal, ...]:
     groups: dict[tuple[int, ...], list[str]] = {}
     for quantity in (name for name in QUANTITIES if name in solution.values):
         values = solution.values[quantity]
-        missing = ~np.isfinite(values.array).all(axis=1)
-        if solution.rows is not None:  # what was not among its samples is not refused
-            missing &= np.isin(np.arange(len(missing)), solution.rows)
+        missing = np.asarray(~np.isfinite(values.array).all(axis=1))
+        # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
+        missing &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)
         if missing.any():
             groups.setdefault(tuple(np.flatnonzero(missing).tolist()), []).append(quantity)
     return tuple(

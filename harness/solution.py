@@ -157,8 +157,6 @@ class Solution:
             infinite where not one digit is right, or there is no number. Shape (n,).
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
-        estimate: Error that each sample may have by its conditioning, relative to the quantity's largest magnitude
-            over the scene, quantity -> (n,).
     """
 
     engine: str
@@ -172,7 +170,6 @@ class Solution:
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)
     rows: Rows | None = None
-    estimate: Mapping[str, Array] = field(default_factory=dict)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:

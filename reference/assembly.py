@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -26,7 +27,10 @@ def closing(lay: Layout) -> Closing:
     """The closing equations of a layout, coordinates that never move being held. Worked out once a mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = held_columns(lay)
-    return Closing(lay, _known[lay.mechanism])
+    held = _known[lay.mechanism]
+    if held not in lay.systems:
+        lay.systems[held] = Closing(lay, held)
+    return cast(Closing, lay.systems[held])
 
 
 def held_columns(lay: Layout) -> tuple[int, ...]:

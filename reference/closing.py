@@ -16,7 +16,7 @@ from screwgauge.reference import passive, screws
 from screwgauge.reference.passive import CutColumns
 from screwgauge.reference.pose import Layout, Pose, length, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
-from screwgauge.reference.rotations import Array, vee
+from screwgauge.reference.rotations import Array, cross, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +108,7 @@ class Closing:
         if by_axis:
             first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
             last = (R_to[:, by_axis] @ np.array([cuts[c].axes[-1] for c in by_axis])[..., None])[..., 0]
-            turn[:, by_axis] = np.cross(first, last)
+            turn[:, by_axis] = cross(first, last)
             for row in np.flatnonzero(normal):  # axes of a U joint stay at right angles
                 c, k = owner[row], by_axis.index(owner[row])
                 across = turn[:, c].copy()
@@ -132,7 +132,7 @@ class Closing:
         d = np.where(force[:, None], rows.direction / self.length, 0.0)
         work = np.empty((*d.shape[:2], 6), dtype=d.dtype)
         work[..., 3:] = d
-        work[..., :3] = np.where(force[:, None], np.cross(rows.point[:, owner], d), rows.direction)
+        work[..., :3] = np.where(force[:, None], cross(rows.point[:, owner], d), rows.direction)
         found = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
         return np.concatenate([found, self._selection(at)], axis=1) * self.size[self.unknown]
 
@@ -211,14 +211,12 @@ class Closing:
         # a child's point that slides on the parent is carried along by that; zero where nothing slides
         sliding = screws.velocity_at(V_j, rows.point) - screws.velocity_at(V_i, rows.point)
         sliding[:, [joint.kind not in "PC" for joint in self.lay.tree.cuts]] = 0.0
-        apart -= np.cross(w_i, sliding)
-        change = np.where(carried[:, None], np.cross(w_j[:, owner], rows.direction), 0.0)
+        apart -= cross(w_i, sliding)
+        change = np.where(carried[:, None], cross(w_j[:, owner], rows.direction), 0.0)
         for row in np.flatnonzero(normal):
             first, second = at.S[:, self.lay.columns[self.lay.tree.cuts[owner[row]].name], :3].swapaxes(0, 1)
             w_first, w_second = w_i[:, owner[row]], w_j[:, owner[row]]
-            change[:, row] = np.cross(np.cross(w_first, first), second) + np.cross(
-                first, np.cross(w_second, second)
-            )
+            change[:, row] = cross(cross(w_first, first), second) + cross(first, cross(w_second, second))
         along = np.where(force[:, None], apart[:, owner], (A_j - A_i)[:, owner, :3])
         rate = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
         found = np.sum(rows.direction * along + change * rate, axis=2)

@@ -85,7 +85,8 @@ def partial_motion(lay: Layout, rate: Rates, com: Array) -> tuple[Array, Array]:
     Returns:
         ``d v_com / d yd`` and ``d omega / d yd``. Shape (n, n_body, k, 3) each.
     """
-    partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:], rate.K, rate.pose.S)
+    tree = np.delete(np.arange(lay.path.shape[1]), lay.cut_columns)
+    partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:, tree], rate.K[:, tree], rate.pose.S[:, tree])
     return partial[..., 3:] + np.cross(partial[..., :3], com[:, :, None]), partial[..., :3]
 
 

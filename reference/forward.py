@@ -23,7 +23,7 @@ from screwgauge.reference.dynamics import (
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Rates, accelerations
 from screwgauge.reference.pose import Layout, loop_matrix
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import Load, Spring, check_springs, spring_energy, spring_forces
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -219,7 +219,7 @@ def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
     """
     mass = np.array([body.mass for body in lay.mechanism.bodies])
     S = lay.path[None, 1:, :, None] * rate.pose.S[:, None]  # (n, n_body, n_q, 6)
-    a = S[..., 3:] + np.cross(S[..., :3], com[:, :, None])
+    a = S[..., 3:] + cross(S[..., :3], com[:, :, None])
     force = mass[None, :, None, None] * a
     moment = np.einsum("nbxy,nbiy->nbix", J, S[..., :3])
     D = np.concatenate([force, moment], axis=3).swapaxes(2, 3)
@@ -247,7 +247,7 @@ def joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
         for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
             if body:
                 W[:, body, :3] += sign * force
-                W[:, body, 3:] += sign * (moment + np.cross(point - com[:, body - 1], force))
+                W[:, body, 3:] += sign * (moment + cross(point - com[:, body - 1], force))
     return W[:, 1:].reshape(n, -1)
 
 

@@ -96,7 +96,9 @@ def rates(lay: Layout, at: Pose, yd: Array) -> Rates:
     rows, charts = system.cut_rows(at)
     K[:, lay.cut_columns] = rows @ K
     w = (K @ yd[..., None])[..., 0]
-    V = np.einsum("bi,ni,nix->nbx", lay.path, w, at.S)
+    # twists follow from the tree alone: at a chart lock the rates of a cut joint are not numbers
+    tree = np.delete(np.arange(w.shape[1]), lay.cut_columns)
+    V = np.einsum("bi,ni,nix->nbx", lay.path[:, tree], w[:, tree], at.S[:, tree])
     return Rates(at, K, A, w, V, system, charts)
 
 

@@ -47,7 +47,7 @@ def condition(A: Array) -> Array:
     """
     size = np.linalg.norm(A, axis=(-2, -1))
     if A.shape[-2] > A.shape[-1]:  # the triangular factor has the same singular values
-        A = np.linalg.qr(A, mode="r")
+        A = np.asarray(np.linalg.qr(A, mode="r"))
     if A.shape[-1] != A.shape[-2]:
         s = np.linalg.svd(A, compute_uv=False)
         with np.errstate(divide="ignore"):

@@ -42,7 +42,8 @@ def cut_columns(lay: Layout) -> CutColumns:
     angles: tuple[list[int], list[int], list[int]] = ([], [], [])
     slides: tuple[list[int], list[int]] = ([], [])
     balls: tuple[list[list[int]], list[int]] = ([], [])
-    axes, owner = [], []
+    axes: list[Array] = []
+    owner: list[int] = []
     for c, joint in enumerate(lay.tree.cuts):
         first = len(owner)
         for i, (turn, axis) in enumerate(joint.freedoms):

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, rotation, skew, vee
+from screwgauge.reference.rotations import Array, cross, rotation, skew, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +55,11 @@ class Layout:
     columns: dict[str, list[int]]
     path: Array
     loop: Array
+
+    @cached_property
+    def systems(self) -> dict[tuple[int, ...], Any]:
+        """Closing equations made so far, by the coordinates that they hold; see `screwgauge.reference.assembly`."""
+        return {}
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
@@ -191,7 +197,7 @@ def _screws(lay: Layout, directions: Array, points: Array) -> Array:
     turns = lay.turns[None, :, None]
     S = np.zeros((*directions.shape[:2], 6), dtype=directions.dtype)
     S[..., :3] = np.where(turns, directions, 0.0)
-    S[..., 3:] = np.where(turns, np.cross(points, directions), directions)
+    S[..., 3:] = np.where(turns, cross(points, directions), directions)
     return S
 
 
@@ -225,7 +231,7 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     # measured at the joint, where the lever arms are short, then moved to O
     at = p[:, child] + (R[:, child] @ at_child[..., None])[..., 0]
     shift = p_via + (R_via @ at_child[..., None])[..., 0] - at
-    gap[..., :3], gap[..., 3:] = turn, shift - np.cross(turn, at)
+    gap[..., :3], gap[..., 3:] = turn, shift - cross(turn, at)
     return Pose(q, R, p, S, gap)
 
 

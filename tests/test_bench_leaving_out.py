@@ -76,7 +76,7 @@ FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench
 )
 def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
     monkeypatch.setattr(
-        "screwgauge.driver.judge", lambda scene, solution: __import__("pandas").DataFrame({"ok": []})
+        "screwgauge.driver.judge", lambda scene, solution, **_: __import__("pandas").DataFrame({"ok": []})
     )
     run("screw", *asked)
     assert executed(calls) == stages

@@ -96,6 +96,17 @@ def test_pendulum_follows_its_reference():
     assert results.values("observable", "screw").shape == (3, 2)
 
 
+@pytest.mark.parametrize(("name", "until"), [("a03-andrews-ivp", 0.003), ("a04-bricard-box", 0.5)])
+def test_three_engines_and_the_reference_agree(name, until):
+    """Each from its own model file; loops with redundant constraints, a spring and a motor among them."""
+    scene = screwgauge.load_scene(name)
+    results = screwgauge.run(scene.at(scene.motion.t[scene.motion.t <= until]))
+    assert results.ok
+    assert set(results.pairs["b"]) == {"pinocchio", "mujoco", "reference"}
+    known = results.pairs[results.pairs["b"] == "reference"]
+    assert set(known["a"]) == {"screw", "pinocchio", "mujoco"}
+
+
 def test_times_after_the_start_may_be_asked_for():
     """The start state stays that of the scene's own first time."""
     scene = screwgauge.load_scene("a01-pendulum")

@@ -175,7 +175,7 @@ def read(folder: Path) -> dict[str, Any]:
 def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     found = read(make(1e-8).write(tmp_path / "out"))
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
-    assert set(found) == {*fixed, "failures", "first_difference", "warnings"}
+    assert set(found) == {*fixed, "failures", "first_difference", "guard", "refused", "warnings"}
     assert found["scene"] == "toy"
     assert found["ok"] is False
     assert found["engines"] == {"alpha": "1.2.3", "beta": "1.2.3"}
@@ -270,7 +270,7 @@ def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
 def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
-    parts = ["Scene", "Engines", "Pairs", "Judge", "Plots", "Mechanism", "How it was compared"]
+    parts = ["Scene", "Engines", "Pairs", "Judge", "Guard", "Plots", "Mechanism", "How it was compared"]
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
     assert heads == [*parts, "Run times", "Environment", "Known limitations"]
     assert "a note of beta" in text

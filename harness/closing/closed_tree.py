@@ -303,7 +303,7 @@ class _Work:
         need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
         out["generalized_force"] = Q
-        largest = np.abs(need * self.sizes.q).max(axis=1) / self.sizes.length
+        largest: Array = np.abs(need * self.sizes.q).max(axis=1) / self.sizes.length
         if not self.problem.quantities & {"actuator_force", "reaction"}:
             return largest
         f = min_norm(K[:, self.driven], Q)

@@ -140,7 +140,7 @@ class _Work:
                 F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
-        return np.maximum(*sizes)
+        return np.asarray(np.maximum(*sizes))
 
     def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
         """Forces along the joint coordinates, shape (n, n_q), and on bodies."""

@@ -59,8 +59,10 @@ class Plan:
     share: float
 
 
-FULL = Plan(samples=41, rounds=3, budget=90.0, each=60.0, share=1.0)
+FULL = Plan(samples=41, rounds=3, budget=90.0, each=45.0, share=1.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
+#: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
+LONGER = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +154,9 @@ def contest(
             progress(entrant.family, i / len(chosen))
             if perf_counter() - begin > plan.budget:
                 outcomes.append(Outcome(entrant, CUT, "the budget was spent before its turn"))
+            elif _hopeless(entrant, outcomes, plan):
+                reason = f"the setting before took so long that this one would take more than {plan.each:g} s"
+                outcomes.append(Outcome(entrant, CUT, reason))
             else:
                 outcomes.append(work.outcome(entrant))
     return Contest(
@@ -163,6 +168,18 @@ def contest(
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
     )
+
+
+def _hopeless(entrant: Entrant, before: Sequence[Outcome], plan: Plan) -> bool:
+    """Whether the setting before, of the same family, lasted so long that this one cannot end in time."""
+    same = [o for o in before if o.entrant.family == entrant.family]
+    if not same:
+        return False
+    last = same[-1]
+    longer = LONGER
+    if entrant.parameter and last.entrant.parameter:
+        longer = last.entrant.parameter[1] / entrant.parameter[1]
+    return last.status == CUT or last.wall * longer > plan.each
 
 
 def _shortened(scene: Scene, plan: Plan) -> Scene:
@@ -180,7 +197,8 @@ def _chosen(
     fast = stiffness(lay, forces_over_time(problem, lay), start)
     explicit = replace(start, method=replace(start.method, name=EXPLICIT[0]))
     stiff = bool(stiff_warning(fast, explicit, float(scene.motion.t[-1])))
-    everyone = entrants(start.method.name, stiff=stiff, quick=quick)
+    t = scene.motion.t
+    everyone = entrants(start.method.name, float(t[-1]) - start.since, stiff=stiff, quick=quick)
     if names is None:
         return everyone
     known = dict.fromkeys(name for entrant in everyone for name in (entrant.family, entrant.engine))
@@ -249,8 +267,8 @@ class _Work:
 
     def _scored(self, entrant: Entrant, found: ForwardSolution, wall: float, cpu: float) -> Outcome:
         m = len(found.q)
-        if not m:
-            return Outcome(entrant, FAILED, f"stopped at once: {found.stopped}")
+        if m < 2:
+            return Outcome(entrant, FAILED, f"stopped before the first sample: {found.stopped}")
         has = observe(self.lay, self.scene.observables, found.q)
         error = np.abs(has.array - self.known.array[:m])
         error = error[np.isfinite(self.known.array[:m]).all(axis=1)]

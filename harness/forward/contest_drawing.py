@@ -22,6 +22,7 @@ from screwgauge.report.svg import tidy
 WIDTH, HEIGHT, LEGEND = 12.0, 6.0, 2.3  # inches
 ZERO = 1e-17  # where an error of exactly zero is drawn
 OTHERS = "#555555"
+SENSELESS = 10.0  # scaled error from which a motion has nothing to do with the scene: it is in the table only
 _PANELS: tuple[tuple[str, str, Callable[[Outcome], float]], ...] = (
     (
         "observable",
@@ -34,7 +35,7 @@ _PANELS: tuple[tuple[str, str, Callable[[Outcome], float]], ...] = (
 
 def make_plots(found: Contest) -> list[Plot]:
     """The work-precision diagram."""
-    done = [o for o in found.outcomes if _time(o) > 0.0]
+    done = [o for o in found.outcomes if _time(o) > 0.0 and o.scaled < SENSELESS]
     if not done:
         return []
     title = "Error against processor time"

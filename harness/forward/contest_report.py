@@ -47,7 +47,9 @@ HOW = """\
   start; its largest change, computed from each contestant's joint coordinates and rates by the same formulas.
 - Tolerances rtol and atol of a step are alike, for angles, lengths and rates. `screw` integrates the independent
   coordinates and finds the closed pose at every evaluation. Pinocchio and MuJoCo only give accelerations of their
-  whole trees under constraints; they are driven by the same methods of scipy.
+  whole trees under constraints; they are driven by the same methods of scipy. The families with the name of an
+  integrator are the engines' own steppers at fixed steps: MuJoCo's with its default softness (refined: solimp 0.9999
+  and proximal refinements), Pinocchio's with a projection onto the closed loops after every step.
 - A contestant is stopped after {each} s; after {budget} s nothing further begins. Both are marked `cut short`.
 - Published results were measured on other machines, some decades ago: their times are comparable to an order of
   magnitude at best. Their accuracy is what they state, or what the values that they print differ from the reference.
@@ -200,11 +202,11 @@ def _slopes(found: Contest) -> str:
 
 def format_terminal(found: Contest) -> str:
     """What ``screwgauge bench`` prints of a forward scene. Fits 100 columns."""
-    head = ("family", "setting", "observable", "energy [J]", "cpu", "wall", "")
+    head = ("family", "tolerance, step", "observable", "energy [J]", "cpu", "wall", "")
     body = [
         (
             o.entrant.family,
-            o.entrant.setting,
+            o.entrant.label,
             "" if missing(o.scaled) else size(o.scaled),
             "" if missing(o.energy) else size(o.energy),
             duration(o.cpu),

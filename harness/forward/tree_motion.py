@@ -7,15 +7,12 @@ accelerations leave of drift is taken out after every step by the smallest corre
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from time import perf_counter, process_time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.integrate import OdeSolver
+from scipy.integrate import DenseOutput, OdeSolver
 
-from screwgauge.closing.closed_tree import solve_tree
 from screwgauge.closing.closure import Loops, make_loops
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.integrate import METHODS, MOST, SIZES
@@ -23,17 +20,15 @@ from screwgauge.forward.problem import ForwardProblem, ForwardSolution
 from screwgauge.forward.tree_forces import Forces, tree_forces
 from screwgauge.forward.tree_reading import Path, read_path
 from screwgauge.forward.tree_rows import Closing, project
-from screwgauge.models.loops import LoopsFile, read_loops
+from screwgauge.forward.tree_start import Stopwatch, loops_file, start_state
+from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.continuation import OPEN
 from screwgauge.reference.errors import (
     ClosureError,
-    DescriptionError,
-    ModelFileError,
     SingularPoseError,
     UnknownNameError,
 )
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Motion, Problem
 
 #: The largest of so many last steps leads over a pose of unsafe accelerations: before it, steps may have shrunk.
 RECENT = 10
@@ -42,25 +37,6 @@ DIFFERENCE = 1e-8
 
 Counts = tuple[int, int, float, float]
 """Steps, steps made anew, wall and processor time [s]."""
-
-
-class Stopwatch:
-    """Wall and processor time, without what is done aside."""
-
-    def __init__(self) -> None:
-        self.wall, self.cpu = perf_counter(), process_time()
-
-    @contextmanager
-    def aside(self) -> Iterator[None]:
-        """What is done inside does not count."""
-        wall, cpu = perf_counter(), process_time()
-        yield
-        self.wall += perf_counter() - wall
-        self.cpu += process_time() - cpu
-
-    def read(self) -> tuple[float, float]:
-        """Seconds since the start."""
-        return perf_counter() - self.wall, process_time() - self.cpu
 
 
 class Mover(Closing, Protocol):
@@ -88,44 +64,6 @@ class Mover(Closing, Protocol):
     def notes(self) -> tuple[str, ...]:
         """What is worth saying after a motion."""
         ...
-
-
-def loops_file(problem: ForwardProblem) -> LoopsFile:
-    """Reads the loops file beside the model.
-
-    Raises:
-        ModelFileError: There is none, or it cannot be read.
-    """
-    if problem.loops is None:
-        raise ModelFileError("has no loops file", str(problem.model), "put NAME.loops.toml beside it")
-    return read_loops(problem.loops)
-
-
-def start_state(problem: ForwardProblem, tree: Tree, file: LoopsFile) -> tuple[Array, Array]:
-    """Closed pose and rates at the start, reached from home on the engine's own poses. Shape (n_v,) each.
-
-    Raises:
-        ScrewgaugeError: Wrong shapes, or the loops cannot close there.
-    """
-    for what, part in (("start", problem.start), ("rates", problem.rates)):
-        if np.shape(part) != (len(file.independent),):
-            raise DescriptionError(
-                f"{what} of shape {np.shape(part)} for {len(file.independent)} independent coordinates",
-                file.mechanism,
-                f"give {len(file.independent)} numbers",
-            )
-    y, yd = problem.start[None].astype(float), problem.rates[None].astype(float)
-    motion = Motion(problem.times[:1].astype(float), y, yd, np.zeros_like(y))
-    quantities = frozenset(("joint_position", "joint_velocity"))
-    found = solve_tree(
-        Problem(problem.model, problem.loops, problem.gravity, (), "min_norm", motion, quantities),
-        tree,
-        file,
-    )
-    names = [name for joint in file.joints for name in joint.coordinates]
-    order = [names.index(name) for name in tree.coordinates]
-    q, v = (found.values[name].array[0, order] for name in ("joint_position", "joint_velocity"))
-    return q.copy(), v.copy()
 
 
 class _Run:
@@ -231,44 +169,47 @@ def _steps(run: _Run, problem: ForwardProblem, state: Array, work: list[float]) 
     recent: deque[float] = deque(maxlen=RECENT)
     clock = Stopwatch()
     solver, size = method(run.slope, times[0], state, times[-1], **options), None
+    safe = solver.t, solver.y
     while len(work) < len(times):
         try:
             if size is not None:
-                solver = method(run.slope, solver.t, solver.y, times[-1], first_step=size, **options)
-                size = None
+                solver = method(run.slope, *safe, times[-1], first_step=size, **options)
             message = solver.step()
+            if solver.status == "failed":
+                break
+            with clock.aside():
+                between = _between(solver, times, work)
+            if back and solver.status == "running":
+                solver.y = run.back(solver.y)
+                solver.f = run.slope(solver.t, solver.y)
+            with clock.aside():
+                _keep(run, solver, between, times, work)
         except SingularPoseError as error:
             if tries == len(SIZES) or over == MOST:
                 message = f"no step leads on; {error}"
                 break
-            size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - solver.t)
+            size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - safe[0])
             tries, over = tries + 1, over + 1
             continue
-        if solver.status == "failed":
-            break
-        taken, tries = taken + 1, 0
-        recent.append(solver.step_size)
-        try:
-            with clock.aside():
-                _keep(run, solver, times, work)
-            if back and solver.status == "running":
-                solver.y = run.back(solver.y)
-                solver.f = run.slope(solver.t, solver.y)
-        except (SingularPoseError, ClosureError) as error:
+        except ClosureError as error:
             message = str(error)
             break
+        taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
+        recent.append(solver.step_size)
         run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
         problem.progress((solver.t - times[0]) / (times[-1] - times[0]))
-    stopped = "" if len(work) == len(times) else f"t = {solver.t:.6g} s: {message}"
+    stopped = "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
     return (taken, over, *clock.read()), stopped
 
 
-def _keep(run: _Run, solver: OdeSolver, times: Array, work: list[float]) -> None:
-    """Keeps the motion at all times that the last step passed."""
-    if times[len(work)] > solver.t:
-        return
-    between = solver.dense_output()
-    while len(work) < len(times) and times[len(work)] <= solver.t:
+def _between(solver: OdeSolver, times: Array, work: list[float]) -> DenseOutput | None:
+    """The motion within the last step, if it passed a wanted time."""
+    return solver.dense_output() if times[len(work)] <= solver.t else None
+
+
+def _keep(run: _Run, solver: OdeSolver, between: DenseOutput | None, times: Array, work: list[float]) -> None:
+    """Keeps the motion at all wanted times that the last step passed."""
+    while between is not None and len(work) < len(times) and times[len(work)] <= solver.t:
         t = float(times[len(work)])
         work.append(run.keep(t, solver.y if t == solver.t else between(t)))
 

@@ -56,6 +56,8 @@ def project(closing: Closing, q: Array, v: Array) -> Projected:
         return Projected(q, v, 0.0, 0.0, 0.0)
     gap = left = float(np.abs(gaps).max())
     rate = float(np.abs(G @ v).max())
+    if gap <= ROUNDING and rate <= 4 * ROUNDING * float(np.abs(v).max()):
+        return Projected(q, v, gap, rate, gap)
     inverse = _pseudo_inverse(G)
     for _ in range(MOST):
         if not ROUNDING < left < np.inf:

@@ -34,11 +34,11 @@ def judge(
     """
     own = [one for one in refused if one.engine == solution.engine]
     if own:
-        rows = np.arange(len(scene.motion)) if solution.rows is None else solution.rows
-        rows = np.setdiff1d(rows, np.concatenate([one.rows for one in own]))
-        if not rows.size:
+        solved = np.arange(len(scene.motion)) if solution.rows is None else solution.rows
+        left = np.setdiff1d(solved, np.concatenate([one.rows for one in own]))
+        if not left.size:
             return pd.DataFrame(columns=COLUMNS)
-        solution = replace(solution, rows=rows)
+        solution = replace(solution, rows=left)
     if solution.rows is not None:  # it solved some of the samples: these are judged
         scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
     rows = [

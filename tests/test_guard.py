@@ -1,0 +1,201 @@
+"""No number is silently wrong: estimates bound the errors, what is lost is flagged, what is singular is named."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.guard import LIMIT, flagged
+from screwgauge.report.guard import guard_line, guard_section
+from screwgauge.report.summary import summary
+from screwgauge.report.verdict import verdict
+
+ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
+ROUNDING = 1e-17  # errors below are equality
+TIGHT = 3.0  # decades by which an estimate may exceed the error in the mean
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    """Runs at distances 1e-1 ... 1e-10 from the lost constraint of leg 1."""
+    return [
+        screwgauge.run(moving_at(before_upu(10.0**-k, 3, seed=k), seed=k), engines=ENGINES)
+        for k in (1, 2, 3, 4, 5, 6, 8, 10)
+    ]
+
+
+@pytest.mark.parametrize("engine", ENGINES[:3])
+def test_estimates_are_never_below_the_error_and_not_far_above(ladder, engine):
+    above = []
+    for results in ladder:
+        found, truth = results.solutions[engine], results.solutions["truth"]
+        for quantity in QUANTITIES:
+            estimate, error = found.estimate[quantity], errors(found, truth, quantity)
+            assert estimate.shape == error.shape
+            known = np.isfinite(estimate)
+            assert (estimate[known] >= error[known]).all(), (quantity, estimate, error)
+            assert (error[~known] > 1e-5).all() or not known.any(), (quantity, estimate, error)
+            above += np.log10(estimate[known] / np.maximum(error[known], ROUNDING)).tolist()
+    assert len(above) > 100
+    assert np.mean(above) < TIGHT
+
+
+def test_the_projected_paths_are_flagged_and_ours_is_not(ladder):
+    results = ladder[5]  # 1e-6 rad
+    for engine in ("pinocchio", "mujoco"):
+        flags = flagged(results.solutions[engine])
+        assert flags["joint_acceleration"].all()
+        assert flags["generalized_force"].all()
+    flags = flagged(results.solutions["screw"])
+    assert not any(flags[quantity].any() for quantity in QUANTITIES if quantity != "reaction")
+
+
+def test_estimates_hold_near_a_base_lock():
+    poses = [[a, BASE + d] for a, d in ((0.1, 1e-2), (-0.2, 1e-3), (0.15, 1e-4), (0.05, 1e-5))]
+    results = screwgauge.run(moving_at(poses), engines=["screw", "truth"])
+    screw, truth = results.solutions["screw"], results.solutions["truth"]
+    for quantity in QUANTITIES:
+        assert (screw.estimate[quantity] >= errors(screw, truth, quantity)).all(), quantity
+    assert flagged(screw)["joint_acceleration"][-1]
+
+
+def test_estimates_hold_where_nothing_is_at_rest():
+    """The offset leg: its third rotation has to be solved for, and everything else with it."""
+    scene = moving_at(np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2)), scene="3ups-upu-s-offset")
+    results = screwgauge.run(scene, engines=["screw", "pinocchio", "truth"])
+    for engine in ("screw", "pinocchio"):
+        found = results.solutions[engine]
+        for quantity in QUANTITIES:
+            error = errors(found, results.solutions["truth"], quantity)
+            assert (found.estimate[quantity] >= error).all(), (engine, quantity)
+            assert found.estimate[quantity].max() < LIMIT
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
+    rng = np.random.default_rng(seed)
+    away = 10.0 ** rng.uniform(-10, -1, 4)
+    near = [
+        [rng.uniform(-0.3, 0.3), UPU - away[0]],
+        [rng.uniform(-0.3, 0.3), UPU - away[1]],
+        [WRIST + away[2], 0.0],
+        [0.02 * rng.normal(), BASE + away[3]],
+    ]
+    scene = moving_at(near, speed=10.0 ** rng.uniform(-2, 1), seed=seed)
+    for row in range(len(near)):  # one by one: every sample is measured by its own size
+        one = replace(scene, motion=scene.motion.part(slice(row, row + 1)))
+        results = screwgauge.run(one, engines=["screw", "pinocchio", "truth"])
+        if "truth" not in results.solutions:
+            continue  # not to be certified: too near
+        for engine in ("screw", "pinocchio"):
+            found = results.solutions[engine]
+            for quantity, flags in flagged(found).items():
+                if quantity not in QUANTITIES or flags.any() or quantity == "joint_position":
+                    continue  # whole turns of a joint next to its lock are a matter of the way there
+                error = errors(found, results.solutions["truth"], quantity).max()
+                assert error <= LIMIT, (engine, quantity, near[row])
+
+
+def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
+    pairs = ladder[4].pairs  # 1e-5 rad
+    bad = pairs[(pairs["a"] == "truth") & (pairs["b"] == "pinocchio") & ~pairs["ok"]]
+    assert {"joint_velocity", "joint_acceleration"} <= set(bad["quantity"])
+    assert bad["reason"].str.startswith("within the error that pinocchio admits").all()
+
+
+def test_summary_report_and_terminal_tell_of_the_guard(ladder):
+    results = ladder[4]
+    rows = {(row["engine"], row["quantity"]): row for row in summary(results)["guard"]}
+    ours, theirs = rows["screw", "joint_acceleration"], rows["pinocchio", "joint_acceleration"]
+    assert ours["ok"] and not ours["flagged"] and ours["estimate"] < LIMIT and ours["condition"] < 1e3
+    assert not theirs["ok"] and theirs["flagged"] == 3 and theirs["condition"] > 1e5
+    assert theirs["worst_t"] in results.times
+    assert "flagged (" in guard_line(results) and "pinocchio" in guard_line(results)
+    assert "no digit" in guard_section(results) and "✗ (3 of 3" in guard_section(results)
+    quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
+    assert guard_line(quiet).startswith("guard: nothing flagged")
+
+
+def test_a_rule_without_solution_is_blamed_and_not_the_engine():
+    times = np.pi * np.arange(3)
+    scene = replace(screwgauge.load_scene("3ups-upu-s").at([*times, 1.0]), rule="spherical_axial")
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"])
+    assert not results.ok
+    assert results.judge["ok"].all()
+    assert len(results.judge)
+    bad = results.pairs[~results.pairs["ok"]]
+    assert set(bad["quantity"]) == {"actuator_force", "reaction"}
+    assert bad["reason"].str.contains("rule spherical_axial is singular at 3 of 4 samples").all()
+    said = verdict(results)
+    assert said.word == "✗ NO NUMBER"
+    assert "judge" not in said.sentence
+    assert "screw and pinocchio: rule spherical_axial is singular at 3 of 4 samples (t = 0, " in said.sentence
+    json.dumps(summary(results), allow_nan=False)
+
+
+def test_a_locked_chart_is_named_where_rates_are_refused():
+    scene = moving_at([[0.0, 0.1], [WRIST, 0.0]])
+    scene = replace(scene, motion=replace(scene.motion, y=at_lock(scene)))
+    results = screwgauge.run(scene, engines=["screw"])
+    (refusal,) = results.refusals
+    assert flagged(results.solutions["screw"])["joint_position"].tolist() == [False, True]
+    assert refusal.rows.tolist() == [1]
+    assert set(refusal.quantities) == {"joint_velocity", "joint_acceleration"}
+    assert "the chart of leg2.wrist locks (leg2.q4 and leg2.q6 turn about one line)" in refusal.sentence
+    assert np.isfinite(results.values("actuator_force")).all()
+
+
+def at_lock(scene) -> np.ndarray:
+    """The second pose moved to where the wrist's chart locks, to rounding."""
+    from screwgauge.reference.closing import Closing
+    from screwgauge.reference.kinematics import positions
+    from screwgauge.reference.pose import layout
+
+    lay = layout(scene.mechanism)
+    cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")
+    step, a = 1e-6, WRIST
+
+    def condition(a: float) -> float:
+        at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
+        found = float(Closing(lay).readers(at)[1][0, cut])
+        return found if np.isfinite(found) else np.inf
+
+    while step > 1e-17 and np.isfinite(condition(a)):
+        a = max((a - step, a, a + step), key=condition)
+        step *= 0.7
+    y = scene.motion.y.copy()
+    y[1, 0] = a
+    return y
+
+
+@pytest.mark.parametrize(
+    ("engines", "quantities", "said"),
+    [
+        ("screw", "generalized_force", "Only screw ran"),
+        ("pinocchio,pinocchio-full", "tree_force", "pinocchio and pinocchio-full ran, but have no quantity"),
+    ],
+)
+def test_nothing_compared_is_no_success(engines, quantities, said, paper_scene, tmp_path, capsys):
+    status = main(
+        [
+            "run",
+            str(paper_scene()),
+            "--engines",
+            engines,
+            "--quantities",
+            quantities,
+            "--out",
+            str(tmp_path / "o"),
+        ]
+    )
+    text = " ".join(capsys.readouterr().out.split())
+    assert status == 1
+    assert text.startswith("✗ NOTHING COMPARED")
+    assert said in text
+    assert "nothing was judged" in text
