@@ -19,8 +19,8 @@ def stiff_legs() -> Case:
             "the actuators taking over what the springs exert; a length is known to eps, a force to eps times "
             "stiffness times length, and the guard admits so much. Motion: 0.1 s from rest, 0.01 rad off, against "
             "collocation of order nineteen, and energy; Radau is given a tolerance of 1e-5, and steps times tolerance "
-            "is what it admits. DOP853 is refused where stability alone asks for more than a hundred steps. MuJoCo's "
-            "own steps are of 0.1 ms, at d = 0.9999."
+            "is what it admits. DOP853 is refused where stability alone asks for more than a hundred steps. The "
+            "engines' own steps are of 0.1 ms, MuJoCo's loops as hard as it allows (d = 0.9999)."
         ),
         drawn="motion",
         low=1.0,

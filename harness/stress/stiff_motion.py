@@ -1,16 +1,18 @@
-"""A short motion on stiff springs: scipy's methods on every engine's accelerations, and MuJoCo's own steps."""
+"""A short motion on stiff springs: scipy's methods on every engine's accelerations, and the engines' own steps."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 
 from screwgauge.forward.engines import load_integrator
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution, Method
+from screwgauge.forward.steppers import Stepper, integrate_steps
 from screwgauge.forward.stiffness import REACH, eigenvalues
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.generate import GRAVITY, stem, write_models
@@ -24,15 +26,17 @@ from screwgauge.scene import load_scene
 from screwgauge.stress.case import GOOD, Finding
 from screwgauge.stress.collocation import collocate
 from screwgauge.stress.springs import leg_springs
-from screwgauge.stress.stiff_mujoco import step
 
 DURATION = 0.1  # [s]
 START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed
 RADAU = Method("Radau", 1e-5, 1e-7)
 DOP853 = Method("DOP853", 1e-7, 1e-9)
 MOST = 100  # steps that an explicit method may need for stability alone
-STEPPED = 1e-4  # [s] MuJoCo's own steps
-INTEGRATORS = {"Euler": "EULER", "implicitfast": "IMPLICITFAST"}
+STEPPERS = (
+    Stepper("pinocchio", "Euler", 1e-4),
+    Stepper("mujoco", "Euler", 1e-4, solimp=0.9999),
+    Stepper("mujoco", "implicitfast", 1e-4, solimp=0.9999),
+)
 SUFFIX = {"screw": ".toml", "pinocchio": ".urdf", "mujoco": ".xml"}
 
 
@@ -108,8 +112,9 @@ def climb(stiffness: float) -> Iterator[Finding]:
         yield from _explicit(problem, right)
         for engine in SUFFIX:
             yield from _integrated(f"{engine} Radau", _of(problem, engine, Path(folder)), right)
-        for label, integrator in INTEGRATORS.items():
-            yield from _stepped(f"mujoco {label}", _of(problem, "mujoco", Path(folder)), right, integrator)
+        for stepper in STEPPERS:
+            own = _of(problem, stepper.engine, Path(folder))
+            yield from _stepped(f"{stepper.engine} {stepper.integrator}", own, right, stepper)
 
 
 def _problem(springs: tuple[JointSpring, ...], times: Array) -> ForwardProblem:
@@ -145,39 +150,66 @@ def _explicit(problem: ForwardProblem, right: Right) -> Iterator[Finding]:
         f"stiff for an explicit method: the eigenvalue of {right.fastest:.2g} 1/s bounds its step to "
         f"{REACH / right.fastest:.1e} s, {steps:.0f} steps for stability alone"
     )
-    for quantity in ("motion", "energy"):
-        yield Finding("screw DOP853", quantity, reason=reason)
+    yield from _refused("screw DOP853", reason)
 
 
 def _integrated(label: str, problem: ForwardProblem, right: Right) -> Iterator[Finding]:
     """One of scipy's methods on an engine's accelerations; its tolerance and its steps say what it admits."""
-    try:
-        found = load_integrator(label.split()[0])(problem)
-    except ScrewgaugeError as error:
-        found_reason = str(error)
-    else:
-        found_reason = found.stopped
-    if found_reason:
-        for quantity in ("motion", "energy"):
-            yield Finding(label, quantity, reason=found_reason)
-        return
     method = problem.method
-    # a tolerance is one of every step, and relative to an angle, not to how far it moves
-    admitted = (
-        found.steps * (method.rtol * float(np.abs(START).max()) + method.atol) / float(right.scale.min())
-    )
+
+    def admits(found: ForwardSolution) -> tuple[float, str]:
+        # a tolerance is one of every step, and relative to an angle, not to how far it moves
+        each = (method.rtol * float(np.abs(START).max()) + method.atol) / float(right.scale.min())
+        return found.steps * each, f"tolerance {method.rtol:g} and {found.steps} steps"
+
+    yield from _findings(label, lambda: load_integrator(label.split()[0])(problem), admits, right)
+
+
+def _stepped(label: str, problem: ForwardProblem, right: Right, stepper: Stepper) -> Iterator[Finding]:
+    """An engine's own steps, of which nothing is admitted."""
+    words = "loops soft even at d = 0.9999 and " if stepper.engine == "mujoco" else ""
+    cause = f"{words}steps of 0.1 ms, however fast the motion; nothing estimates their error"
+    yield from _findings(label, lambda: integrate_steps(problem, stepper), lambda _: (0.0, cause), right)
+
+
+def _findings(
+    label: str,
+    integrate: Callable[[], ForwardSolution],
+    admits: Callable[[ForwardSolution], tuple[float, str]],
+    right: Right,
+) -> Iterator[Finding]:
+    """Both quantities, or why there are none.
+
+    Args:
+        admits: Scaled error that a solution admits, and in which words.
+    """
+    try:
+        found = integrate()
+    except ScrewgaugeError as error:
+        yield from _refused(label, str(error))
+        return
+    if found.stopped:
+        yield from _refused(label, found.stopped)
+        return
+    bound, words = admits(found)
     errors = (("motion", _motion(found.q, right)), ("energy", _energy(found, right)))
-    for (quantity, error), factor in zip(errors, (1.0, 2.0), strict=True):  # energy is quadratic
-        bound = max(GOOD, factor * admitted)
-        words = f"tolerance {method.rtol:g} and {found.steps} steps admit {bound:.1e}"
+    for (quantity, value), factor in zip(errors, (1.0, 2.0), strict=True):  # energy is quadratic
+        admitted = max(GOOD, factor * bound)
+        reason = f"{words} admit {admitted:.1e}" if bound else words
         yield Finding(
-            label, quantity, error, bound, right.condition, found.seconds, words if error > GOOD else ""
+            label, quantity, value, admitted, right.condition, found.seconds, reason if value > GOOD else ""
         )
 
 
-def _motion(q: Array, right: Right, columns: slice | list[int] = slice(None)) -> float:
+def _refused(label: str, reason: str) -> Iterator[Finding]:
+    reason = shorten(reason, 200, placeholder=" ...")  # some name a whole state
+    for quantity in ("motion", "energy"):
+        yield Finding(label, quantity, reason=reason)
+
+
+def _motion(q: Array, right: Right) -> float:
     """Largest error of joint positions against the largest change."""
-    return float((np.abs(q - right.rate.pose.q[:, columns]) / right.scale[columns]).max())
+    return float((np.abs(q - right.rate.pose.q) / right.scale).max())
 
 
 def _energy(found: ForwardSolution, right: Right) -> float:
@@ -186,18 +218,3 @@ def _energy(found: ForwardSolution, right: Right) -> float:
     rate = rates(right.lay, positions(right.lay, found.q[:, yd], np.zeros(len(found.q))), found.v[:, yd])
     E = energy(right.lay, rate, right.forces) - found.work
     return float(np.abs(E - E[0]).max() / right.released)
-
-
-def _stepped(label: str, problem: ForwardProblem, right: Right, integrator: str) -> Iterator[Finding]:
-    """MuJoCo's own steps; energy against that of the right motion, since it does not count what dampers take."""
-    found = step(problem, integrator, STEPPED)
-    if found.warning:
-        for quantity in ("motion", "energy"):
-            yield Finding(label, quantity, reason=f"MuJoCo warns: {found.warning}")
-        return
-    columns = [right.lay.mechanism.coordinates.index(name) for name in found.coordinates]
-    E = energy(right.lay, right.rate, right.forces)
-    error = float(np.abs((found.energy - found.energy[0]) - (E - E[0])).max() / right.released)
-    cause = "loops soft even at d = 0.9999, steps of 0.1 ms however fast the motion; nothing estimates either"
-    for quantity, value in (("motion", _motion(found.q, right, columns)), ("energy", error)):
-        yield Finding(label, quantity, value, condition=right.condition, time_s=found.seconds, reason=cause)
