@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from screwgauge.scene import Scene
 
 DEFAULT_SCENE = "3ups-upu-s"
-EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared; 2 bad input or usage;
-3 an engine failed or is missing"""
+EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
+2 bad input or usage; 3 an engine failed or is missing"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

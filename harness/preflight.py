@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import make_closing
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
@@ -94,7 +94,7 @@ def _check_jumps(scene: Scene) -> None:
     """Poses are found by following the motion; from one sample to the next it must not go round the world."""
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
-    size = Closing(layout(mechanism)).size[mechanism.independent_columns]
+    size = make_closing(layout(mechanism)).size[mechanism.independent_columns]
     far = np.flatnonzero((np.abs(way) / np.maximum(size, 1.0)).max(axis=1, initial=0.0) > FARTHEST)
     if far.size:
         i = far[0]
@@ -123,7 +123,7 @@ def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
 def _check_side(lay: Layout, motion: Motion) -> None:
     """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
     at = positions(lay, motion.y[:1], motion.t[:1])
-    A = np.concatenate([Closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
+    A = np.concatenate([make_closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
     if A.shape[1] != A.shape[2] or not (linear.condition(A) <= linear.SINGULAR).all():
         return
     signs = np.linalg.slogdet(A)[0]
@@ -144,7 +144,7 @@ def _check_regular(
     Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
     joints are not among the unknowns; where one locks, only rates of that joint are lost.
     """
-    A = Closing(lay).matrix(at)
+    A = make_closing(lay).matrix(at)
     condition = linear.condition(A)
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:

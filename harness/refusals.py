@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import make_closing
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
@@ -72,7 +72,7 @@ def _refusal(scene: Scene, engine: str, quantities: tuple[str, ...], rows: Rows)
 def _reason(scene: Scene, quantities: tuple[str, ...], y: Array) -> str:
     lay = layout(scene.mechanism)
     at = positions(lay, y[None], np.zeros(1))
-    system = Closing(lay)
+    system = make_closing(lay)
     if not linear.condition(system.matrix(at))[0] < NEAR:
         return near_singularity(lay, at)
     charts = system.readers(at)[1][0]

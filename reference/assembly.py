@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from screwgauge.reference import linear, passive
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import Closing, make_closing
 from screwgauge.reference.continuation import OPEN, Corrector, follow, newton, partial_rates
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.mechanism import Mechanism
@@ -27,10 +26,7 @@ def closing(lay: Layout) -> Closing:
     """The closing equations of a layout, coordinates that never move being held. Worked out once a mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = held_columns(lay)
-    held = _known[lay.mechanism]
-    if held not in lay.systems:
-        lay.systems[held] = Closing(lay, held)
-    return cast(Closing, lay.systems[held])
+    return make_closing(lay, _known[lay.mechanism])
 
 
 def held_columns(lay: Layout) -> tuple[int, ...]:
@@ -39,7 +35,7 @@ def held_columns(lay: Layout) -> tuple[int, ...]:
     Coordinates are analytic in y. One that rests at several poses in general position, in value and in every first
     derivative, rests on the whole branch; the loops then close to rounding with it held, which is tested too.
     """
-    free = Closing(lay)
+    free = make_closing(lay)
     found = _trials(free)
     if lay.path.dtype != np.float64 or not lay.tree.cuts or found is None:
         return ()
@@ -52,7 +48,7 @@ def held_columns(lay: Layout) -> tuple[int, ...]:
     held = tuple(c for c, still in zip(free.unknown, rests, strict=True) if still and c not in chosen)
     if not held:
         return ()
-    fixed = Closing(lay, held)
+    fixed = make_closing(lay, held)
     start = z[:, [free.unknown.index(c) for c in fixed.unknown]]
     _, _, error = newton(fixed.evaluate, start, y)
     return held if (error <= 64 * linear.EPS).all() else ()
@@ -88,7 +84,7 @@ def corrector(system: Closing) -> Corrector:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near a chart lock they run away
         K[system.unknown] = partial_rates(matrix, len(y))[0]
-        return fill(system, z, q[None] * system.size).q[0] / system.size, K
+        return _read(system, z, q[None] * system.size)[0][0] / system.size, K
 
     return correct
 
@@ -100,8 +96,13 @@ def fill(system: Closing, z: Array, guess: Array) -> Pose:
         z: Unknowns without dimension. Shape (n, n_unknown).
         guess: Joint coordinates, of which those of cut joints say which of equal angles is meant. Shape (n, n_q).
     """
+    return whole_pose(system.lay, *_read(system, z, guess))
+
+
+def _read(system: Closing, z: Array, guess: Array) -> tuple[Array, Array, Array, Array]:
+    """All joint coordinates, and what `tree_pose` gives."""
     q, held = guess.copy(), list(system.held)
     q[:, held] = system.lay.mechanism.home[held]
     q[:, system.unknown] = z * system.size[system.unknown]
     R, p, S = tree_pose(system.lay, q)
-    return whole_pose(system.lay, passive.read(system.lay, system.cut, R, p, q), R, p, S)
+    return passive.read(system.lay, system.cut, R, p, q), R, p, S

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference.assembly import closing, corrector
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import make_closing
 from screwgauge.reference.continuation import OPEN, SMALLEST, STEP
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.pose import Layout, Pose, pose
@@ -31,7 +31,7 @@ class Branch:
         self.system = closing(lay)
         held = list(self.system.held)
         if np.abs(q - lay.mechanism.home)[held].max(initial=0.0) > OPEN:
-            self.system = Closing(lay)  # another branch than that of the home pose
+            self.system = make_closing(lay)  # another branch than that of the home pose
         self.correct = corrector(self.system)
         self.size = self.system.size
         self.is_tree = not lay.tree.cuts and len(self.columns) == len(q)

@@ -221,3 +221,11 @@ class Closing:
         rate = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
         found = np.sum(rows.direction * along + change * rate, axis=2)
         return np.asarray(np.where(force, found / self.length, found))
+
+
+def make_closing(lay: Layout, held: tuple[int, ...] = ()) -> Closing:
+    """The closing equations with some coordinates held, made once a layout."""
+    if held not in lay.kept:
+        lay.kept[held] = Closing(lay, held)
+    found: Closing = lay.kept[held]
+    return found

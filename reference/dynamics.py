@@ -15,7 +15,7 @@ from screwgauge.reference import linear, screws
 from screwgauge.reference.kinematics import Rates
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,14 +65,14 @@ def required_wrench(
     mass = np.array([body.mass for body in lay.mechanism.bodies], dtype=motion.a.dtype)
     F = mass[:, None] * (motion.a - gravity)
     Jw = (motion.J @ motion.omega[..., None])[..., 0]
-    T = (motion.J @ motion.beta[..., None])[..., 0] + np.cross(motion.omega, Jw)
+    T = (motion.J @ motion.beta[..., None])[..., 0] + cross(motion.omega, Jw)
     for body, point, force, torque in loads:
         i = lay.mechanism.body_index[body]
         F[:, i - 1] -= force
         T[:, i - 1] -= torque
         if point is not None:
             arm = at.R[:, i] @ (point - lay.mechanism.body(body).com)
-            T[:, i - 1] -= np.cross(arm, force)
+            T[:, i - 1] -= cross(arm, force)
     return F, T
 
 
@@ -87,7 +87,7 @@ def partial_motion(lay: Layout, rate: Rates, com: Array) -> tuple[Array, Array]:
     """
     tree = np.delete(np.arange(lay.path.shape[1]), lay.cut_columns)
     partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:, tree], rate.K[:, tree], rate.pose.S[:, tree])
-    return partial[..., 3:] + np.cross(partial[..., :3], com[:, :, None]), partial[..., :3]
+    return partial[..., 3:] + cross(partial[..., :3], com[:, :, None]), partial[..., :3]
 
 
 def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T: Array) -> Array:
@@ -130,7 +130,7 @@ def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Arr
         for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
             if body:  # the ground needs no balance
                 c[:, body, :3, column] = sign * f
-                c[:, body, 3:, column] = sign * (moment + np.cross(point - com[:, body - 1], f))
+                c[:, body, 3:, column] = sign * (moment + cross(point - com[:, body - 1], f))
 
     for k, joint_at in enumerate(reactions.joints):
         act(k, joint_at, reactions.force[:, k], reactions.moment[:, k], reactions.point[:, k])

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.reference import linear, screws
 from screwgauge.reference.assembly import closing, corrector, fill
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import Closing, make_closing
 from screwgauge.reference.continuation import OPEN, check_closed, follow, newton, partial_rates
 from screwgauge.reference.pose import Layout, Pose, loop_matrix
 from screwgauge.reference.rotations import Array
@@ -80,7 +80,7 @@ def _system(lay: Layout, at: Pose) -> Closing:
     """The closing equations at poses; what never moves on the home branch is held only on that branch."""
     system = closing(lay)
     held = list(system.held)
-    return system if (at.q[:, held] == lay.mechanism.home[held]).all() else Closing(lay)
+    return system if (at.q[:, held] == lay.mechanism.home[held]).all() else make_closing(lay)
 
 
 def rates(lay: Layout, at: Pose, yd: Array) -> Rates:

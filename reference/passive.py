@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.rotations import Array, triad_angles
+from screwgauge.reference.rotations import Array, cross, triad_angles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ def _triad(axes: Array) -> Array:
     if len(axes) == 3:
         return axes
     second = axes[1] if len(axes) == 2 else np.linalg.svd(axes)[2][1]
-    return np.vstack([axes[0], second, np.cross(axes[0], second)])
+    return np.vstack([axes[0], second, cross(axes[0], second)])
 
 
 def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Array:
@@ -137,7 +137,7 @@ def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Arra
     rows[:, place, :3] = own[:, place, :3]  # one axis, or two at right angles
     if cut.balls[1]:
         axes = own[:, cut.balls[0], :3]
-        faces = np.cross(axes[:, :, [1, 2, 0]], axes[:, :, [2, 0, 1]])
+        faces = cross(axes[:, :, [1, 2, 0]], axes[:, :, [2, 0, 1]])
         volume = np.sum(axes[:, :, 0] * faces[:, :, 0], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             dual = faces / volume[..., None, None]
@@ -147,7 +147,7 @@ def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Arra
     if cut.slides[0]:
         place, owner = cut.slides
         along = own[:, place, 3:]
-        rows[:, place, 3:], rows[:, place, :3] = along, np.cross(points[:, owner], along)
+        rows[:, place, 3:], rows[:, place, :3] = along, cross(points[:, owner], along)
     return rows, condition
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -48,6 +48,7 @@ class Layout:
     Attributes:
         path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
         loop: The same for the loop of each cut joint: parent's path + joint - child's path. (n_cut, n_q).
+        kept: What `closing.make_closing` made of it.
     """
 
     mechanism: Mechanism
@@ -55,11 +56,7 @@ class Layout:
     columns: dict[str, list[int]]
     path: Array
     loop: Array
-
-    @cached_property
-    def systems(self) -> dict[tuple[int, ...], Any]:
-        """Closing equations made so far, by the coordinates that they hold; see `screwgauge.reference.assembly`."""
-        return {}
+    kept: dict[tuple[int, ...], Any] = field(default_factory=dict)
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.mechanism import Frame, Joint
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 _WORLD = ("x", "y", "z")
 
@@ -98,7 +98,7 @@ def _directions(joint: Joint, R_parent: Array, R_child: Array) -> list[tuple[str
     if joint.kind == "U":
         first = R_parent @ (joint.parent_frame.R @ joint.axes[0])
         second = R_child @ (joint.child_frame.R @ joint.axes[1])
-        normal = np.cross(first, second)
+        normal = cross(first, second)
         return [*world, ("m", False, normal / np.linalg.norm(normal, axis=1, keepdims=True))]
     across = _across(joint.axes[0], joint.child_frame, R_child)
     if joint.kind == "R":
@@ -117,6 +117,6 @@ def _across(axis: Array, frame: Frame, R_child: Array) -> list[tuple[str, Array]
     R = R_child @ frame.R
     if abs(axis[k]) == 1.0:
         return [(_WORLD[i], R[..., i]) for i in others]
-    first = np.cross(axis, np.eye(3)[others[0]])
+    first = cross(axis, np.eye(3)[others[0]])
     first /= np.linalg.norm(first)
-    return [("1", R @ first), ("2", R @ np.cross(axis, first))]
+    return [("1", R @ first), ("2", R @ cross(axis, first))]

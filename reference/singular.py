@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference import screws
-from screwgauge.reference.closing import Closing
+from screwgauge.reference.closing import Closing, make_closing
 from screwgauge.reference.graph import output_body
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.pose import Layout, Pose
@@ -21,7 +21,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
     """
-    system = Closing(lay)
+    system = make_closing(lay)
     U, _, Vt = np.linalg.svd(system.matrix(at)[0], full_matrices=False)
     motion = np.zeros(at.q.shape[1])
     motion[system.unknown] = Vt[-1]

@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.bench.run import Plan, bench
-from screwgauge.closing import closed_tree
+from screwgauge.closing import closed_forces, closed_tree
 from screwgauge.engines import screw
 from screwgauge.reference import dynamics
 
@@ -34,8 +34,8 @@ def calls(monkeypatch) -> Counter[str]:
     for name in ("joint_reactions", "force_matrix", "solve_newton_euler"):
         count(dynamics, name, "reactions")
     count(closed_tree, "partial_rates", "rates")
-    count(closed_tree, "min_norm", "min_norm")
-    count(closed_tree, "joint_reactions", "reactions")
+    count(closed_forces, "min_norm", "min_norm")
+    count(closed_forces, "joint_reactions", "reactions")
     from screwgauge.engines.mujoco import MujocoTree
     from screwgauge.engines.pinocchio import PinocchioTree
 

@@ -110,6 +110,34 @@ def test_established_problem(name, engine):
 
 
 @pytest.mark.parametrize("engine", ENDINGS)
+def test_loops_closed_by_welds_move_alike(engine):
+    """The full cut of the Bricard mechanism: a copy of a rod is welded to the rod itself."""
+    problem, scene, known = problem_of("a04-bricard-box", engine, until=1.0)
+    full = {
+        "model": problem.model.with_name(f"a04-bricard-box-full{ENDINGS[engine]}"),
+        "loops": problem.loops.with_name("a04-bricard-box-full.loops.toml"),
+    }
+    found = integrator(engine)(replace(problem, **full))
+    assert found.engine == f"{engine}-full"
+    assert np.abs(observe(layout(scene.mechanism), scene.observables, found.q).array - known).max() < 1e-10
+
+
+@pytest.mark.parametrize("engine", ENDINGS)
+def test_what_progress_raises_ends_the_integration(engine):
+    shares = []
+
+    def progress(share):
+        shares.append(share)
+        if share > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        integrator(engine)(problem_of("a02-fourbar-2", engine, progress=progress)[0])
+    assert shares == sorted(shares)
+    assert len(shares) > 3
+
+
+@pytest.mark.parametrize("engine", ENDINGS)
 def test_cut_joints_follow_whole_turns(engine):
     """Two four-bars: the angle at the end of each bar turns with the crank, five times in ten seconds."""
     problem, scene, _ = problem_of("a02-fourbar-2", engine, times=np.array([0.0, 3.0]))
@@ -169,6 +197,13 @@ def test_a_start_without_direction_is_refused():
     spring = PointSpring("ground", np.zeros(3), "bob", np.zeros(3), stiffness=1.0, rest=0.1)
     with pytest.raises(SingularPoseError, match="its points meet"):
         integrator("pinocchio")(problem_of("a01-pendulum", "pinocchio", springs=(spring,))[0])
+
+
+@pytest.mark.parametrize("engine", ENDINGS)
+def test_a_start_that_its_coordinates_do_not_determine_is_refused(engine):
+    """All links of the four-bars in one line: which way they bend is not said by the crank."""
+    with pytest.raises(SingularPoseError, match="do not determine the motion"):
+        integrator(engine)(problem_of("a02-fourbar-2", engine, start=np.array([-0.5 * np.pi]))[0])
 
 
 @pytest.mark.parametrize("engine", ENDINGS)

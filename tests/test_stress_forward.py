@@ -12,6 +12,7 @@ from screwgauge.stress import long_run, proximal, redundant
 from screwgauge.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
 from screwgauge.stress.refinement import refinement
 from screwgauge.stress.softness import softness
+from screwgauge.stress.stiff_legs import stiff_legs
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 
@@ -24,6 +25,7 @@ ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
         proximal.proximal,
         redundant.redundant_constraints,
         long_run.long_run,
+        stiff_legs,
     ],
 )
 def test_ladders_have_six_rungs_and_three_when_quick(make) -> None:

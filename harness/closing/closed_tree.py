@@ -10,21 +10,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.applied import State, applied_wrenches
+from screwgauge.applied import State
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
-from screwgauge.closing.closure import Loops, make_loops
+from screwgauge.closing.closed_forces import SetOut, closed_forces
+from screwgauge.closing.closure import Loops, check_names, make_loops
 from screwgauge.closing.cut_joints import Chart, nearest_turn
-from screwgauge.closing.rules import axial_forces
 from screwgauge.closing.sizes import make_sizes
-from screwgauge.closing.transmission import joint_reactions, joint_sides
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.guard import Part, Trust, examined, gain, shakes
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
-from screwgauge.reference.dynamics import min_norm
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import GROUND, actuator_names
+from screwgauge.reference.mechanism import actuator_names
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Motion, Problem, Rows, Solution
 
@@ -46,28 +43,12 @@ def solve_tree(problem: Problem, tree: Tree, file: LoopsFile) -> Solution:
     return replace(solution, tolerances=work.tolerances)
 
 
-def _check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
-    """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
-    closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
-    differences = (
-        ("has no body", {*file.bodies, *closed, *loaded} - {GROUND, *tree.bodies}),
-        ("has no joint coordinate", set(file.tree) - set(tree.coordinates)),
-        ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
-        ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),
-        ("closes an unknown joint", {c.joint for c in tree.closures} - {j.name for j in file.joints}),
-    )
-    for what, names in differences:
-        if names:
-            where = f"model of {tree.engine}"
-            raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
-
-
 class _Work:
     """What stays the same from part to part, and where the path of poses has got to."""
 
     def __init__(self, problem: Problem, tree: Tree, file: LoopsFile) -> None:
         self.problem, self.tree, self.file, self.clock = problem, tree, file, Clock()
-        _check_names(tree, file, [load.body for load in problem.loads])
+        check_names(tree, file, [load.body for load in problem.loads])
         self.loops: Loops = make_loops(tree, file)
         self.depth = stages(problem.quantities)
         self.setting = f"{file.cut} cut, rule {problem.rule}"
@@ -77,14 +58,13 @@ class _Work:
         self.cut = {
             joint.name: joint.home for joint in self.loops.cut
         }  # angles of cut joints at the last sample
-        self.driven = [tree.coordinates.index(j.coordinates[0]) for j in file.joints if j.actuated]
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.sizes = make_sizes(tree, file, self.loops, self.q)
+        self.set_out = SetOut(problem, tree, file, self.loops, self.sizes)
         self.tolerances: dict[str, float] = {}
 
     def part(self, rows: slice) -> Part:
         motion = self.problem.motion.part(rows)
-        self.t = motion.t
         with self.clock.stage("positions"):
             q, A = self._positions(motion)
             at = self.tree.poses(q)
@@ -158,7 +138,7 @@ class _Work:
             return speed, None
         with self.clock.stage("accelerations"):
             a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
-        return speed, self._forces(at, A, K, (q, v, a), out, forces)
+        return speed, self._forces(motion.t, at, A, K, (q, v, a), out, forces)
 
     def _unwrapped(self, joint: str, q: Array) -> Array:
         """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m)."""
@@ -265,6 +245,7 @@ class _Work:
 
     def _forces(
         self,
+        t: Array,
         at: BodyPoses,
         A: Array,
         K: Array,
@@ -286,67 +267,13 @@ class _Work:
         if self.depth != "f":
             return None
         with self.clock.stage("forces"):
-            return self._closed_forces(at, A, K, tau, qva, out, conditions)
-
-    def _closed_forces(
-        self,
-        at: BodyPoses,
-        A: Array,
-        K: Array,
-        tau: Array,
-        qva: tuple[Array, Array, Array],
-        out: dict[str, Array],
-        conditions: dict[str, Array],
-    ) -> Array:
-        """Generalised and actuator forces by projection, multipliers from what is left; the largest force [N]."""
-        load = self._loads(at, qva[1], out)
-        need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
-        Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-        out["generalized_force"] = Q
-        largest: Array = np.abs(need * self.sizes.q).max(axis=1) / self.sizes.length
-        if not self.problem.quantities & {"actuator_force", "reaction"}:
-            return largest
-        f = min_norm(K[:, self.driven], Q)
-        conditions["actuator_force"] = linear.condition(K[:, self.driven])
-        if self.problem.rule == "spherical_axial":
-            G = self.loops.jacobian(at)
-            f, conditions["actuator_force"] = axial_forces(self.file, self.loops, at, G, need, self.driven)
-            conditions["reaction"] = conditions["actuator_force"]
-        out["actuator_force"] = f
-        if "reaction" in self.problem.quantities:
-            rest = need.copy()
-            rest[:, self.driven] -= f
-            G, units = A[:, : A.shape[1] - K.shape[2]], self.sizes.rows[: A.shape[1] - K.shape[2]]
-            scaled = linear.solve(G.swapaxes(1, 2), (rest * self.sizes.q)[..., None])
-            multipliers = scaled[..., 0] / units
-            wrench = load + self.loops.wrenches(at, multipliers)
-            found = self.tree.transmitted(*qva, wrench)
-            reactions, out["reaction"] = joint_reactions(
-                self.file, self.tree, self.loops, at, found, multipliers
-            )
-            self.reaction_names = (reactions.names, reactions.units)
-        return largest
-
-    def _loads(self, at: BodyPoses, v: Array, out: dict[str, Array]) -> Array:
-        """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-        found, problem = np.zeros((*at.p.shape[:2], 6)), self.problem
-        for load in problem.loads:
-            i = self.loops.index[load.body]
-            arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
-            found[:, i, :3] += load.force
-            found[:, i, 3:] += load.torque + np.cross(arm, load.force)
-        if problem.springs or problem.motors:
-            V = (at.J @ v[:, None, :, None])[..., 0]
-            state = State(self.t, at.R, at.p, V, out["joint_position"], out["joint_velocity"])
-            found += applied_wrenches(
-                self.file.joints,
-                problem.springs,
-                problem.motors,
-                state,
-                self.loops.index,
-                lambda joint: joint_sides(joint, self.loops),
-            )
-        return found
+            V = (at.J @ qva[1][:, None, :, None])[..., 0]
+            state = State(t, at.R, at.p, V, out["joint_position"], out["joint_velocity"])
+            found = closed_forces(self.set_out, at, A, K, (*qva, tau), state)
+        out |= found.values
+        conditions |= found.conditions
+        self.reaction_names = found.reactions or self.reaction_names
+        return found.largest
 
     def _tree_names(self) -> list[str]:
         """Coordinates of the tree in the order of the description."""

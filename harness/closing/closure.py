@@ -116,6 +116,22 @@ class Loops:
         return out
 
 
+def check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
+    """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
+    closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
+    differences = (
+        ("has no body", {*file.bodies, *closed, *loaded} - {GROUND, *tree.bodies}),
+        ("has no joint coordinate", set(file.tree) - set(tree.coordinates)),
+        ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
+        ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),
+        ("closes an unknown joint", {c.joint for c in tree.closures} - {j.name for j in file.joints}),
+    )
+    for what, names in differences:
+        if names:
+            where = f"model of {tree.engine}"
+            raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
+
+
 def make_loops(tree: Tree, file: LoopsFile) -> Loops:
     """Binds the closures and the independent coordinates to the bodies and coordinates of a tree.
 

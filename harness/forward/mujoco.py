@@ -63,9 +63,8 @@ class MujocoMover:
         harden(self.model, d, harder)
         self.data = mujoco.MjData(self.model)
         self.passes = passes if self.model.neq else 0
-        self.setting = (
-            f"mj_forward, solimp {d:g}, at most {passes} refinements" if self.passes else "mj_forward"
-        )
+        hard = f"solimp {d:g}, body_invweight0 / {harder:g}, at most {passes} refinements"
+        self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
         self.made = self.most = self.calls = 0
 
     @property

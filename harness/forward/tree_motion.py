@@ -1,7 +1,8 @@
 """Integration of a closed mechanism in all coordinates of an engine's open tree.
 
-The state is (q, v, work). A pose that is singular for the independent coordinates is none here. What the
-accelerations leave of drift is taken out after every step by the smallest correction onto the closed loops.
+The state is (q, v, work). A pose that is singular for the independent coordinates is none here: `Method.near` is
+not looked at. What the accelerations leave of drift is taken out after every step by the smallest correction onto the
+closed loops.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from screwgauge.closing.closed_tree import solve_tree
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.problem import ForwardProblem
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.reference.errors import DescriptionError, ModelFileError
+from screwgauge.reference.errors import DescriptionError, ModelFileError, SingularPoseError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Motion, Problem
 
@@ -71,4 +71,10 @@ def start_state(problem: ForwardProblem, tree: Tree, file: LoopsFile) -> tuple[A
     names = [name for joint in file.joints for name in joint.coordinates]
     order = [names.index(name) for name in tree.coordinates]
     q, v = (found.values[name].array[0, order] for name in ("joint_position", "joint_velocity"))
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise SingularPoseError(
+            "the independent coordinates do not determine the motion there",
+            f"{tree.engine}, start of {file.mechanism}",
+            "start elsewhere or choose other coordinates",
+        )
     return q.copy(), v.copy()

@@ -82,6 +82,7 @@ def walk_through(
                 count = min(block, n - done)
                 walker.walk(float(begin) + done * h, h, count)
                 done, steps = done + count, steps + count
+                problem.progress(float(begin + done * h - times[0]) / float(times[-1] - times[0]))
                 q, v = walker.state()
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     raise SingularPoseError(
@@ -94,7 +95,6 @@ def walk_through(
         except SingularPoseError as error:
             stopped = f"t = {begin + done * h:.6g} s: {error}"
             break
-        problem.progress((end - times[0]) / (times[-1] - times[0]))
     seconds, cpu = clock.read()
     found = read_path(tree, loops, file, path)
     return ForwardSolution(

@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array, cross, rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +33,8 @@ class Moving:
 
     def shifted(self, r: Array, R: Array | None = None) -> Moving:
         """A frame fixed in the same body, its origin displaced by `r` (world axes, shape (n, 3))."""
-        v = self.v + np.cross(self.w, r)
-        a = self.a + np.cross(self.b, r) + np.cross(self.w, np.cross(self.w, r))
+        v = self.v + cross(self.w, r)
+        a = self.a + cross(self.b, r) + cross(self.w, cross(self.w, r))
         return Moving(self.R if R is None else R, self.p + r, self.w, v, self.b, a)
 
     def frame(self, frame: Frame) -> Moving:
@@ -50,7 +50,7 @@ class Moving:
         """After a rotation about an own axis through the origin."""
         e = self.R @ axis
         spin = e * qd[:, None]
-        b = self.b + e * qdd[:, None] + np.cross(self.w, spin)
+        b = self.b + e * qdd[:, None] + cross(self.w, spin)
         return Moving(self.R @ rotation(axis, q), self.p, self.w + spin, self.v, b, self.a)
 
     def slid(self, axis: Array, q: Array, qd: Array, qdd: Array) -> Moving:
@@ -58,7 +58,7 @@ class Moving:
         e = self.R @ axis
         there = self.shifted(e * q[:, None])
         speed = e * qd[:, None]
-        a = there.a + 2.0 * np.cross(self.w, speed) + e * qdd[:, None]
+        a = there.a + 2.0 * cross(self.w, speed) + e * qdd[:, None]
         return Moving(there.R, there.p, there.w, there.v + speed, there.b, a)
 
 

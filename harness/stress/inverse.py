@@ -14,6 +14,7 @@ from screwgauge.judging.judge import judge
 from screwgauge.quantities import QUANTITIES as KNOWN
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.rotations import Array
+from screwgauge.refusals import refusals
 from screwgauge.scene import Scene
 from screwgauge.solution import Failure, Motion, Solution
 from screwgauge.stress.case import GOOD, SILENT, Finding
@@ -66,11 +67,15 @@ def measure(
         elif truth is None:
             found = (_judged(scene, solutions[name]),)
         else:
-            found = (compared(scene, solutions[name], truth, quantity) for quantity in quantities)
+            why = {q: one.what for one in refusals(scene, solutions[name]) for q in one.quantities}
+            found = (
+                replace(found, reason=why.get(found.quantity, found.reason))
+                for found in (compared(scene, solutions[name], truth, quantity) for quantity in quantities)
+            )
         for finding in found:
             silent = finding.verdict == SILENT and name != "screw"
-            why = "; ".join(filter(None, (cause if silent else "", finding.reason)))
-            yield replace(finding, engine=f"{name} {setting}".strip(), reason=why)
+            reason = "; ".join(filter(None, (cause if silent else "", finding.reason)))
+            yield replace(finding, engine=f"{name} {setting}".strip(), reason=reason)
 
 
 def _refused(failure: Failure, quantity: str) -> Finding:

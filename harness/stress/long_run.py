@@ -43,7 +43,7 @@ def long_run() -> Case:
         low=10.0,
         high=1e8,
         full=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
-        quick=(1e1, 1e2, 1e3, 3e3, 1e4, 2e4),
+        quick=(1e1, 3e1, 1e2, 1e3, 3e3, 1e4),
         rung=lambda count, quick: Rung(count, lambda: climb(int(count))),
     )
 

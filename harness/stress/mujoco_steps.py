@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +16,7 @@ from screwgauge.engines.mujoco import MujocoTree
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.loops import read_loops
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.springs import JointSpring
 from screwgauge.scene import Scene
 from screwgauge.stress.held import Held
 
@@ -74,6 +75,15 @@ def load_tree(scene: Scene) -> MujocoTree:
         name = stem(scene.mechanism.name, "minimal")
         file = read_loops(Path(folder) / f"{name}.loops.toml")
         return MujocoTree(Path(folder) / f"{name}.xml", file, scene.gravity)
+
+
+def add_springs(model: Any, springs: Iterable[JointSpring]) -> None:
+    """Springs and dampers as the joints' own, which implicit integrators see."""
+    for spring in springs:
+        joint = model.joint(spring.coordinate)
+        model.jnt_stiffness[joint.id] = spring.stiffness
+        model.qpos_spring[joint.qposadr[0]] = spring.rest
+        model.dof_damping[joint.dofadr[0]] = spring.damping
 
 
 def soften(model: Any, setting: Setting) -> None:

@@ -25,6 +25,7 @@ CASES = {
     "proximal": f"{_HERE}.proximal:proximal",
     "redundant-constraints": f"{_HERE}.redundant:redundant_constraints",
     "long-run": f"{_HERE}.long_run:long_run",
+    "stiff-legs": f"{_HERE}.stiff_legs:stiff_legs",
 }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from screwgauge.bench.looks import CAMPS, MARKERS
-from screwgauge.report.formatting import MAX_DIGITS, digits
+from screwgauge.report.formatting import MAX_DIGITS, digits, number
 from screwgauge.report.sheet import DASHES, GREY
 from screwgauge.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
 from screwgauge.stress.run import Row
@@ -22,6 +22,7 @@ LOWEST, NO_NUMBER, APART = (
     0.55,
 )  # end of the axis; where crosses begin, a line of them for each camp
 NUMBERED = range(-2, 4)  # decades that are written out
+SHORT = 1.6  # decades: on a shorter axis every rung has its tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,15 +137,23 @@ def _severity_axis(ax: Any, case: Case, place: Mapping[float, float]) -> None:
     low, high = min(place.values()), max(place.values())
     margin = 0.04 * max(high - low, 1.0)
     ax.set_xlim(*((high + margin, low - margin) if case.falling else (low - margin, high + margin)))
-    step = max(1, int(np.ceil((high - low) / 6)))
-    ticks = [float(k) for k in range(int(np.ceil(low)), int(np.floor(high)) + 1) if k % step == 0]
-    zero = [place[0.0]] if 0.0 in place else []
-    ticks = sorted({*zero, *(t for t in ticks if not zero or abs(t - zero[0]) > 0.6 * step)})
-    names = {place[0.0]: "0"} if zero else {}
+    ticks, names = _ticks(place, low, high)
     ax.xaxis.set_major_locator(FixedLocator(ticks))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(FuncFormatter(lambda t, _: names.get(t, _decade(round(t)))))
     ax.set_xlabel(case.axis, size=8.5, labelpad=2)
+
+
+def _ticks(place: Mapping[float, float], low: float, high: float) -> tuple[list[float], dict[float, str]]:
+    """Decades and zero; on a ladder of hardly more than a decade the rungs themselves. Names of what is no decade."""
+    if high - low < SHORT and 0.0 not in place:
+        return sorted(place.values()), {at: number(severity, 2) for severity, at in place.items()}
+    step = max(1, int(np.ceil((high - low) / 6)))
+    decades = [float(k) for k in range(int(np.ceil(low)), int(np.floor(high)) + 1) if k % step == 0]
+    if 0.0 not in place:
+        return decades, {}
+    zero = place[0.0]
+    return [zero, *(t for t in decades if abs(t - zero) > 0.6 * step)], {zero: "0"}
 
 
 def _decade(k: int) -> str:

@@ -60,7 +60,6 @@ def softness() -> Case:
         full=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5),
         quick=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5),
         rung=lambda dt, quick: Rung(dt, lambda: climb(dt, QUICK_DURATION if quick else CASE_DURATION)),
-        falling=True,
     )
 
 
