@@ -12,7 +12,7 @@ import screwgauge
 from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.cli import main
 from screwgauge.forward import contest as module
-from screwgauge.forward.contest import QUICK, contest
+from screwgauge.forward.contest import FULL, QUICK, contest
 from screwgauge.forward.contest_drawing import make_plots
 from screwgauge.forward.contest_report import ABSOLUTE, absolute_table, bench_table, write_contest
 from screwgauge.forward.entrants import Entrant, entrants
@@ -132,3 +132,10 @@ def test_command_line(monkeypatch, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "OpenSim" in said
     assert max(len(line) for line in said.splitlines()) <= 100 + len(str(tmp_path))
+
+
+def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
+    plan = replace(FULL, share=0.2, rounds=1)  # long enough for three steps of one period
+    found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
+    (one,) = found.fits
+    assert one.ok, one.slope

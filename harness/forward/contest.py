@@ -34,6 +34,8 @@ QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
 LONGER = 1.5
 FOREVER = 1e9  # [s]
+#: Of what has not run yet [s]: screw runs under Python throughout.
+FIRST = {"screw": 2.0}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +120,7 @@ def _foreseen(entrant: Entrant, before: Sequence[Outcome]) -> float:
     """How long an entrant will last, from the setting before it of the same family [s]."""
     same = [o for o in before if o.entrant.family == entrant.family]
     if not same:
-        return FOREVER if entrant.late else 0.0
+        return FOREVER if entrant.late else FIRST.get(entrant.engine, 0.0)
     last = same[-1]
     if last.status == CUT:
         return FOREVER
@@ -132,7 +134,8 @@ def _turn(work: Work, entrant: Entrant, before: Sequence[Outcome], left: float) 
     """The outcome of an entrant, unless the budget is spent or it would take too long anyway."""
     if left <= 0.0:
         return Outcome(entrant, CUT, "the budget was spent before its turn")
-    if _foreseen(entrant, before) > work.plan.each and not entrant.late:
+    known = any(o.entrant.family == entrant.family for o in before)
+    if known and _foreseen(entrant, before) > work.plan.each:
         reason = f"the setting before tells that it would take more than {work.plan.each:g} s"
         return Outcome(entrant, CUT, reason)
     return work.outcome(entrant, left)
@@ -163,14 +166,17 @@ def _chosen(
 
 
 def _fits(outcomes: Sequence[Outcome]) -> list[Fit]:
-    """Slopes of the families whose error should be a power of their parameter."""
+    """Slopes of the energy error of the families that have an order.
+
+    Observables may converge faster than that where errors average out over a period; the energy does not.
+    """
     found = []
     for family in dict.fromkeys(o.entrant.family for o in outcomes if o.entrant.order is not None):
-        here = [o for o in outcomes if o.entrant.family == family and o.entrant.parameter and o.scaled > 0.0]
-        points = [(o.entrant.parameter[1], o.scaled) for o in here if o.entrant.parameter]
+        here = [o for o in outcomes if o.entrant.family == family and o.energy_scaled > 0.0]
+        points = [(o.entrant.parameter[1], o.energy_scaled) for o in here if o.entrant.parameter]
         order = next((o.entrant.order for o in here), None)
         if points and order is not None and here[0].entrant.parameter is not None:
-            one = fit(Rule(family, "observable", order), here[0].entrant.parameter[0], points)
+            one = fit(Rule(family, "energy", order), here[0].entrant.parameter[0], points)
             if np.isfinite(one.slope):  # three points between saturation and rounding
                 found.append(one)
     return found

@@ -191,10 +191,17 @@ def _slopes(found: Contest) -> str:
     if not found.fits:
         return "No contestant's error is a power of what is varied."
     body = [
-        [r["family"], r["parameter"], number(r["expected"]), number(r["fitted"], 4), tick(r["ok"])]
+        [
+            r["family"],
+            r["parameter"],
+            r["quantity"],
+            number(r["expected"]),
+            number(r["fitted"], 4),
+            tick(r["ok"]),
+        ]
         for r in rows(slope_table(found.fits))
     ]
-    return markdown_table(["family", "varied", "expected", "fitted", "within 10 %"], body, (2, 3))
+    return markdown_table(["family", "varied", "error of", "expected", "fitted", "within 10 %"], body, (3, 4))
 
 
 def format_terminal(found: Contest) -> str:

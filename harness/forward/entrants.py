@@ -15,18 +15,19 @@ from screwgauge.forward.steppers import Stepper, integrate_steps
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
-#: Fixed steps over the whole motion, and how each stepper is set: family, integrator, and whatever is not default.
+#: Fixed steps over the whole motion, and how each stepper is set: family, integrator, whatever is not default, and its
+#: order where steps can show it (RK4's reach rounding before they are fine, MuJoCo's softness has a floor).
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
 #: Impedance that leaves least softness, and refinements that remove the rest of it.
 STIFF: dict[str, Any] = {"solimp": 0.9999, "passes": 20}
 STEPPERS: tuple[tuple[str, str, str, dict[str, Any], float | None], ...] = (
     ("pinocchio-Euler", "pinocchio", "Euler", {}, 1.0),
-    ("pinocchio-RK4", "pinocchio", "RK4", {}, 4.0),
+    ("pinocchio-RK4", "pinocchio", "RK4", {}, None),
     ("mujoco-Euler", "mujoco", "Euler", {}, None),
     ("mujoco-implicitfast", "mujoco", "implicitfast", {}, None),
     ("mujoco-RK4", "mujoco", "RK4", {}, None),
-    ("mujoco-Euler-refined", "mujoco", "Euler", STIFF, 1.0),
+    ("mujoco-Euler-refined", "mujoco", "Euler", STIFF, None),
 )
 #: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
 LEAST_CONSTRAINED = 1e-10
@@ -44,7 +45,8 @@ class Entrant:
         effort: Place on its ladder; what comes first is short.
         late: It is known to take very long, so that it has its turn when all others had theirs.
         label: Short name in the diagram.
-        parameter: Name and value of what is varied, if errors should be a power of it; `order` is that power.
+        parameter: Name and value of what is varied, if that is a step.
+        order: Power of the step that the energy that is lost should be, if it should be one.
     """
 
     family: str
