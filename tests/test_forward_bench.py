@@ -135,7 +135,7 @@ def test_command_line(monkeypatch, tmp_path, capsys):
 
 
 def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
-    plan = replace(FULL, share=0.2, rounds=1)  # long enough for three steps of one period
+    plan = replace(FULL, share=0.2, rounds=1)
     found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
     (one,) = found.fits
     assert one.ok, one.slope
