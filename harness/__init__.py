@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.results import Results
     from screwgauge.scene import Scene, load_scene
+    from screwgauge.streaming import stream
 
-__all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run"]
+__all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
 
 _HOMES = {
     "Results": "screwgauge.results",
@@ -24,6 +25,7 @@ _HOMES = {
     "ScrewgaugeError": "screwgauge.reference.errors",
     "load_scene": "screwgauge.scene",
     "run": "screwgauge.driver",
+    "stream": "screwgauge.streaming",
 }
 
 try:

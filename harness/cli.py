@@ -7,10 +7,13 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from screwgauge import __version__
 from screwgauge.reference.errors import ScrewgaugeError
+
+if TYPE_CHECKING:
+    from screwgauge.scene import Scene
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
@@ -60,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     show = commands.add_parser("list", parents=[common], help="what there is to choose from")
-    show.add_argument("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities"])
+    show.add_argument("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
     show.set_defaults(command=_list)
 
     models = commands.add_parser(
@@ -101,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=_run)
     _add_bench(commands, common)
+    _add_stress(commands, common)
 
     paper = commands.add_parser(
         "paper", parents=[common], help="measure the errata of the paper, each by its effect"
@@ -120,10 +124,27 @@ def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
     bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
     bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     bench.add_argument(
-        "--budget", type=float, metavar="SECONDS", help="begin nothing after that (480; 48 with --quick)"
+        "--budget",
+        type=float,
+        metavar="SECONDS",
+        help="begin nothing after that (480, --quick 48; forward scenes 90, --quick 25)",
     )
     bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
     bench.set_defaults(command=_bench)
+
+
+def _add_stress(commands: Any, common: argparse.ArgumentParser) -> None:
+    stress = commands.add_parser(
+        "stress",
+        parents=[common],
+        help="stiff and extreme cases: digits kept, and whether an engine says so where it keeps few",
+        epilog="exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input",
+    )
+    stress.add_argument("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
+    stress.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/stress")
+    stress.add_argument("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
+    stress.add_argument("--severity", metavar="A,B", help="these rungs of the one case named")
+    stress.set_defaults(command=_stress)
 
 
 def _names(text: str | None) -> list[str] | None:
@@ -157,6 +178,9 @@ def _models(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from screwgauge.bench.threads import fix_threads
+
+    fix_threads()  # matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold
     from screwgauge.driver import run
     from screwgauge.progress import Line
     from screwgauge.report.summary import summary_text
@@ -199,6 +223,8 @@ def _bench(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     out = options.out or Path("screwgauge-out") / scene.name
     check_writable(out)
+    if scene.forward is not None:
+        return _contest(options, scene, out)
     try:
         with Line(sys.stderr) as line:
             found = bench(
@@ -218,6 +244,55 @@ def _bench(options: argparse.Namespace) -> int:
         return 130
     print(format_terminal(found))
     print(f"\nreport: {out / 'report.html'}")
+    return 0
+
+
+def _stress(options: argparse.Namespace) -> int:
+    from screwgauge.bench.threads import fix_threads
+
+    fix_threads()  # before anything imports numpy
+    from screwgauge.progress import Line
+    from screwgauge.reference.expressions import number
+    from screwgauge.report.write import check_writable
+    from screwgauge.stress.run import stress
+    from screwgauge.stress.terminal import format_terminal
+    from screwgauge.stress.write import write_stress
+
+    severities = _names(options.severity)
+    out = options.out or Path("screwgauge-out") / "stress"
+    check_writable(out)
+    with Line(sys.stderr) as line:
+        found = stress(
+            options.cases or None,
+            quick=options.quick,
+            severities=None if severities is None else [number(text, "--severity") for text in severities],
+            progress=line.show,
+        )
+        line.show("report", 1.0)
+        write_stress(found, out)
+    _say(format_terminal(found))
+    _say(f"\nreport: {out / 'report.html'}")
+    return 0 if found.ok else 1
+
+
+def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
+    """The bench of a forward scene."""
+    from dataclasses import replace
+
+    from screwgauge.bench.run import check_budget
+    from screwgauge.forward.contest import FULL, QUICK, contest
+    from screwgauge.forward.contest_report import format_terminal, write_contest
+    from screwgauge.progress import Line
+
+    plan = QUICK if options.quick else FULL
+    if options.budget is not None:
+        plan = replace(plan, budget=check_budget(options.budget))
+    with Line(sys.stderr) as line:
+        found = contest(scene, plan=plan, contestants=_names(options.contestants), progress=line.show)
+        line.show("report", 0.0)
+        write_contest(found, out)
+    _say(format_terminal(found))
+    _say(f"\nreport: {out / 'report.html'}")
     return 0
 
 

@@ -170,7 +170,7 @@ def _admitted(solution: Solution, quantity: str) -> float:
 def _incomparable(scene: Scene, quantity: str, a: Solution, b: Solution) -> dict[str, Any]:
     names = [set(solution.values[quantity].components) for solution in (a, b)]
     odd = sorted(names[0] ^ names[1])
-    row = _nothing(scene, quantity, a.engine, b.engine, "the components differ")
+    row = nothing(scene, quantity, a.engine, b.engine, "the components differ")
     return {**row, "worst_component": odd[0] if odd else ""}
 
 
@@ -181,10 +181,11 @@ def _failed(
     for solution in solutions.values():
         for failure in failures.values():
             for quantity in solution.values:
-                yield _nothing(scene, quantity, solution.engine, failure.engine, failure.reason)
+                yield nothing(scene, quantity, solution.engine, failure.engine, failure.reason)
 
 
-def _nothing(scene: Scene, quantity: str, a: str, b: str, reason: str) -> dict[str, Any]:
+def nothing(scene: Scene, quantity: str, a: str, b: str, reason: str) -> dict[str, Any]:
+    """The row of a pair that has no numbers, with the reason."""
     lost = dict.fromkeys(("max_abs", "rms", "max_scaled", "worst_t"), float("nan"))
     empty = {"unit": "", "worst_component": "", "rule": "", "unique": True}
     tolerance = scene.tolerance(quantity)

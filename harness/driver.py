@@ -16,7 +16,7 @@ from screwgauge.environment import environment
 from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.preflight import check_actuation, check_scene
-from screwgauge.quantities import check_quantities
+from screwgauge.quantities import INVERSE, check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
@@ -39,7 +39,7 @@ def run(
     *,
     progress: Report = lambda step, share: None,
 ) -> Results:
-    """Drives the engines with a scene, compares all pairs and judges each.
+    """Drives the engines with a scene, compares all pairs and judges each. A forward scene is integrated.
 
     Args:
         engines: Names; those of the scene by default.
@@ -49,22 +49,18 @@ def run(
     Raises:
         ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
     """
+    if scene.forward is not None:
+        from screwgauge.forward.run import run_forward  # brings scipy
+
+        return run_forward(scene, engines, quantities, progress=progress)
     names = check_engines(scene.engines if engines is None else engines)
-    wanted = check_quantities(scene.quantities if quantities is None else quantities)
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, known=INVERSE)
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
-    expected = _expected(scene.mechanism, mobility)
-    solutions: dict[str, Solution] = {}
-    failures: dict[str, Failure] = {}
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
-        for name in names:
-            outcome = _solve(scene, name, frozenset(wanted), expected, Path(folder), progress)
-            if isinstance(outcome, Solution):
-                solutions[name] = outcome
-            else:
-                failures[name] = outcome
+    solutions, failures = solve(
+        scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress
+    )
     progress("comparison", 0.0)
     refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
     for one in refused:
@@ -79,13 +75,42 @@ def run(
         errors=errors,
         pairs=pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
-        mobility=_facts(mobility),
+        mobility=facts(mobility),
         environment=environment(),
         refusals=refused,
     )
 
 
-def _facts(found: Mobility) -> dict[str, object]:
+def solve(
+    scene: Scene,
+    engines: Iterable[str],
+    quantities: Iterable[str],
+    *,
+    expected: Mapping[str, tuple[str, ...]] | None = None,
+    progress: Report = lambda step, share: None,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Drives the engines with a scene as it is: nothing is checked before, nothing compared after.
+
+    Args:
+        expected: Quantity -> component names that an answer must have.
+
+    Returns:
+        What each engine answered, and why the others did not.
+    """
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
+        for name in engines:
+            outcome = _solve(scene, name, frozenset(quantities), expected or {}, Path(folder), progress)
+            if isinstance(outcome, Solution):
+                solutions[name] = outcome
+            else:
+                failures[name] = outcome
+    return solutions, failures
+
+
+def facts(found: Mobility) -> dict[str, object]:
     """Counts for the report, and which forces are unique whatever the rule."""
     counts = {
         "moving bodies": found.bodies,
@@ -118,15 +143,27 @@ def _solve(
         engine = load_engine(name)
         solution = replace(engine(_problem(scene, name, quantities, folder, progress)), engine=name)
         _check_answer(solution, len(scene.motion), expected)
-    except ImportError as error:
+    except Exception as error:
+        return failed(scene, name, error, folder)
+    return solution
+
+
+def failed(scene: Scene, name: str, error: Exception, folder: Path) -> Failure:
+    """The row of an engine that raised.
+
+    Args:
+        folder: Where the generated model files are.
+
+    Raises:
+        ScrewgaugeError: The error itself, if the user's own model file is bad input.
+    """
+    if isinstance(error, ImportError):
         package = (error.name or name).split(".")[0]
         return Failure(name, f"not installed ({error}); pip install {_PACKAGES.get(package, package)}")
-    except Exception as error:
-        if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
-            raise  # the user's own file is bad input
-        text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
-        return Failure(name, f"{type(error).__name__}: {text}")
-    return solution
+    if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
+        raise error
+    text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
+    return Failure(name, f"{type(error).__name__}: {text}")
 
 
 def _check_answer(solution: Solution, n: int, expected: Mapping[str, tuple[str, ...]]) -> None:
@@ -158,17 +195,22 @@ def _expected(mechanism: Mechanism, found: Mobility) -> dict[str, tuple[str, ...
     }
 
 
-def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:
+def model_files(scene: Scene, name: str, folder: Path) -> tuple[Path, Path | None]:
+    """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
     own = scene.models.get(name)
-    model, loops, keeps_gravity = own or scene.mechanism_file, None, False
-    if name in GENERATED:
-        cut, ending = GENERATED[name]
-        generated = stem(scene.mechanism.name, cut)
-        model = own or folder / f"{generated}{ending}"
-        beside = model.with_suffix(".loops.toml")
-        loops = beside if beside.is_file() else folder / f"{generated}.loops.toml"
-        # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-        keeps_gravity = own is not None and ending == ".xml"
+    if name not in GENERATED:
+        return own or scene.mechanism_file, None
+    cut, ending = GENERATED[name]
+    generated = stem(scene.mechanism.name, cut)
+    model = own or folder / f"{generated}{ending}"
+    beside = model.with_suffix(".loops.toml")
+    return model, beside if beside.is_file() else folder / f"{generated}.loops.toml"
+
+
+def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> Problem:
+    model, loops = model_files(scene, name, folder)
+    # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
+    keeps_gravity = name in scene.models and name in GENERATED and GENERATED[name][1] == ".xml"
     return Problem(
         model=model,
         loops=loops,
@@ -179,4 +221,6 @@ def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, 
         quantities=quantities,
         progress=lambda share: progress(name, share),
         wording=scene.wording(),
+        springs=scene.springs,
+        motors=scene.motors,
     )

@@ -9,17 +9,20 @@ from screwgauge.engines import ENGINES, MEANINGS
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.scene import load_scene, scene_names
+from screwgauge.stress.registry import CASES
+from screwgauge.stress.registry import load as load_case
 
 _PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco", "truth": "flint"}
 
 
 def listing(what: str | None) -> str:
-    """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, or all of them."""
+    """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, ``cases``, or all of them."""
     tables: dict[str, Callable[[], list[tuple[str, str]]]] = {
         "mechanisms": lambda: [(name, load_mechanism(name).title) for name in mechanism_names()],
         "scenes": lambda: [(name, load_scene(name).title) for name in scene_names()],
         "engines": lambda: [(name, _engine(name)) for name in ENGINES],
         "quantities": lambda: [(name, quantity.meaning) for name, quantity in QUANTITIES.items()],
+        "cases": lambda: [(name, load_case(name).title) for name in CASES],
     }
     if what:
         return _table(tables[what]())

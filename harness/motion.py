@@ -39,7 +39,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
             )
         return _sampled(folder / table["csv"], labels)
     check_keys(table, labels, where)
-    terms = {label: _terms(required(table, label, where), f"{where}.{label}") for label in labels}
+    terms = {label: read_terms(required(table, label, where), f"{where}.{label}") for label in labels}
 
     def drive(t: Array) -> Motion:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -55,7 +55,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     return drive, None
 
 
-def _terms(table: Any, where: str) -> tuple[Array, Array]:
+def read_terms(table: Any, where: str) -> tuple[Array, Array]:
     """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
     check_keys(table, {"offset", "harmonics", "polynomial"}, where)
     raw = table.get("polynomial", [0])
@@ -90,12 +90,16 @@ def _sample(text: Any) -> float:
         return float("nan")
 
 
-def _columns(path: Path, wanted: list[str]) -> dict[str, Array]:
-    """The wanted columns of a CSV file, read to the last bit and finite. Shape (n,) each."""
+def read_columns(path: Path, wanted: list[str], why: str = "derivatives are required") -> dict[str, Array]:
+    """The wanted columns of a CSV file, read to the last bit and finite. Shape (n,) each.
+
+    Args:
+        why: What to say of a column that is missing.
+    """
     import pandas as pd
 
     try:
-        data = pd.read_csv(path, dtype=str, keep_default_na=False)
+        data = pd.read_csv(path, dtype=str, keep_default_na=False, comment="#")
     except (OSError, ValueError) as error:
         raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
     if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
@@ -103,7 +107,7 @@ def _columns(path: Path, wanted: list[str]) -> dict[str, Array]:
     columns: dict[str, Array] = {}
     for column in wanted:
         if column not in data.columns:
-            names = f"give all of {', '.join(wanted)} (derivatives are required)"
+            names = f"give all of {', '.join(wanted)} ({why})"
             raise DescriptionError(f"column '{column}' is missing", str(path), names)
         if f"{column}.1" in data.columns:  # what pandas makes of a second one
             raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
@@ -121,7 +125,7 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"
         raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
-    columns = _columns(path, wanted)
+    columns = read_columns(path, wanted)
     t = columns["t"]
     if not len(t):
         raise DescriptionError("has no samples", str(path), "write at least one row below the header")

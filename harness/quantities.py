@@ -49,17 +49,34 @@ QUANTITIES = {
         Quantity(
             "reaction", "every constraint force and moment, predecessor on successor", "f", SOLVED, ruled=True
         ),
+        Quantity("observable", "what a forward scene follows", "q", SOLVED),
     )
 }
+#: What engines compute when the motion is given, and when it is integrated.
+INVERSE = tuple(name for name in QUANTITIES if name != "observable")
+FORWARD = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
+#: Error of a motion over the tolerance of its steps: ten times the largest that the established problems show
+#: (a02-fourbar-2, 90, where it passes singular poses).
+GROWTH = 1e3
 
 
-def check_quantities(names: Iterable[str], where: str = "") -> tuple[str, ...]:
+def integrated_tolerance(rtol: float, atol: float) -> float:
+    """Scaled error up to which two integrated motions agree."""
+    return max(SOLVED, GROWTH * max(rtol, atol))
+
+
+def check_quantities(
+    names: Iterable[str], where: str = "", known: Iterable[str] = tuple(QUANTITIES)
+) -> tuple[str, ...]:
     """The names in the order of the table.
 
+    Args:
+        known: Those that there are to choose from.
+
     Raises:
-        ScrewgaugeError: There is none, or one of them is no quantity.
+        ScrewgaugeError: There is none, or one of them is not among the known.
     """
-    wanted = check_choice("quantity", names, QUANTITIES, where)
+    wanted = check_choice("quantity", names, known, where)
     return tuple(name for name in QUANTITIES if name in wanted)
 
 

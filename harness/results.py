@@ -32,6 +32,7 @@ class Results:
             worst_component, worst_t, tolerance, ok, reason.
         mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
         environment: Versions and machine, name -> value.
+        warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
     """
 
@@ -43,6 +44,7 @@ class Results:
     judge: pd.DataFrame
     mobility: Mapping[str, Any]
     environment: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
 
     @property

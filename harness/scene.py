@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from screwgauge.elements import read_load, read_motor, read_spring
 from screwgauge.engines import check_engines
+from screwgauge.entries import positive, read_figure, read_grid, read_list, read_models, read_times
+from screwgauge.forward.problem import Motor
+from screwgauge.forward.setting import (
+    Forward,
+    Known,
+    Observable,
+    Published,
+    read_forward,
+    read_known,
+    read_observable,
+    read_published,
+)
 from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
 from screwgauge.motion import Drive, read_drive
-from screwgauge.quantities import QUANTITIES, check_quantities
-from screwgauge.reference.description import check_keys, read_toml, required
+from screwgauge.quantities import FORWARD, INVERSE, QUANTITIES, check_quantities, integrated_tolerance
+from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.springs import Spring
 from screwgauge.report.figures import Figure
 from screwgauge.solution import Load, Motion, Wording
 
 FOLDER = Path(__file__).parent / "scenes"
 RULES = ("min_norm", "spherical_axial")
-MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
 DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
     *("engines", "quantities", "tolerances", "models", "figures"),
+    *("springs", "motors", "forward", "observables", "reference", "published"),
 }
 
 
@@ -45,6 +59,11 @@ class Scene:
         models: Model files that replace the generated ones, by engine.
         figures: What the report draws.
         drive: The motion as a function of time.
+        springs, motors: What acts besides loads and actuators.
+        forward: Start and method, if the motion is to be integrated; `motion` then has times only, all else NaN.
+        observables: What is followed in a forward scene.
+        known: Their values from elsewhere, if there are any.
+        published: What others have published.
         text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.
     """
 
@@ -64,6 +83,12 @@ class Scene:
     figures: tuple[Figure, ...]
     drive: Drive = field(repr=False)
     text: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    springs: tuple[Spring, ...] = ()
+    motors: tuple[Motor, ...] = ()
+    forward: Forward | None = None
+    observables: tuple[Observable, ...] = ()
+    known: Known | None = None
+    published: tuple[Published, ...] = ()
 
     def at(self, times: Sequence[float] | Array) -> Scene:
         """The same scene on other times [s].
@@ -73,7 +98,11 @@ class Scene:
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
             raise DescriptionError(f"{times!r} is not a list of times", "times", "give a list of times in s")
-        return replace(self, motion=self.drive(_times(list(times), "times")))
+        if self.forward is not None:
+            return replace(
+                self, motion=_clock(read_times(list(times), "times"), self.motion, self.forward.since)
+            )
+        return replace(self, motion=self.drive(read_times(list(times), "times")))
 
     def wording(self) -> Wording:
         """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""
@@ -85,7 +114,11 @@ class Scene:
         )
 
     def tolerance(self, quantity: str) -> float:
-        return self.tolerances.get(quantity, QUANTITIES[quantity].tolerance)
+        """Scaled tolerance of a quantity."""
+        usual = QUANTITIES[quantity].tolerance
+        if self.forward is not None:
+            usual = integrated_tolerance(self.forward.method.rtol, self.forward.method.atol)
+        return self.tolerances.get(quantity, usual)
 
 
 def scene_names() -> list[str]:
@@ -111,11 +144,15 @@ def load_scene(name: str | Path) -> Scene:
 def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
-    file = _mechanism_file(_text(data, "mechanism", where), path.parent, where)
+    file = _mechanism_file(read_text(data, "mechanism", where), path.parent, where)
     mechanism = load_mechanism(file)
+    if "forward" in data:
+        return _read_forward(data, path, file, mechanism)
+    for key in ("observables", "reference", "published"):
+        if key in data:
+            raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion_table = required(data, "motion", where)
     drive, sampled = read_drive(motion_table, list(mechanism.independent), path.parent, f"{where}, motion")
-    engines = data.get("engines", list(DEFAULT_ENGINES))
     rule = data.get("rule", "min_norm")
     if rule not in RULES:
         raise UnknownNameError("rule", rule, RULES, where)
@@ -123,30 +160,103 @@ def _read(path: Path) -> Scene:
         raise DescriptionError(
             f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
         )
-    tolerances = data.get("tolerances", {})
-    check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
     return Scene(
-        name=path.stem,
-        title=_text(data, "title", where, path.stem),
-        description=_text(data, "description", where, ""),
-        mechanism=mechanism,
-        mechanism_file=file,
-        motion=drive(_grid(data.get("time"), sampled, f"{where}, time")),
-        gravity=vector(data.get("gravity", [0, 0, "-9.81"]), f"{where}, gravity"),
-        loads=tuple(_load(item, mechanism, f"{where}, loads") for item in _list(data, "loads", where)),
+        **_common(data, path, file, mechanism),
+        motion=drive(read_grid(data.get("time"), sampled, f"{where}, time")),
         rule=rule,
-        engines=check_engines(engines, where),
-        quantities=check_quantities(data.get("quantities", list(QUANTITIES)), where),
-        tolerances={key: _positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
-        models=_models(data.get("models", {}), path.parent, f"{where}, models"),
-        figures=tuple(_figure(item, f"{where}, figures") for item in _list(data, "figures", where)),
+        quantities=check_quantities(data.get("quantities", list(INVERSE)), where, INVERSE),
         drive=drive,
         text={
             "motion": motion_table,
             "gravity": data.get("gravity", [0, 0, "-9.81"]),
-            "loads": _list(data, "loads", where),
+            "loads": read_list(data, "loads", where),
         },
     )
+
+
+def _common(data: dict[str, Any], path: Path, file: Path, mechanism: Mechanism) -> dict[str, Any]:
+    """The entries that all scenes have."""
+    where = str(path)
+    tolerances = data.get("tolerances", {})
+    check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
+
+    def items(key: str, read: Callable[[Any, Mechanism, str], Any]) -> tuple[Any, ...]:
+        return tuple(read(item, mechanism, f"{where}, {key}") for item in read_list(data, key, where))
+
+    return {
+        "name": path.stem,
+        "title": read_text(data, "title", where, path.stem),
+        "description": read_text(data, "description", where, ""),
+        "mechanism": mechanism,
+        "mechanism_file": file,
+        "gravity": vector(data.get("gravity", [0, 0, "-9.81"]), f"{where}, gravity"),
+        "loads": items("loads", read_load),
+        "springs": items("springs", read_spring),
+        "motors": items("motors", read_motor),
+        "engines": check_engines(data.get("engines", list(DEFAULT_ENGINES)), where),
+        "tolerances": {
+            key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()
+        },
+        "models": read_models(data.get("models", {}), path.parent, f"{where}, models"),
+        "figures": tuple(
+            read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)
+        ),
+    }
+
+
+def _read_forward(data: dict[str, Any], path: Path, file: Path, mechanism: Mechanism) -> Scene:
+    where = str(path)
+    for key in ("motion", "rule"):
+        if key in data:
+            raise DescriptionError(
+                f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}"
+            )
+    observables = tuple(
+        read_observable(item, mechanism, f"{where}, observables")
+        for item in read_list(data, "observables", where)
+    )
+    names = [observable.name for observable in observables]
+    if len(set(names)) < len(names):
+        raise DescriptionError("two observables share a name", f"{where}, observables", "name them apart")
+    known = None
+    if "reference" in data:
+        known = read_known(data["reference"], names, path.parent, f"{where}, reference")
+    t = read_grid(data.get("time"), None if known is None else known.t, f"{where}, time")
+    forward = read_forward(data["forward"], mechanism, float(t[0]), f"{where}, forward")
+    blank = np.full((0, len(mechanism.independent)), np.nan)
+    motion = _clock(t, Motion(t[:0], blank, blank, blank), forward.since)
+    scene = Scene(
+        **_common(data, path, file, mechanism),
+        motion=motion,
+        rule=RULES[0],
+        quantities=check_quantities(data.get("quantities", list(FORWARD)), where, FORWARD),
+        drive=lambda times: _clock(times, motion, forward.since),
+        forward=forward,
+        observables=observables,
+        known=known,
+        published=tuple(
+            read_published(item, f"{where}, published") for item in read_list(data, "published", where)
+        ),
+    )
+    if not (scene.gravity.any() or scene.loads or scene.springs or scene.motors):
+        raise DescriptionError(
+            "nothing exerts a force in this forward scene",
+            where,
+            "add gravity, [[loads]], [[springs]] or [[motors]]",
+        )
+    return scene
+
+
+def _clock(t: Array, like: Motion, since: float) -> Motion:
+    """Times of a motion that is yet to be integrated; its coordinates are NaN."""
+    if (np.diff(t) <= 0.0).any() or t[0] < since:
+        raise DescriptionError(
+            f"the times do not increase from t = {since:g} s on",
+            "times",
+            "give times in order, from the start on",
+        )
+    y = np.full((len(t), like.y.shape[1]), np.nan)
+    return Motion(t, y, y, y)
 
 
 def _same_motion(table: dict[str, Any], scene: Scene) -> bool:
@@ -160,7 +270,7 @@ def _same_motion(table: dict[str, Any], scene: Scene) -> bool:
 
 
 def _same_loads(tables: list[Any], scene: Scene) -> bool:
-    said = [_load(table, scene.mechanism, "loads") for table in tables]
+    said = [read_load(table, scene.mechanism, "loads") for table in tables]
     return [load.numbers() for load in said] == [load.numbers() for load in scene.loads]
 
 
@@ -172,113 +282,3 @@ def _mechanism_file(name: str, folder: Path, where: str) -> Path:
         return mechanism_path(name)
     except UnknownNameError as error:
         raise UnknownNameError("mechanism", name, mechanism_names(), where) from error
-
-
-def _text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
-    value = required(table, key, where) if default is None else table.get(key, default)
-    if not isinstance(value, str):
-        raise DescriptionError(f"{value!r} is not text", f"{where}, {key}", "write it in quotes")
-    return value
-
-
-def _list(data: dict[str, Any], key: str, where: str) -> list[Any]:
-    items = data.get(key, [])
-    if not isinstance(items, list):
-        raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
-    return items
-
-
-def _positive(value: Any, where: str) -> float:
-    result = number(value, where)
-    if result <= 0.0:
-        raise DescriptionError(f"{result:g} is not positive", where, "give a positive number")
-    return result
-
-
-def _times(values: list[Any], where: str) -> Array:
-    _check_count(len(values), where)
-    if all(isinstance(v, float) for v in values):  # also numpy's
-        t = np.array(values, dtype=float)
-    else:
-        t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
-    if not len(t) or not np.isfinite(t).all():
-        raise DescriptionError("the times are not finite numbers", where, "give at least one time in s")
-    return t
-
-
-def _check_count(n: float, where: str) -> None:
-    if n > MOST:
-        raise DescriptionError(
-            f"{n:.3g} samples are asked for, more than {MOST:.0e}",
-            where,
-            "take a longer step or a shorter duration",
-        )
-
-
-def _grid(table: Any, sampled: Array | None, where: str) -> Array:
-    if table is None:
-        if sampled is None:
-            raise DescriptionError(
-                "there is no time grid", where, "add [time] with duration and step, or times"
-            )
-        return sampled
-    check_keys(table, {"duration", "step", "times"}, where)
-    if "times" in table:
-        if not isinstance(table["times"], list) or len(table) > 1:
-            raise DescriptionError(
-                "'times' is no list on its own", where, "write times = [...], or duration and step"
-            )
-        return _times(table["times"], f"{where}.times")
-    duration = _positive(required(table, "duration", where), f"{where}.duration")
-    step = _positive(required(table, "step", where), f"{where}.step")
-    _check_count(duration / step, where)
-    # multiples of the step; a duration that is no whole number of steps ends at the last one before it
-    return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
-
-
-def _load(table: Any, mechanism: Mechanism, where: str) -> Load:
-    """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment."""
-    check_keys(table, {"on", "by", "point", "force", "torque"}, where)
-    on, by = (_text(table, key, where) for key in ("on", "by"))
-    names = [body.name for body in mechanism.bodies]
-    if (on == "environment") == (by == "environment"):
-        raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
-    body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
-    if body not in names:
-        raise UnknownNameError("body", body, [*names, "environment"], where)
-    point = table.get("point", "com")
-    return Load(
-        body=body,
-        point=None if point == "com" else vector(point, f"{where}.point"),
-        force=sign * vector(table.get("force", [0, 0, 0]), f"{where}.force"),
-        torque=sign * vector(table.get("torque", [0, 0, 0]), f"{where}.torque"),
-    )
-
-
-def _models(table: Any, folder: Path, where: str) -> dict[str, Path]:
-    if not isinstance(table, dict):
-        raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    if table:
-        check_engines(list(table), where)
-    files = {engine: folder / _text(table, engine, where) for engine in table}
-    for engine, file in files.items():
-        if not is_file(file):
-            raise DescriptionError(
-                f"model file of {engine} does not exist ('{file}')", where, "check the path"
-            )
-    return files
-
-
-def _figure(table: Any, where: str) -> Figure:
-    check_keys(table, {"title", "quantity", "unit", "panels"}, where)
-    quantity = check_quantities([required(table, "quantity", where)], where)[0]
-    panels = required(table, "panels", where)
-    lists = panels.values() if isinstance(panels, dict) else [None]
-    if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
-        raise DescriptionError("'panels' is not a table of lists", where, "write label = ['pattern', ...]")
-    return Figure(
-        title=_text(table, "title", where),
-        quantity=quantity,
-        unit=_text(table, "unit", where),
-        panels=tuple((label, tuple(patterns)) for label, patterns in panels.items()),
-    )

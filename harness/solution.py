@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.springs import Spring
+
+if TYPE_CHECKING:
+    from screwgauge.forward.problem import Motor
+
+#: Name of a known solution that stands beside the engines of a forward scene.
+REFERENCE = "reference"
 
 Rows = NDArray[np.intp]
 """Indices of samples."""
@@ -92,6 +99,7 @@ class Problem:
         rule: ``min_norm`` or ``spherical_axial``.
         quantities: Names of what is wanted; nothing else is computed.
         wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
+        springs, motors: What acts besides loads and actuators.
     """
 
     model: Path
@@ -103,6 +111,8 @@ class Problem:
     quantities: frozenset[str]
     progress: Progress = lambda share: None
     wording: Wording = Wording()
+    springs: tuple[Spring, ...] = ()
+    motors: tuple[Motor, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 
-def four_bars(n: int) -> str:
+def four_bars(n: int, *, driven: bool = False) -> str:
     """The text (TOML) of N four-bars in a row: pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal ones.
 
     The crank's angle counts from upright about z, so that the motion starts with a rate of -1 rad/s.
 
     Args:
         n: Number of four-bars, one or more.
+        driven: Whether a motor turns the crank; the published problem has none.
     """
     lines = [
         f"# {n} four-bars in a row, benchmark problem A02 of the IFToMM library; written by models/fourbars.py.",
@@ -29,6 +30,7 @@ def four_bars(n: int) -> str:
         lines += _link(f"bar{k}", "[0.5, 0, 0]", ("0.001", "1/12", "1/12"))
     for k in range(n + 1):
         lines += _joint(f"a{k}", "ground", f"upright{k}", f"[{k}, 0, 0]")
+        lines += ["actuated = true"] if driven and k == 0 else []
     for k in range(n):
         lines += _joint(f"b{k}", f"upright{k}", f"bar{k}", "[0, 1, 0]")
         lines += [*_joint(f"c{k}", f"upright{k + 1}", f"bar{k}", "[0, 1, 0]"), _CHILD]

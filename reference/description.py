@@ -59,6 +59,14 @@ def required(table: dict[str, Any], key: str, where: str) -> Any:
     return table[key]
 
 
+def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
+    """An entry that is text; required if it has no default."""
+    value = required(table, key, where) if default is None else table.get(key, default)
+    if not isinstance(value, str):
+        raise DescriptionError(f"{value!r} is not text", f"{where}, {key}", "write it in quotes")
+    return value
+
+
 def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
     """`base` with the entries of `change`, table by table; an inertia is replaced as a whole."""
     result = dict(base)

@@ -7,11 +7,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from screwgauge.reference import linear
+from screwgauge.reference import linear, screws
 from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
@@ -23,7 +23,7 @@ from screwgauge.reference.dynamics import (
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Rates, accelerations
 from screwgauge.reference.pose import Layout, loop_matrix
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import Load, Spring, check_springs, spring_energy, spring_forces
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -194,7 +194,7 @@ def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
     m = len(reactions.names)
     c = force_matrix(lay, at, motion.com, reactions)[..., :m]
     D = _inertia_of_joints(lay, rate, motion.com, motion.J)
-    right = _joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
+    right = joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
     G = loop_matrix(lay, at)
     system = np.concatenate(
         [
@@ -219,14 +219,14 @@ def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
     """
     mass = np.array([body.mass for body in lay.mechanism.bodies])
     S = lay.path[None, 1:, :, None] * rate.pose.S[:, None]  # (n, n_body, n_q, 6)
-    a = S[..., 3:] + np.cross(S[..., :3], com[:, :, None])
+    a = S[..., 3:] + cross(S[..., :3], com[:, :, None])
     force = mass[None, :, None, None] * a
     moment = np.einsum("nbxy,nbiy->nbix", J, S[..., :3])
     D = np.concatenate([force, moment], axis=3).swapaxes(2, 3)
     return np.asarray(D.reshape(len(D), -1, S.shape[2]))
 
 
-def _joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
+def joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
     """What forces along the joint coordinates exert on each body (force; moment about its centre of mass).
 
     A composite joint's force acts along the screw reciprocal to its other freedoms: its power on them is zero.
@@ -247,7 +247,7 @@ def _joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
         for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
             if body:
                 W[:, body, :3] += sign * force
-                W[:, body, 3:] += sign * (moment + np.cross(point - com[:, body - 1], force))
+                W[:, body, 3:] += sign * (moment + cross(point - com[:, body - 1], force))
     return W[:, 1:].reshape(n, -1)
 
 
@@ -256,6 +256,20 @@ def _dual(axes: Array, amount: Array) -> Array:
     if not axes.shape[1]:
         return np.zeros((len(axes), 3))
     return (np.linalg.pinv(axes) @ amount[..., None])[..., 0]
+
+
+def power(lay: Layout, rate: Rates, forces: Forces) -> Array:
+    """Power of all that stores no energy: actuators, motors, loads and dampers [W]. Shape (n,)."""
+    dampers = [replace(spring, stiffness=0.0) for spring in forces.springs if spring.damping]
+    tau, loads = spring_forces(lay, rate, dampers)
+    total = np.sum((tau + joint_forces(lay, forces, len(tau))) * rate.w, axis=1)
+    at, index = rate.pose, lay.mechanism.body_index
+    for body, point, force, torque in (*forces.loads, *loads):
+        i = index[body]
+        own = lay.mechanism.body(body).com if point is None else point
+        V, r = rate.V[:, i], at.p[:, i] + at.R[:, i] @ own
+        total += np.sum(force * screws.velocity_at(V, r) + torque * V[:, :3], axis=1)
+    return np.asarray(total)
 
 
 def energy(lay: Layout, rate: Rates, forces: Forces) -> Array:

@@ -227,7 +227,7 @@ def integrate(
     side = chains(lay)
     theta = np.empty((n + 1, *side.used.shape))
     theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
-    (_euler if parts == 1 else _rk4)(side, theta, V[:, None], step)
+    STEPPERS[method](side, theta, V[:, None], step)
     S, R, p = side.walk(theta)
     w = side.solve(S, V[::parts, None])
     beta = side.solve(S, A[::parts, None] - bias(S, w, bracket))
@@ -270,3 +270,7 @@ def bias(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
     terms = S * w[..., None]
     before = np.cumsum(terms, axis=-2) - terms
     return np.asarray(bracket(before, terms).sum(axis=-2))
+
+
+#: Method -> steps in place: ``(chains, theta, V, step)``, the first row of theta given, V as the method needs it.
+STEPPERS = {"euler": _euler, "rk4": _rk4}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +28,17 @@ def skew(v: Array) -> Array:
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross product along the last axis, the same numbers as numpy's at a third of its overhead. Shape (..., 3)."""
+    alike = a.shape == b.shape and a.dtype == b.dtype
+    c = np.empty_like(a) if alike else np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    c[..., 0] = ay * bz - az * by
+    c[..., 1] = az * bx - ax * bz
+    c[..., 2] = ax * by - ay * bx
+    return c
+
+
 def vee(M: Array) -> Array:
     """Axial vector of the antisymmetric part, the inverse of `skew`. Shape (..., 3, 3) -> (..., 3)."""
     return 0.5 * np.stack(
@@ -43,10 +56,17 @@ def rotation(axis: Array, angle: Array) -> Array:
     Returns:
         Rotation matrix. Shape (..., 3, 3).
     """
-    K = skew(axis)
+    K, KK, I = _generator(axis.tobytes(), axis.dtype.str)
     angle = np.asarray(angle)[..., None, None]
     # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
-    return np.eye(3, dtype=K.dtype) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)
+    return np.asarray(I + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * KK)
+
+
+@lru_cache(maxsize=1024)
+def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
+    """Skew matrix of an axis, its square and the identity: axes are those of joints, always the same."""
+    K = skew(np.frombuffer(axis, dtype=dtype))
+    return K, K @ K, np.eye(3, dtype=K.dtype)
 
 
 def triad_angles(R: Array, axes: Array) -> Array:

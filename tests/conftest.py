@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 import pytest
 
 from screwgauge.cli import main
-from screwgauge.forward.problems import solve_problem
+from screwgauge.forward.integrate import Trajectory, integrate
+from screwgauge.forward.observe import observe
+from screwgauge.forward.screw import forces_over_time
+from screwgauge.forward.start import make_problem
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.forward import Forces
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene import FOLDER, load_scene
 
 
 @pytest.fixture(scope="session")
@@ -86,16 +95,39 @@ def changed_scene(write, paper_scene):
     return make
 
 
+class Answer(NamedTuple):
+    """A forward scene integrated by the solver, and its observables, shape (n, n_observable)."""
+
+    lay: Layout
+    forces: Callable[[float], Forces]
+    trajectory: Trajectory
+    observable: Array
+
+
 @pytest.fixture(scope="session")
 def answer():
-    """An established problem solved at the times of its kept reference, whose first line names its source."""
+    """An established problem integrated at some times of its reference, and the rows of that."""
 
-    def solve(name: str, until: float = float("inf"), **tolerances: float):
-        known = pd.read_csv(Path(__file__).parent / "data" / "benchmarks" / f"{name}.csv", comment="#")
-        known = known[known["t_s"] <= until]
-        found = solve_problem(name, known["t_s"].to_numpy(), **tolerances)
-        assert found.trajectory.stopped == ""
-        assert len(found.observable) == len(known)
-        return found, known
+    def solve(name: str, until: float = float("inf"), every: int = 10, tolerance: float | None = None):
+        known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]
+        known = known[known["t"] <= until]
+        scene = load_scene(name).at(known["t"].to_numpy())
+        problem = make_problem(scene, scene.forward, scene.mechanism_file, None)
+        lay, method = layout(scene.mechanism), problem.method
+        forces = forces_over_time(problem, lay)
+        found = integrate(
+            lay,
+            forces,
+            problem.times,
+            start=problem.start,
+            yd=problem.rates,
+            method=method.name,
+            rtol=tolerance or method.rtol,
+            atol=tolerance or method.atol,
+            near=method.near,
+        )
+        assert found.stopped == ""
+        assert len(found.t) == len(known)
+        return Answer(lay, forces, found, observe(lay, scene.observables, found.rates.pose.q).array), known
 
     return solve

@@ -129,11 +129,13 @@ def test_a_mutated_mechanism_is_read_or_refused(name, write):
     assert 0 < read < TRIES
 
 
-@pytest.mark.parametrize("name", scene_names())
+# the scene of forty four-bars has the entries of that of two, and a mechanism that takes long to read
+@pytest.mark.parametrize("name", [name for name in scene_names() if name != "a02-fourbar-40"])
 def test_a_mutated_scene_is_read_or_refused(name, write):
     chance = random.Random(f"scene {name}")
     table = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
-    table["figures"] = table["figures"][:1]
+    table["figures"] = table.pop("figures", [])[:1]
+    table.pop("reference", None)  # a file beside the scene
     table["time"] = {"duration": 1, "step": 0.25}
     read = 0
     for _ in range(TRIES):
@@ -160,6 +162,21 @@ def test_a_mutated_scene_runs_or_is_refused(write):
     table = tomllib.loads((FOLDER / "3ups-upu-s.toml").read_text(encoding="utf-8"))
     table["time"] = {"times": [0, 0.5]}
     del table["figures"]
+    ran = 0
+    for _ in range(TRIES // 5):
+        changed, done = mutate(table, chance)
+        path = write("s.toml", document(changed))
+        ran += attempt(lambda path=path: screwgauge.run(load_scene(path), engines=["screw"]), done)
+    assert ran > 0
+
+
+def test_a_mutated_forward_scene_runs_or_is_refused(write):
+    """An integration that cannot go on is a row with its reason, and no error either."""
+    chance = random.Random("forward")
+    table = tomllib.loads((FOLDER / "a05-governor.toml").read_text(encoding="utf-8"))
+    table |= {"time": {"times": [0, 0.002]}, "engines": ["screw"]}
+    table["forward"] |= {"rtol": 1e-3, "atol": 1e-3}
+    del table["reference"]
     ran = 0
     for _ in range(TRIES // 5):
         changed, done = mutate(table, chance)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.quantities import QUANTITIES
-from screwgauge.scene import scene_names
+from screwgauge.quantities import INVERSE
+from screwgauge.scene import load_scene, scene_names
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 AGREE, RECURSIVE = 1e-11, 1e-12
@@ -23,7 +23,8 @@ def results(request):
 
 
 def test_all_built_in_scenes_are_tested():
-    assert set(scene_names()) == {"3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"}
+    given = {name for name in scene_names() if load_scene(name).forward is None}
+    assert given == {"3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"}
 
 
 def test_every_pair_agrees_in_every_quantity(results):
@@ -33,7 +34,7 @@ def test_every_pair_agrees_in_every_quantity(results):
     assert set(zip(pairs["a"], pairs["b"], strict=True)) == {
         (a, b) for i, a in enumerate(ENGINES) for b in ENGINES[i + 1 :]
     }
-    assert set(results.pairs["quantity"]) == set(QUANTITIES)
+    assert set(results.pairs["quantity"]) == set(INVERSE)
 
 
 def test_recursive_newton_euler_and_mj_inverse_agree(results):
@@ -56,7 +57,7 @@ def test_every_engine_satisfies_the_judge(results):
 
 
 def test_components_are_those_of_the_contract(results):
-    counts = {name: len(results.components(name, "screw")) for name in QUANTITIES}
+    counts = {name: len(results.components(name, "screw")) for name in INVERSE}
     assert counts == {
         **dict.fromkeys(("joint_position", "joint_velocity", "joint_acceleration"), 26),
         **dict.fromkeys(("body_angular_velocity", "body_angular_acceleration", "com_acceleration"), 27),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from screwgauge.forward.integrate import METHODS, integrate
-from screwgauge.forward.problems import PROBLEMS, problem_forces, solve_problem
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.branch import Branch
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -94,13 +93,11 @@ def test_forces_may_depend_on_time(pendulum):
 
 def test_singular_poses_are_stepped_over_when_met():
     """With a wide berth, condition 1000 or 0.006 rad, steps do meet them; no digit is lost by going around."""
-    problem = PROBLEMS["a02-fourbar-2"]
-    lay = layout(load_mechanism(problem.mechanism))
     found = integrate(
-        lay,
-        problem_forces(problem, lay),
+        layout(load_mechanism("a02-fourbar-2")),
+        Forces(gravity=np.array([0.0, -9.81, 0.0])),
         np.array([0.0, 3.5]),
-        yd=np.array(problem.yd),
+        yd=np.array([-1.0]),
         rtol=1e-9,
         atol=1e-9,
         near=1000.0,
@@ -133,8 +130,6 @@ def test_bad_input_is_said(pendulum):
     times = np.array([0.0, 1.0])
     with pytest.raises(UnknownNameError, match=r"unknown method 'RK45'"):
         integrate(pendulum, Forces(), times, method="RK45")
-    with pytest.raises(UnknownNameError, match=r"unknown problem 'a06'"):
-        solve_problem("a06")
     with pytest.raises(DescriptionError, match=r"times do not increase"):
         integrate(pendulum, Forces(), np.array([0.0, 0.0]))
     with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 independent coordinates"):

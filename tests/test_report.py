@@ -106,6 +106,10 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         motion=motion,
         gravity=np.array([0.0, 0.0, -9.81]),
         loads=(load,),
+        springs=(),
+        motors=(),
+        forward=None,
+        published=(),
         rule="min_norm",
         figures=figures,
     )
@@ -171,7 +175,7 @@ def read(folder: Path) -> dict[str, Any]:
 def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     found = read(make(1e-8).write(tmp_path / "out"))
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
-    assert set(found) == {*fixed, "failures", "first_difference", "guard", "refused"}
+    assert set(found) == {*fixed, "failures", "first_difference", "guard", "refused", "warnings"}
     assert found["scene"] == "toy"
     assert found["ok"] is False
     assert found["engines"] == {"alpha": "1.2.3", "beta": "1.2.3"}

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines import truth as engine
-from screwgauge.truth import cache
+from screwgauge.truth import cache, samples
 
 QUANTITIES = ["joint_position", "joint_velocity"]
 
@@ -21,13 +20,13 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def calls(monkeypatch):
     """Counts computed samples."""
-    found, sample = [], engine.Sampler.sample
+    found, sample = [], samples.Sampler.sample
 
     def counted(self, y, start):
         found.append(1)
         return sample(self, y, start)
 
-    monkeypatch.setattr(engine.Sampler, "sample", counted)
+    monkeypatch.setattr(samples.Sampler, "sample", counted)
     return found
 
 

@@ -11,6 +11,7 @@ import screwgauge
 from screwgauge.engines import truth as engine
 from screwgauge.solution import common_rows
 from screwgauge.truth.certify import NotCertified
+from screwgauge.truth.samples import Sampler
 
 QUANTITIES = ["joint_position", "joint_velocity", "actuator_force", "generalized_force"]
 
@@ -74,14 +75,14 @@ def test_only_what_is_asked_for_is_computed(monkeypatch):
 
 
 def test_samples_without_a_proof_are_left_out_and_named(monkeypatch):
-    sample = engine.Sampler.sample
+    sample = Sampler.sample
 
     def sometimes(self, y, start):
         if 0.15 < float(y[1][0].mid()) / 0.1 < 0.25:  # b = 0.1 sin t at t = 0.2
             raise NotCertified("Krawczyk's test does not hold", "", "")
         return sample(self, y, start)
 
-    monkeypatch.setattr(engine.Sampler, "sample", sometimes)
+    monkeypatch.setattr(Sampler, "sample", sometimes)
     scene = screwgauge.load_scene("3ups-upu-s").at([0.1, 0.2, 0.3])
     results = screwgauge.run(
         replace(scene, name="x"), engines=["screw", "truth"], quantities=["joint_velocity"]

@@ -15,6 +15,7 @@ from screwgauge.compare import reference_scale
 from screwgauge.engines import GENERATED
 from screwgauge.models.generate import stem, write_models
 from screwgauge.quantities import natural_scales
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
 from screwgauge.solution import Motion, Problem, Values
@@ -115,6 +116,12 @@ def make_case(scene: Scene, folder: Path, *, samples: int, quick: bool) -> Case:
         folder: For the model files.
         samples: Compared times, at most.
     """
+    if scene.springs or scene.motors:
+        raise DescriptionError(
+            "the bench of a given motion knows no springs and no motors",
+            scene.name,
+            "remove them, or add [forward]",
+        )
     whole = replace(scene, rule="min_norm", models={})
     here = whole.at(whole.motion.t[compared_rows(len(whole.motion), samples)])
     write_models(scene.mechanism, folder, gravity=scene.gravity)

@@ -46,7 +46,7 @@ def naive(quick: bool) -> list[Contestant]:
 
     def prepare(case: Case) -> Task:
         start = given(case, *load(case))
-        model, data = _parts(start)
+        model, data = with_equality(start)
         driven, load_at = list(start.driven), start.load
 
         def call() -> Array:
@@ -77,7 +77,7 @@ def forward(quick: bool) -> list[Contestant]:
     def make(d: float) -> Contestant:
         return _forward(
             f"solimp d = {d:g}, solref default",
-            lambda tree: _soften(tree, d),
+            lambda tree: soften(tree, d),
             parameter=("(1 - d) / d", (1 - d) / d),
             label=f"d {d:g}" if d in (0.9, 0.99, STIFFEST) else "",
             series="solimp",
@@ -93,7 +93,7 @@ def solref(quick: bool) -> list[Contestant]:
     def make(constant: float) -> Contestant:
         return _forward(
             f"solimp d = {STIFFEST:g}, solref time constant = {constant:g} s",
-            lambda tree: _soften(tree, STIFFEST, constant),
+            lambda tree: soften(tree, STIFFEST, constant),
             series="solref",
             drawn=False,
         )
@@ -107,7 +107,7 @@ def refinement(quick: bool) -> list[Contestant]:
     def make(d: float, passes: int) -> Contestant:
         return _forward(
             f"solimp d = {d:g}, {count(passes, 'pass')}",
-            lambda tree: _soften(tree, d),
+            lambda tree: soften(tree, d),
             passes=passes,
             series=f"d = {d:g}",
             parameter=("passes", float(passes)),
@@ -117,14 +117,15 @@ def refinement(quick: bool) -> list[Contestant]:
     return [make(d, passes) for d in (0.9, STIFFEST) for passes in PASSES]
 
 
-def _soften(tree: MujocoTree, d: float, constant: float | None = None) -> None:
+def soften(tree: MujocoTree, d: float, constant: float | None = None) -> None:
+    """Sets the impedance of all equality constraints, and the time constant of their springs if one is given."""
     tree.model.eq_solimp[:, :2] = d
     if constant is not None:
         tree.model.eq_solref[:, 0] = constant
     tree.model.opt.tolerance = 1e-15  # the solver's own error stays below the softness that is looked at
 
 
-def _parts(start: Given) -> tuple[Any, Any]:
+def with_equality(start: Given) -> tuple[Any, Any]:
     """Model and data, equality constraints on."""
     tree = start.tree
     assert isinstance(tree, MujocoTree)
@@ -137,7 +138,7 @@ def _forward(setting: str, tune: Callable[[MujocoTree], None], *, passes: int = 
         tree, file = load(case)
         start = given(case, tree, file)
         tune(tree)
-        call = _solve(*_parts(start), start, passes)
+        call = forward_call(*with_equality(start), start, passes)
 
         def read(array: Array) -> dict[str, Outcome]:
             return {_NAME: case.outcome(_NAME, array, tree.coordinates)}
@@ -151,7 +152,8 @@ def _forward(setting: str, tune: Callable[[MujocoTree], None], *, passes: int = 
     return Contestant(setting, (_NAME,), covers, prepare, given=True, **more)
 
 
-def _solve(model: Any, data: Any, start: Given, passes: int) -> Callable[[], Array]:
+def forward_call(model: Any, data: Any, start: Given, passes: int) -> Callable[[], Array]:
+    """A call that finds the accelerations for the true forces. Returns shape (n, n_v)."""
     q, v, tau, stage = start.q, start.v, start.applied(), int(mujoco.mjtStage.mjSTAGE_VEL)
 
     def call() -> Array:

@@ -106,7 +106,7 @@ def contacts(start: Given) -> tuple[Any, Any, Any, Any]:
     models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     for closure in tree.closures:
         for here, there in zip(closure.parent_points, closure.child_points, strict=True):
-            sides = (*_place(tree, closure.parent, here), *_place(tree, closure.child, there))
+            sides = (*place(tree, closure.parent, here), *place(tree, closure.child, there))
             models.append(
                 pin.RigidConstraintModel(
                     pin.ContactType.CONTACT_3D, tree.model, *sides, pin.ReferenceFrame.LOCAL
@@ -119,7 +119,7 @@ def contacts(start: Given) -> tuple[Any, Any, Any, Any]:
     return tree.model, data, models, datas
 
 
-def _place(tree: PinocchioTree, body: str, point: Array) -> tuple[int, Any]:
+def place(tree: PinocchioTree, body: str, point: Array) -> tuple[int, Any]:
     """Joint that carries a body, and a point of the body in that joint's frame."""
     at = pin.SE3(np.eye(3), point)
     if body == GROUND:

@@ -29,7 +29,7 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
     def prepare(case: Case) -> Task:
         n = len(case.times)
         q, v = states(n)
-        model, data, models, datas = _model()
+        model, data, models, datas = make_model()
         settings = pin.ProximalSettings(0.0, 0.0, mu, iterations) if mu else pin.ProximalSettings()
         tau = np.array([TORQUE, 0.0, 0.0])
         names = ("q1", "q2", "q3")
@@ -56,7 +56,7 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
     )
 
 
-def _model() -> tuple[Any, Any, Any, Any]:
+def make_model() -> tuple[Any, Any, Any, Any]:
     model, joint, at = pin.Model(), 0, pin.SE3.Identity()
     for k, (length, mass) in enumerate(zip(LENGTHS, MASSES, strict=True)):
         joint = model.addJoint(joint, pin.JointModelRZ(), at, f"q{k + 1}")

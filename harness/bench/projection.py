@@ -60,7 +60,7 @@ def given(case: Case, tree: Tree, file: LoopsFile) -> Given:
     loops = make_loops(tree, file)
     q, v, a = case.given(tree.coordinates)
     driven = tuple(tree.coordinates.index(joint.coordinates[0]) for joint in file.joints if joint.actuated)
-    return Given(case, tree, loops, q, v, a, _loads(case, tree, loops, q), driven)
+    return Given(case, tree, loops, q, v, a, loads_on_joints(case, tree, loops, q), driven)
 
 
 def closing_rows(tree: Tree, loops: Loops, q: Array) -> Array:
@@ -78,7 +78,8 @@ def closing_rows(tree: Tree, loops: Loops, q: Array) -> Array:
     return np.concatenate(rows, axis=1)
 
 
-def _loads(case: Case, tree: Tree, loops: Loops, q: Array) -> Array:
+def loads_on_joints(case: Case, tree: Tree, loops: Loops, q: Array) -> Array:
+    """The scene's loads as joint forces of the open tree. Shape (n, n_v)."""
     at, out = tree.poses(q), np.zeros_like(q)
     for load in case.scene.loads:
         i = loops.index[load.body]

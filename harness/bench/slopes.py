@@ -85,9 +85,14 @@ def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
                 if row.max_scaled > 0:
                     points.append((value, row.max_scaled))
         if points:
-            x, error = np.array(sorted(points)).T
-            found.append(Fit(rule, name, x, error, _window(rule, x, error)))
+            found.append(fit(rule, name, points))
     return found
+
+
+def fit(rule: Rule, name: str, points: Sequence[tuple[float, float]]) -> Fit:
+    """Points (parameter, scaled error), at least one, for a rule; `name` is that of the parameter."""
+    x, error = np.array(sorted(points)).T
+    return Fit(rule, name, x, error, _window(rule, x, error))
 
 
 def _window(rule: Rule, x: Array, error: Array) -> Mask:

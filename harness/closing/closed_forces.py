@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.applied import State, applied_wrenches
 from screwgauge.closing.closure import Loops
 from screwgauge.closing.rules import axial_forces
 from screwgauge.closing.sizes import Sizes
-from screwgauge.closing.transmission import joint_reactions
+from screwgauge.closing.transmission import joint_reactions, joint_sides
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
@@ -52,7 +53,7 @@ class ClosedForces:
 
 
 def closed_forces(
-    out: SetOut, at: BodyPoses, A: Array, K: Array, motion: tuple[Array, Array, Array, Array]
+    out: SetOut, at: BodyPoses, A: Array, K: Array, motion: tuple[Array, Array, Array, Array], state: State
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
@@ -60,9 +61,10 @@ def closed_forces(
         A: Closing system without dimension. Shape (n, m + k, n_v).
         K: Rates of the tree per rate of y. Shape (n, n_v, k).
         motion: Coordinates, rates, accelerations and forces of the open tree. Shape (n, n_v) each.
+        state: The same motion as springs and motors see it.
     """
     tau, wanted = motion[3], out.problem.quantities
-    load = _loads(out, at)
+    load = _loads(out, at, state)
     need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = np.abs(need * out.sizes.q).max(axis=1) / out.sizes.length
@@ -93,11 +95,20 @@ def _multipliers(out: SetOut, G: Array, rest: Array) -> Array:
     return np.asarray(scaled[..., 0] / out.sizes.rows[: G.shape[1]])
 
 
-def _loads(out: SetOut, at: BodyPoses) -> Array:
-    """External force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-    found = np.zeros((*at.p.shape[:2], 6))
-    for load in out.problem.loads:
-        i = out.loops.index[load.body]
+def _loads(out: SetOut, at: BodyPoses, state: State) -> Array:
+    """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
+    found, problem, loops = np.zeros((*at.p.shape[:2], 6)), out.problem, out.loops
+    if problem.springs or problem.motors:
+        found += applied_wrenches(
+            out.file.joints,
+            problem.springs,
+            problem.motors,
+            state,
+            loops.index,
+            lambda joint: joint_sides(joint, loops),
+        )
+    for load in problem.loads:
+        i = loops.index[load.body]
         arm = at.R[:, i] @ (out.tree.com[i - 1] if load.point is None else load.point)
         found[:, i, :3] += load.force
         found[:, i, 3:] += load.torque + np.cross(arm, load.force)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.applied import State
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.closed_forces import SetOut, closed_forces
 from screwgauge.closing.closure import Loops, check_names, make_loops
@@ -137,7 +138,7 @@ class _Work:
             return speed, None
         with self.clock.stage("accelerations"):
             a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
-        return speed, self._forces(at, A, K, (q, v, a), out, forces)
+        return speed, self._forces(motion.t, at, A, K, (q, v, a), out, forces)
 
     def _unwrapped(self, joint: str, q: Array) -> Array:
         """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m)."""
@@ -246,6 +247,7 @@ class _Work:
 
     def _forces(
         self,
+        t: Array,
         at: BodyPoses,
         A: Array,
         K: Array,
@@ -267,7 +269,9 @@ class _Work:
         if self.depth != "f":
             return None
         with self.clock.stage("forces"):
-            found = closed_forces(self.set_out, at, A, K, (*qva, tau))
+            V = (at.J @ qva[1][:, None, :, None])[..., 0]
+            state = State(t, at.R, at.p, V, out["joint_position"], out["joint_velocity"])
+            found = closed_forces(self.set_out, at, A, K, (*qva, tau), state)
         out |= found.values
         conditions |= found.conditions
         self.reaction_names = found.reactions or self.reaction_names

@@ -26,7 +26,7 @@ def joint_reactions(
     """
     n = len(at.p)
     force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
-    sides = [_bodies(joint, loops) for joint in file.joints]
+    sides = [joint_sides(joint, loops) for joint in file.joints]
     for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
@@ -46,7 +46,7 @@ def joint_reactions(
     return reactions, reactions.read(force, moment)
 
 
-def _bodies(joint: Joint, loops: Loops) -> tuple[int, int]:
+def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:
     """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
     found = [
         loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)

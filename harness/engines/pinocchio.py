@@ -105,7 +105,8 @@ class PinocchioTree:
             for k, frame in enumerate(self.frames, 1):
                 M = pin.updateFramePlacement(self.model, self.data, frame)
                 R[i, k], p[i, k] = M.rotation, M.translation
-                J[i, k] = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
+                found = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
+                J[i, k] = found.reshape(6, -1)  # one column comes without its axis
         return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:

@@ -8,9 +8,10 @@ import screwgauge
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.guard import Part, Trust, examined, gain, shakes
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import dynamics, linear, screws
+from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.assembly import closing, fill
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
 from screwgauge.reference.pose import Layout, Pose, layout, tree_path
@@ -101,7 +102,7 @@ class _Work:
             # a cut joint's own rates are no summands of anything else
             speed = np.abs(rate.w / self.system.size)[:, self.system.unknown].max(axis=1)
             if self.depth in "af":
-                load = self._dynamics(rate, motion.ydd, out, forces)
+                load = self._dynamics(rate, motion, out, forces)
         else:
             A, charts = self.system.matrix(at), self.system.readers(at)[1]
         with self.clock.stage("condition"):
@@ -110,10 +111,10 @@ class _Work:
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
-        self, rate: Rates, ydd: Array, out: dict[str, Array], conditions: dict[str, Array]
+        self, rate: Rates, given: Motion, out: dict[str, Array], conditions: dict[str, Array]
     ) -> Array | None:
         """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
-        lay, problem, n = self.lay, self.problem, len(ydd)
+        lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
             if problem.quantities <= _JOINTS:
@@ -130,10 +131,24 @@ class _Work:
             return None
         with self.clock.stage("forces"):
             loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
+            pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
+            if pulls is not None:
+                loads += pulls[1]
             F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+            if pulls is not None:
+                along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+                F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
         return np.asarray(np.maximum(*sizes))
+
+    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
+        """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
+        mechanism, problem = self.lay.mechanism, self.problem
+        tau, loads = springs.spring_forces(self.lay, rate, problem.springs)
+        for motor in problem.motors:
+            tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+        return tau, loads
 
     def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""

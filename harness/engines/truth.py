@@ -12,7 +12,7 @@ from pathlib import Path
 
 import flint
 import numpy as np
-from flint import arb, ctx
+from flint import arb
 
 import screwgauge
 import screwgauge.reference
@@ -21,7 +21,7 @@ from screwgauge.assemble import Clock, Names, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
@@ -31,9 +31,7 @@ from screwgauge.solution import Problem, Rows, Solution, Timing, Values, empty
 from screwgauge.truth import cache
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.forces import RoutesDisagree
-from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.motion import drive, read_terms, samples
-from screwgauge.truth.samples import Sampler
+from screwgauge.truth.workshop import Workshop, enclosed
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
@@ -78,6 +76,10 @@ def _check(problem: Problem, mechanism: Mechanism) -> None:
     if len(mechanism.independent) != problem.motion.y.shape[1]:
         what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
         raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
+    if problem.springs or problem.motors:
+        raise DescriptionError(
+            "truth knows no springs and no motors", str(problem.model), "run this scene without it"
+        )
     for load in problem.loads:
         if load.body not in mechanism.body_index:
             raise ModelFileError(
@@ -110,29 +112,24 @@ def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> 
     start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
-    with ctx.workprec(BITS):
-        linkage = Linkage(mechanism, mechanism_tables(problem.model))
-        sampler = Sampler(linkage, problem, depth, clock)
-        said = problem.wording.motion
-        terms = None if said is None else read_terms(said, list(mechanism.independent))
-        for i, row in enumerate(rows.tolist()):
-            y = samples(motion, row) if terms is None else drive(terms, float(motion.t[row]))
-            try:
-                found.append(sampler.sample(y, start[i]))
-            except RoutesDisagree as error:
-                raise RoutesDisagree(
-                    error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy
-                ) from None
-            except NotCertified as error:
-                found.append(None)
-                reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
-            problem.progress((i + 1) / len(rows))
-        if all(one is None for one in found):
-            where, _, what = reasons[0].partition(": ")
-            raise NotCertified(
-                f"no sample can be certified: {what}", where, "keep the motion away from singular poses"
-            )
-        return _Table(*_arrays(found), reasons, dict(clock.spent))
+    workshops = [Workshop(problem, mechanism, depth, clock, bits) for bits in (BITS, 2 * BITS)]
+    for i, row in enumerate(rows.tolist()):
+        try:
+            found.append(enclosed(workshops, row, start[i]))
+        except RoutesDisagree as error:
+            raise RoutesDisagree(
+                error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy
+            ) from None
+        except NotCertified as error:
+            found.append(None)
+            reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
+        problem.progress((i + 1) / len(rows))
+    if all(one is None for one in found):
+        where, _, what = reasons[0].partition(": ")
+        raise NotCertified(
+            f"no sample can be certified: {what}", where, "keep the motion away from singular poses"
+        )
+    return _Table(*_arrays(found), reasons, dict(clock.spent))
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:

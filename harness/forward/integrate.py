@@ -17,7 +17,7 @@ from screwgauge.reference.errors import (
     SingularPoseError,
     UnknownNameError,
 )
-from screwgauge.reference.forward import Forces, energy, forward
+from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Rates, rates
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
@@ -29,6 +29,8 @@ METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": 
 NEAR = 1e5
 #: More such steps than this are not made: the motion does not lead through, it leads there.
 MOST = 100
+#: Relative step of differences: the root of the rounding error.
+DIFFERENCE = 2.0**-26
 #: Factors on the size of a step that met such a pose, one after the other.
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
@@ -41,6 +43,7 @@ class Trajectory:
         t: Times [s]. Shape (n,).
         rates: Closed poses and rates there.
         energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
+        work: What actuators, motors, loads and dampers have put in since the start [J]. Shape (n,).
         steps, evaluations: How many steps were taken, and accelerations computed.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
         stopped: Why it ended early, empty if it did not.
@@ -49,6 +52,7 @@ class Trajectory:
     t: Array
     rates: Rates
     energy: Array
+    work: Array
     steps: int
     evaluations: int
     stepped_over: int
@@ -63,7 +67,7 @@ class _Near(Exception):
 
 
 class _Run:
-    """The motion while it is integrated; the state is (y, yd)."""
+    """The motion while it is integrated; the state is (y, yd, work)."""
 
     def __init__(self, lay: Layout, forces: Callable[[float], Forces], q: Array, near: float) -> None:
         self.lay, self.forces, self.near = lay, forces, near
@@ -71,18 +75,27 @@ class _Run:
         self.evaluations = 0
 
     def rates(self, states: Array) -> Rates:
-        """Closed poses and rates of states, shape (n, 2 k)."""
+        """Closed poses and rates of states, shape (n, 2 k + 1)."""
         k = states.shape[1] // 2
-        return rates(self.lay, self.branch.poses(states[:, :k]), states[:, k:])
+        return rates(self.lay, self.branch.poses(states[:, :k]), states[:, k:-1])
 
     def slope(self, t: float, states: Array) -> Array:
-        """Derivatives of states, one a column as scipy's methods give them. Shape (2 k, n)."""
+        """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
         self.evaluations += 1
         k = len(states) // 2
-        found = forward(self.lay, self.rates(states.T), self.forces(t))
+        forces, rate = self.forces(t), self.rates(states.T)
+        found = forward(self.lay, rate, forces)
         if (found.condition > self.near).any():
             raise _Near(float(found.condition.max()))
-        return np.concatenate([states[k:], found.ydd.T])
+        return np.concatenate([states[k:-1], found.ydd.T, power(self.lay, rate, forces)[None]])
+
+    def jacobian(self, t: float, state: Array) -> Array:
+        """Derivative of `slope` at one state by differences; nothing depends on the work. Shape (2 k + 1, 2 k + 1)."""
+        m = len(state) - 1
+        size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
+        around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
+        slopes = self.slope(t, around)
+        return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
 
 def integrate(
@@ -96,6 +109,7 @@ def integrate(
     rtol: float = 1e-10,
     atol: float = 1e-12,
     near: float = NEAR,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Trajectory:
     """Integrates a mechanism under given forces from its first time on.
 
@@ -108,6 +122,7 @@ def integrate(
         method: One of `METHODS`.
         rtol, atol: Tolerances of a step, for rad, m and their rates alike.
         near: Condition number of the closed loops above which a pose is stepped over.
+        progress: Called with the share of the time that is done.
 
     Raises:
         ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
@@ -119,15 +134,35 @@ def integrate(
         )
     at_any_time = forces if callable(forces) else lambda _: forces
     run = _Run(lay, at_any_time, lay.mechanism.home, near)
-    kept: list[Rates] = [run.rates(state[None])]
-    counts, stopped = _steps(
-        run, METHODS[method], times, state, kept, {"rtol": rtol, "atol": atol, "vectorized": True}
-    )
-    n = len(kept)
-    q, w = np.concatenate([r.pose.q for r in kept]), np.concatenate([r.w for r in kept])
+    kept = _Kept([run.rates(state[None])], [0.0])
+    options: dict[str, Any] = {"rtol": rtol, "atol": atol, "vectorized": True}
+    if METHODS[method] is not DOP853:
+        options["jac"] = run.jacobian
+    counts, stopped = _steps(run, METHODS[method], times, state, kept, options, progress)
+    n, parts = len(kept.rates), kept.rates
+    q, w = np.concatenate([r.pose.q for r in parts]), np.concatenate([r.w for r in parts])
     whole = rates(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
-    E = [energy(lay, r, at_any_time(float(t)))[0] for t, r in zip(times, kept, strict=False)]
-    return Trajectory(times[:n], whole, np.array(E), counts[0], run.evaluations, counts[1], stopped)
+    return Trajectory(
+        t=times[:n],
+        rates=whole,
+        energy=energy(lay, whole, at_any_time(float(times[0]))),
+        work=np.array(kept.work),
+        steps=counts[0],
+        evaluations=run.evaluations,
+        stepped_over=counts[1],
+        stopped=stopped,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """The motion at the times wanted, as far as it came: closed poses with rates, and the work until then [J]."""
+
+    rates: list[Rates]
+    work: list[float]
+
+    def __len__(self) -> int:
+        return len(self.work)
 
 
 def _steps(
@@ -135,8 +170,9 @@ def _steps(
     method: type[OdeSolver],
     times: Array,
     state: Array,
-    kept: list[Rates],
+    kept: _Kept,
     options: dict[str, Any],
+    progress: Callable[[float], None],
 ) -> tuple[tuple[int, int], str]:
     """Steps through all times and keeps the motion there. Returns (steps, stepped over) and why it stopped."""
     taken = stepped_over = tries = 0
@@ -161,6 +197,7 @@ def _steps(
         if solver.status == "failed":
             return (taken, stepped_over), f"t = {solver.t:.6g} s: {message}"
         taken, tries = taken + 1, 0
+        progress(float((solver.t - times[0]) / (times[-1] - times[0])))
         try:
             _keep(run, solver, times, kept)
         except (_Near, ScrewgaugeError) as error:
@@ -168,14 +205,16 @@ def _steps(
     return (taken, stepped_over), ""
 
 
-def _keep(run: _Run, solver: OdeSolver, times: Array, kept: list[Rates]) -> None:
+def _keep(run: _Run, solver: OdeSolver, times: Array, kept: _Kept) -> None:
     """Keeps the motion at all times that the last step passed."""
     if times[len(kept)] > solver.t:
         return
     between = solver.dense_output()
     while len(kept) < len(times) and times[len(kept)] <= solver.t:
         t = times[len(kept)]
-        kept.append(run.rates((solver.y if t == solver.t else between(t))[None]))
+        state = solver.y if t == solver.t else between(t)
+        kept.rates.append(run.rates(state[None]))
+        kept.work.append(float(state[-1]))
     run.branch.move(solver.y[: len(solver.y) // 2])
 
 
@@ -197,4 +236,4 @@ def _checked(
                 where,
                 f"give {len(home)} finite numbers",
             )
-    return times, np.concatenate(parts)
+    return times, np.concatenate([*parts, [0.0]])

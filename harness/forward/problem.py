@@ -90,6 +90,7 @@ class ForwardSolution:
         condition: Condition number of the closed loops. Shape (m,).
         steps, evaluations: How many steps were taken, and accelerations computed.
         seconds: Wall time of the integration alone [s].
+        cpu: Processor time of the same [s]; NaN where it was not measured.
         stopped: Why it ended early, empty if it did not.
         notes: Sentences for the report.
     """
@@ -107,6 +108,7 @@ class ForwardSolution:
     seconds: float
     stopped: str = ""
     notes: tuple[str, ...] = ()
+    cpu: float = float("nan")
 
 
 Integrator = Callable[[ForwardProblem], ForwardSolution]

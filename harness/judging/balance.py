@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.applied import State, applied_wrenches
 from screwgauge.judging.kinetics import Moving, walk
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import natural_scales
@@ -34,6 +35,7 @@ def required_wrenches(
         for name in ("body_angular_velocity", "body_angular_acceleration", "com_acceleration")
     )
     F, T = np.empty(shape), np.empty(shape)
+    springs = _springs_and_motors(scene, solution, bodies)
     sizes_F, sizes_T = np.zeros(shape[1]), np.zeros(shape[1])
     for i, body in enumerate(mechanism.bodies):
         R = bodies[i + 1].R
@@ -46,11 +48,33 @@ def required_wrenches(
                 terms_T.append(np.tile(-load.torque, (shape[0], 1)))
                 if load.point is not None:
                     terms_T.append(-np.cross(R @ (load.point - body.com), load.force))
+        if springs is not None:
+            wrench = springs[:, i + 1]
+            terms_F.append(-wrench[:, :3])
+            terms_T += [-wrench[:, 3:], np.cross(R @ body.com, wrench[:, :3])]
         F[:, i], T[:, i] = sum(terms_F), sum(terms_T)
         sizes_F[i], sizes_T[i] = (
             max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T)
         )
     return (F, T), (sizes_F, sizes_T)
+
+
+def _springs_and_motors(scene: Scene, solution: Solution, bodies: list[Moving]) -> Array | None:
+    """Force and moment about its origin on each body, ground first, shape (n, b, 6); None if there are none."""
+    if not (scene.springs or scene.motors):
+        return None
+    V = np.stack([np.concatenate([at.w, at.v], axis=1) for at in bodies], axis=1)
+    R, p = (np.stack([getattr(at, name) for at in bodies], axis=1) for name in ("R", "p"))
+    q, v = (solution.values[name].array for name in ("joint_position", "joint_velocity"))
+    mechanism, index = scene.mechanism, scene.mechanism.body_index
+    return applied_wrenches(
+        mechanism.joints,
+        scene.springs,
+        scene.motors,
+        State(scene.motion.t, R, p, V, q, v),
+        index,
+        lambda joint: (index[joint.parent], index[joint.child]),
+    )
 
 
 def newton_euler(

@@ -42,7 +42,8 @@ def judge(
     if solution.rows is not None:  # it solved some of the samples: these are judged
         scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
     rows = [
-        _row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)
+        judged_row(solution.engine, residual, scene.motion.t, tolerance)
+        for residual in residuals(scene, solution)
     ]
     admitted = max((float(np.max(e, initial=0.0)) for e in solution.estimate.values()), default=0.0)
     for row in rows:
@@ -73,7 +74,8 @@ def residuals(scene: Scene, solution: Solution) -> list[Residual]:
     bodies, closed = walk(scene.mechanism, tree, q, qd, qdd)
     found = _loops(scene, solution, bodies, closed) + _body_motions(scene, solution, bodies)
     forces = {"body_angular_velocity", "body_angular_acceleration", "com_acceleration", "actuator_force"}
-    if forces <= set(have):
+    sprung = bool(scene.springs or scene.motors)  # what they exert depends on rates
+    if forces <= set(have) and ("joint_velocity" in have or not sprung):
         required, largest = required_wrenches(scene, solution, bodies)
         if "reaction" in have:
             found += newton_euler(scene, solution, bodies, required, largest)
@@ -101,7 +103,7 @@ def _loops(scene: Scene, solution: Solution, bodies: list[Moving], closed: list[
         parts: dict[str, list[tuple[str, Array]]] = {unit: [] for unit in units}
         for joint, via in zip(cuts, closed, strict=True):
             for unit, gap in zip(
-                units, _gap(bodies[mechanism.body_index[joint.child]], via, order), strict=True
+                units, difference(bodies[mechanism.body_index[joint.child]], via, order), strict=True
             ):
                 parts[unit] += [(f"{joint.name}.{axis}", gap[:, k]) for k, axis in enumerate("xyz")]
         for k, (label, coordinate) in enumerate(mechanism.independent.items()):
@@ -149,7 +151,7 @@ def _largest(values: Values, unit: str, L: float) -> float:
     return max(sizes)
 
 
-def _gap(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
+def difference(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
     """Angular and linear difference of two motions of one body, of derivative `order`. Shape (n, 3) each."""
     if order == 0:
         return vee(via.R @ tree.R.swapaxes(1, 2)), via.p - tree.p
@@ -158,7 +160,7 @@ def _gap(tree: Moving, via: Moving, order: int) -> tuple[Array, Array]:
     return via.b - tree.b, via.a - tree.a
 
 
-def _row(engine: str, residual: Residual, t: Array, tolerance: float) -> dict[str, object]:
+def judged_row(engine: str, residual: Residual, t: Array, tolerance: float) -> dict[str, object]:
     """The worst of a residual: how large, where, when."""
     t = t if residual.t is None else residual.t
     scaled = np.abs(residual.values) / residual.scale

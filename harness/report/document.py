@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 from screwgauge.report import sections
 from screwgauge.report.formatting import cell
+from screwgauge.report.forward import published
 from screwgauge.report.guard import guard_section
 from screwgauge.report.plots import Plot
-from screwgauge.report.prose import HOW, LIMITATIONS
+from screwgauge.report.prose import HOW, INTEGRATED, INTEGRATED_LIMITATIONS, LIMITATIONS
 from screwgauge.report.verdict import verdict
 from screwgauge.results import Results
 
@@ -19,10 +20,11 @@ def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") ->
     Args:
         paper: The section "The paper, checked", left out if empty.
     """
-    found = verdict(results)
+    found, others, given = verdict(results), published(results), results.scene.forward is None
     parts = [
         f"# {cell(results.scene.title or results.scene.name)}: verification report",
         f"> **{found.word}** {cell(found.sentence)}",
+        *(f"> **Warning:** {cell(sentence)}" for sentence in results.warnings),
         sections.overview(results),
         "## Scene",
         sections.scene(results),
@@ -33,21 +35,21 @@ def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") ->
         "## Judge",
         "Residuals of the equations themselves, engine by engine; no second engine is needed.",
         sections.judge(results),
-        "## Guard",
-        guard_section(results),
+        *(["## Guard", guard_section(results)] if given else []),
         "## Plots",
         _plots(plots, len(results.solutions)),
         "## Mechanism",
         sections.facts(results.mobility, "No facts of the mechanism were computed."),
         *(["## The paper, checked", paper] if paper else []),
+        *(["## Published results", others] if others else []),
         "## How it was compared",
-        HOW,
+        HOW if given else INTEGRATED,
         "## Run times",
         sections.timings(results),
         "## Environment",
         sections.facts(results.environment, "Not recorded."),
         "## Known limitations",
-        "\n".join(f"- {sentence}" for sentence in LIMITATIONS),
+        "\n".join(f"- {sentence}" for sentence in (LIMITATIONS if given else INTEGRATED_LIMITATIONS)),
     ]
     return "\n\n".join(parts) + "\n"
 

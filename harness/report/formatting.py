@@ -42,7 +42,8 @@ def number(value: Any, figures: int = 6) -> str:
         mantissa, exponent = f"{value:.{figures - 1}e}".split("e")
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
         return f"{mantissa}e{int(exponent)}"
-    return f"{value:.{figures}g}"
+    mantissa, e, exponent = f"{value:.{figures}g}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if e else mantissa
 
 
 def size(value: Any) -> str:

@@ -41,3 +41,30 @@ LIMITATIONS = (
     "Plots are thinned to what a screen shows, without losing a peak: differences are the largest of each "
     "stretch of samples. The tables use every sample that both engines solved.",
 )
+
+INTEGRATED = """\
+Every engine reads its own model file, closes its own loops and integrates the motion from the same start
+under the same forces; no engine sees another's result. `screw` integrates the independent coordinates and
+follows the closed poses on one branch; the others integrate all coordinates of their open trees under
+constraints and are brought back onto the closed loops at the samples. Observables follow from the joint
+coordinates of each engine by the description. **reference** is a known solution, read from a file.
+
+**Scaled error** of a pair, per quantity and unit: `max_t |a - b| / max(S, 1e-6 S0)`. S is the largest
+magnitude of the first engine over all components of that unit and all samples, S0 the mechanism's own
+measure of that unit. **Digits** are -log10 of it, 17 at most.
+
+**Tolerance.** An integration with the tolerance rtol for a step leaves an error of rtol times a growth
+that the motion decides: on the established problems up to ninety-fold. Two motions agree where they differ
+by less than a thousand times the larger of rtol and atol, or by less than what the scene says.
+
+**Judge residuals** need no second engine: closure of the loops, its rate and acceleration; and the balance
+of energy: kinetic energy, that of gravity and springs, less what motors, loads and dampers have put in
+since the start, measured by the largest of these parts."""
+
+INTEGRATED_LIMITATIONS = (
+    "Agreement is shown at the samples and only for this start; a chaotic motion would lose digits with time.",
+    "The same integrators of scipy advance all engines: a mistake of theirs shows only against the reference "
+    "and in the balance of energy.",
+    "An engine that stops early is compared where it came to, and has a row that says so.",
+    *LIMITATIONS[2:],
+)

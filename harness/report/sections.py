@@ -19,9 +19,10 @@ from screwgauge.report.formatting import (
     tick,
     unit_text,
 )
+from screwgauge.report.forward import acting, integrated
 from screwgauge.report.verdict import compared
 from screwgauge.results import Results
-from screwgauge.solution import Load
+from screwgauge.solution import REFERENCE, Load
 
 LONG = 12  # rows from which a table is folded
 
@@ -159,7 +160,12 @@ def scene(results: Results) -> str:
         ("independent coordinates", ", ".join(f"{k} = {v}" for k, v in here.mechanism.independent.items())),
         ("gravity", f"{_vector(here.gravity)} m/s²"),
         *(("load", _load(load)) for load in here.loads),
-        ("rule for redundant forces", here.rule),
+        *acting(here),
+        *(
+            [("rule for redundant forces", here.rule)]
+            if here.forward is None
+            else integrated(here, here.forward)
+        ),
     ]
     table = markdown_table(["", ""], [fact for fact in facts if fact[1]])
     return f"{cell(here.description)}\n\n{table}" if here.description else table
@@ -178,7 +184,9 @@ def _load(load: Load) -> str:
 
 def engines(results: Results) -> str:
     """Who ran, and what they had to say."""
-    body = [[name, s.version, "ran"] for name, s in results.solutions.items()]
+    body = [
+        [name, s.version, "given" if name == REFERENCE else "ran"] for name, s in results.solutions.items()
+    ]
     body += [[name, "", f"✗ {failure.reason}"] for name, failure in results.failures.items()]
     notes = [f"- {name}: {cell(note)}" for name, s in results.solutions.items() for note in s.notes]
     return "\n\n".join(

@@ -13,6 +13,7 @@ import numpy as np
 from screwgauge.report.formatting import Row, rows
 from screwgauge.report.verdict import first_difference
 from screwgauge.results import Results
+from screwgauge.solution import REFERENCE
 
 PAIR_KEYS = ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
@@ -24,8 +25,9 @@ def summary(results: Results) -> dict[str, Any]:
         {
             "scene": results.scene.name,
             "ok": results.ok,
-            "engines": {name: solution.version for name, solution in results.solutions.items()},
+            "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
             "failures": {name: failure.reason for name, failure in results.failures.items()},
+            "warnings": results.warnings,
             "first_difference": first_difference(results),
             "quantities": [_pair(row) for row in rows(results.pairs)],
             "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],

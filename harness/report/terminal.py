@@ -18,6 +18,8 @@ def format_terminal(results: Results) -> str:
     """The run in a few lines: the worst pair of each quantity and unit, the worst engine of each residual."""
     found = verdict(results)
     parts = [*textwrap.wrap(f"{found.word}: {found.sentence}", COLUMNS)]
+    for warning in results.warnings:
+        parts += ["", *textwrap.wrap(f"Warning: {warning}", COLUMNS)]
     pairs = compared(results)
     if pairs:
         parts += ["", *_pairs(pairs)]

@@ -68,15 +68,24 @@ class Certifier:
         Raises:
             NotCertified: No box could be verified.
         """
+        J = _floats(self.linkage.jacobian([arb(x) for x in start]))
+        rows = independent_rows(J, self.n)
+        for refine in (self._simplified, self._full):  # the second only where the first does not do
+            try:
+                return *self._verify(*refine(start, y, rows), y, rows), rows
+            except (NotCertified, np.linalg.LinAlgError, ZeroDivisionError) as error:
+                reason = error
+        if isinstance(reason, NotCertified):
+            raise reason
+        raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+
+    def _simplified(
+        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]
+    ) -> tuple[list[arb], arb_mat]:
+        """Newton's method with the one Jacobian of the start, in doubles. Returns a pose and an approximate inverse."""
         m = [arb(x) for x in start]
         J = _floats(self.linkage.jacobian(m))
-        rows = independent_rows(J, self.n)
-        try:
-            Y = arb_mat(np.linalg.inv(J[rows]).tolist())
-        except np.linalg.LinAlgError:
-            raise NotCertified(
-                "the closing equations are singular", "", "keep the motion away from this pose"
-            ) from None
+        Y = arb_mat(np.linalg.inv(J[rows]).tolist())
         last = 1e3  # [rad or m] a larger step leads nowhere
         for _ in range(NEWTON):
             d = (Y * self._error(m, y, rows)).entries()
@@ -87,7 +96,28 @@ class Certifier:
             last = size / 2
             if size < 2.0 ** (40 - ctx.prec):
                 break
-        return *self._verify(m, y, Y, rows), rows
+        return m, Y
+
+    def _full(
+        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]
+    ) -> tuple[list[arb], arb_mat]:
+        """Newton's method with a Jacobian of all digits at every step: near a singular pose doubles have too few."""
+        m = [arb(x) for x in start]
+        for _ in range(NEWTON):
+            Y = _midpoints(self._square(m, rows).inv())
+            d = (Y * self._error(m, y, rows)).entries()
+            m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
+            if max(float(x.abs_upper()) for x in d) < 2.0 ** (40 - ctx.prec):
+                break
+        return m, Y
+
+    def _square(self, q: Sequence[arb], rows: Sequence[int]) -> arb_mat:
+        """Jacobian of the rows chosen. Shape (n, n)."""
+        J = self.linkage.jacobian(q)
+        if len(rows) == J.nrows():
+            return J
+        table = J.tolist()
+        return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
         """Closing errors and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
@@ -102,15 +132,14 @@ class Certifier:
         return arb_mat([[found[i]] for i in rows])
 
     def _verify(
-        self, m: list[arb], y: Sequence[arb], Y: arb_mat, rows: Sequence[int]
+        self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]
     ) -> tuple[list[arb], arb_mat]:
         d = Y * self._error(m, y, rows)
         r = max((x.abs_upper() for x in d.entries()), key=float) * 4 + arb(2) ** (8 - ctx.prec)
         for _ in range(3):
             radius = float(r)
             box = [arb(x, radius) for x in m]
-            J = self.linkage.jacobian(box)
-            J = arb_mat([J.tolist()[i] for i in rows]) if len(rows) < J.nrows() else J
+            J = self._square(box, rows)
             offset = arb_mat([[arb(0, radius)] for _ in m])
             step = (identity(self.n) - Y * J) * offset - d
             image = [x + dx for x, dx in zip(m, step.entries(), strict=True)]
@@ -122,3 +151,7 @@ class Certifier:
 
 def _floats(M: arb_mat) -> Array:
     return np.array([[float(x.mid()) for x in row] for row in M.tolist()])
+
+
+def _midpoints(M: arb_mat) -> arb_mat:
+    return arb_mat([[x.mid() for x in row] for row in M.tolist()])

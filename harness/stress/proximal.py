@@ -1,0 +1,140 @@
+"""Pinocchio's proximal settings: mu over many decades, on loops of full rank and of deficient rank."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.rotations import Array
+from screwgauge.stress.case import GOOD, Case, Finding, Rung
+
+ITERATIONS = (1, 2, 5)
+SAMPLES = 3
+_NAME = "joint_acceleration"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """States of a closed loop, what acts, and the true accelerations.
+
+    Attributes:
+        label: Follows the engine's name.
+        parts: Model, data, constraint models and their data.
+        q, v, tau: Shape (n, n_v).
+        right: True joint accelerations. Shape (n, n_v).
+    """
+
+    label: str
+    parts: tuple[Any, Any, Any, Any]
+    q: Array
+    v: Array
+    tau: Array
+    right: Array
+
+
+def proximal() -> Case:
+    """`constraintDynamics` over mu and the number of iterations."""
+    return Case(
+        name="proximal",
+        title="Proximal settings of Pinocchio",
+        axis="mu [1]",
+        about=(
+            "Accelerations by `constraintDynamics`. Full rank: the loaded default scene, twelve closure rows of rank "
+            "twelve. Deficient: a planar four-bar closed by a 3D point, three rows of rank two, where mu = 0 divides "
+            "by zero and returns NaN without a word. One iteration leaves an error ~ mu, k iterations ~ mu^k. With "
+            "two iterations or more the change of the last one (`relative_residual`) admits the error; one iteration "
+            "has nothing to compare itself with. 1x, 2x, 5x: so many iterations."
+        ),
+        drawn=_NAME,
+        low=0.0,
+        high=1e-2,
+        full=(0.0, *(10.0**-k for k in range(14, 1, -1))),
+        quick=(0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2),
+        rung=lambda mu, quick: Rung(mu, lambda: climb(mu)),
+    )
+
+
+def climb(mu: float) -> Iterator[Finding]:
+    """Both loops at one mu."""
+    from screwgauge.stress.loaded import loaded, screw
+
+    yield screw(loaded())
+    for loop in (_full_rank(), _deficient()):
+        condition = _condition(loop, mu)
+        for iterations in ITERATIONS:
+            yield _measure(loop, mu, iterations, condition)
+
+
+def _full_rank() -> Loop:
+    from screwgauge.bench.contestants_pinocchio import contacts
+    from screwgauge.stress.loaded import loaded, pinocchio_given
+
+    start = pinocchio_given(loaded())
+    right = loaded().given(start.tree.coordinates)[2]
+    return Loop("full rank", contacts(start), start.q, start.v, start.applied(), right)
+
+
+def _deficient() -> Loop:
+    from screwgauge.bench.four_bar import TORQUE, accelerations, make_model, states
+
+    parts, (q, v) = make_model(), states(SAMPLES)
+    tau = np.tile([TORQUE, 0.0, 0.0], (SAMPLES, 1))
+    return Loop("deficient", parts, q, v, tau, accelerations(*parts[:2], q, v))
+
+
+def _measure(loop: Loop, mu: float, iterations: int, condition: float) -> Finding:
+    import pinocchio as pin
+
+    model, data, models, datas = loop.parts
+    settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)  # accuracy 0: all iterations are made
+    found, said = np.empty_like(loop.q), np.empty(len(loop.q))
+    clock = perf_counter()
+    for i in range(len(found)):
+        found[i] = pin.constraintDynamics(
+            model, data, loop.q[i], loop.v[i], loop.tau[i], models, datas, settings
+        )
+        said[i] = settings.relative_residual
+    seconds = perf_counter() - clock
+    scale = float(np.abs(loop.right).max())
+    error = float(np.abs(found - loop.right).max()) / scale  # NaN stays NaN
+    admitted = max(GOOD, float(said.max()) / scale) if iterations > 1 else GOOD
+    return Finding(
+        f"pinocchio {loop.label} {iterations}x",
+        _NAME,
+        error,
+        admitted,
+        condition,
+        seconds,
+        _reason(error, admitted, iterations),
+    )
+
+
+def _reason(error: float, admitted: float, iterations: int) -> str:
+    """Empty where the error is not a number: Pinocchio says nothing."""
+    if not error > GOOD:
+        return ""
+    if iterations == 1:
+        return "one iteration leaves an error ~ mu, and its residual compares it with nothing"
+    return f"the change of the last iteration admits {admitted:.1e}"
+
+
+def _condition(loop: Loop, mu: float) -> float:
+    """Of ``J M^-1 J^T + mu``, at its worst."""
+    import pinocchio as pin
+
+    model, data, models, datas = loop.parts
+    worst, safe = 0.0, pin.ProximalSettings(0.0, 0.0, 1e-10, 2)
+    for q, v, tau in zip(loop.q, loop.v, loop.tau, strict=True):
+        pin.constraintDynamics(model, data, q, v, tau, models, datas, safe)  # places the constraints
+        upper = np.triu(pin.crba(model, data, q))
+        M = upper + np.triu(upper, 1).T
+        pin.computeJointJacobians(model, data, q)
+        J = pin.getConstraintsJacobian(model, data, models, datas)
+        D = J @ np.linalg.solve(M, J.T) + mu * np.eye(len(J))
+        worst = max(worst, float(linear.condition(D)))
+    return worst

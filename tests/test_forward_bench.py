@@ -1,0 +1,134 @@
+"""The bench of a forward scene, from the command line to the files, whole, cut short and with a failure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import screwgauge
+from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
+from screwgauge.cli import main
+from screwgauge.forward import contest as module
+from screwgauge.forward.contest import QUICK, contest
+from screwgauge.forward.contest_drawing import make_plots
+from screwgauge.forward.contest_report import ABSOLUTE, absolute_table, bench_table, write_contest
+from screwgauge.forward.entrants import Entrant, entrants
+from screwgauge.forward.screw import integrate
+from screwgauge.reference.errors import ScrewgaugeError
+
+PLAN = replace(QUICK, share=0.05, samples=5)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return screwgauge.load_scene("a01-pendulum")
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return contest(scene, plan=PLAN, contestants=["screw"])
+
+
+def test_tighter_tolerances_make_smaller_errors(found):
+    assert {o.status for o in found.outcomes} == {OK}
+    errors = [o.scaled for o in found.outcomes if o.entrant.family == "screw-DOP853"]
+    assert errors[0] < 1e-2
+    assert errors[-1] < 1e-2 * errors[0]  # tolerances are 1e-4 and 1e-7, errors go with them
+    for o in found.outcomes:
+        assert o.cpu > 0.0
+        assert o.wall > 0.0
+        assert o.steps > 0
+        assert o.energy < 10.0 * max(o.scaled, 1e-12) * 9.81  # of m g L
+
+
+def test_files_and_columns(found, tmp_path):
+    out = write_contest(found, tmp_path / "out")
+    table = pd.read_csv(out / "bench.csv")
+    assert list(table.columns) == COLUMNS
+    assert set(table["quantity"]) == {"observable", "energy"}
+    assert len(table) == 2 * len(found.outcomes)
+    assert list(pd.read_csv(out / "forward.csv").columns) == ABSOLUTE
+    assert {path.name for path in out.iterdir()} == {
+        *("bench.csv", "forward.csv", "slopes.csv", "environment.json", "report.md", "report.html", "plots"),
+    }
+    text = (out / "report.md").read_text(encoding="utf-8")
+    for words in ("*published*", "OpenSim", "other machine", "Only the first 5% of the motion"):
+        assert words in text
+
+
+def test_diagram_shows_what_others_have_published(found):
+    (plot,) = make_plots(found)
+    assert "Exudyn" in plot.svg
+    assert "OpenSim" in plot.svg
+    assert "other machines" in plot.svg
+
+
+def test_what_takes_too_long_is_stopped(scene):
+    (first, *_) = contest(scene, plan=replace(PLAN, each=1e-9), contestants=["screw-BDF"]).outcomes
+    assert first.status == CUT
+    assert first.reason.startswith("stopped after 1e-09 s")
+
+
+def test_nothing_begins_when_the_budget_is_spent(scene):
+    found = contest(scene, plan=replace(PLAN, budget=1e-9), contestants=["screw-BDF"])
+    assert not found.complete
+    assert {o.reason for o in found.outcomes} == {"the budget was spent before its turn"}
+    assert make_plots(found) == []
+    assert len(bench_table(found.outcomes)) == 2 * len(found.outcomes)
+
+
+def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch):
+    def refuses(problem):
+        raise ValueError("no body without inertia")
+
+    def stops(problem):
+        whole = integrate(problem)
+        fields = {key: getattr(whole, key)[:2] for key in ("q", "v", "a", "work", "condition")}
+        return replace(whole, **fields, stopped="no step leads on")
+
+    def some(own, duration, *, stiff, quick):
+        return [
+            Entrant(name, "screw", "a setting", function, 0.0, "")
+            for name, function in (("refuses", refuses), ("stops", stops))
+        ]
+
+    monkeypatch.setattr(module, "entrants", some)
+    refused, stopped = contest(scene, plan=PLAN).outcomes
+    assert (refused.status, refused.reason) == (FAILED, "ValueError: no body without inertia")
+    assert (stopped.status, stopped.reason) == (FAILED, "no step leads on")
+    assert stopped.scaled < 1e-6  # what it computed is scored
+    assert np.isnan(absolute_table([refused])["max_abs"]).all()
+
+
+def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
+    assert (
+        len([e for e in entrants("Radau", 1.0, stiff=True, quick=False) if e.family == "screw-DOP853"]) == 1
+    )
+    everyone = entrants("Radau", 1.0, stiff=True, quick=False)
+    implicit = [e.setting for e in everyone if e.family == "mujoco"]
+    assert implicit == [f"Radau, rtol = atol = {rtol}" for rtol in ("1e-04", "1e-06", "1e-08")]
+
+
+def test_without_a_reference_the_tightest_screw_is_one(scene):
+    found = contest(replace(scene, known=None), plan=PLAN, contestants=["screw-Radau"])
+    assert found.reference == "screw with DOP853, rtol = atol = 1e-12"
+    assert found.outcomes[0].scaled < 1e-2
+
+
+def test_bad_input_is_said(scene):
+    with pytest.raises(ScrewgaugeError, match=r"there is no observable to measure errors of"):
+        contest(replace(scene, observables=(), known=None), plan=PLAN)
+    with pytest.raises(ScrewgaugeError, match=r"unknown contestant 'screw-RK45'"):
+        contest(scene, plan=PLAN, contestants=["screw-RK45"])
+
+
+def test_command_line(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(module, "QUICK", PLAN)
+    arguments = ["bench", "a01-pendulum", "--quick", "--contestants", "screw-BDF", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "OpenSim" in said
+    assert max(len(line) for line in said.splitlines()) <= 100 + len(str(tmp_path))

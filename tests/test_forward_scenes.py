@@ -1,0 +1,229 @@
+"""Forward scenes are integrated, compared with each other and with their reference, and judged."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.forward.run import run_forward
+from screwgauge.forward.screw import integrate
+from screwgauge.forward.start import check_start
+from screwgauge.forward.stiffness import eigenvalues
+from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.reference.forward import Forces
+from screwgauge.reference.pose import layout
+
+OBSERVABLES = {
+    "a01-pendulum": ("x", "y"),
+    "a02-fourbar-2": ("B0.x", "B0.y"),
+    "a02-fourbar-40": ("B0.x", "B0.y"),
+    "a03-andrews-ivp": ("F.x", "F.y", "beta"),
+    "a03-andrews-iftomm": ("F.x", "F.y", "beta"),
+    "a04-bricard-thin": ("P3.x", "P3.y", "P3.z"),
+    "a04-bricard-box": ("P3.x", "P3.y", "P3.z"),
+    "a05-governor": ("s",),
+}
+SPRUNG = """
+mechanism = "{mechanism}"
+engines = ["screw"]
+gravity = [0, 0, 0]
+[time]
+duration = {duration}
+step = 0.1
+[forward]
+{forward}
+[[springs]]
+coordinate = "{coordinate}"
+stiffness = {stiffness}
+damping = {damping}
+[[observables]]
+name = "angle"
+coordinate = "{coordinate}"
+"""
+
+
+@pytest.fixture
+def sprung(write):
+    """A scene of the pendulum of A01 without gravity on a torsion spring."""
+
+    def make(**entries: object):
+        usual = {"mechanism": "a01-pendulum", "duration": 1, "forward": "start = { angle = 0.5 }"}
+        usual |= {"coordinate": "pivot", "stiffness": 4, "damping": 0}
+        return screwgauge.load_scene(write("sprung.toml", SPRUNG.format(**usual | entries)))
+
+    return make
+
+
+@pytest.fixture
+def borrowed(monkeypatch):
+    """Puts functions in the place of engines."""
+
+    def put(**functions: object):
+        def load(name: str):
+            return functions.get(name, integrate)
+
+        monkeypatch.setattr("screwgauge.forward.run.load_integrator", load)
+
+    return put
+
+
+def pendulum(problem):
+    """Stands in for another engine, which reads another file."""
+    return integrate(replace(problem, model=mechanism_path("a01-pendulum")))
+
+
+@pytest.mark.parametrize("name", OBSERVABLES)
+def test_established_problems_are_scenes_with_a_reference(name):
+    scene = screwgauge.load_scene(name)
+    assert tuple(item.name for item in scene.observables) == OBSERVABLES[name]
+    assert np.array_equal(scene.known.t, scene.motion.t)
+    assert scene.published
+
+
+def test_pendulum_follows_its_reference():
+    scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
+    results = screwgauge.run(scene, engines=["screw"])
+    assert results.ok
+    pair = results.pairs.iloc[0]
+    assert (pair["a"], pair["b"], pair["quantity"]) == ("screw", "reference", "observable")
+    assert pair["max_abs"] < 1e-9  # what the problem asks for
+    assert set(results.judge["residual"]) == {"energy_balance"}
+    assert results.values("observable", "screw").shape == (3, 2)
+
+
+@pytest.mark.parametrize(("name", "until"), [("a03-andrews-ivp", 0.003), ("a04-bricard-box", 0.5)])
+def test_three_engines_and_the_reference_agree(name, until):
+    """Each from its own model file; loops with redundant constraints, a spring and a motor among them."""
+    scene = screwgauge.load_scene(name)
+    results = screwgauge.run(scene.at(scene.motion.t[scene.motion.t <= until]))
+    assert results.ok
+    assert set(results.pairs["b"]) == {"pinocchio", "mujoco", "reference"}
+    known = results.pairs[results.pairs["b"] == "reference"]
+    assert set(known["a"]) == {"screw", "pinocchio", "mujoco"}
+
+
+def test_times_after_the_start_may_be_asked_for():
+    """The start state stays that of the scene's own first time."""
+    scene = screwgauge.load_scene("a01-pendulum")
+    late = screwgauge.run(scene.at([0.5, 1.0]), engines=["screw"])
+    assert late.ok
+    assert len(late.times) == 2
+
+
+def test_spring_swings_as_its_closed_form(sprung):
+    """1 kg at 1 m on 4 N m/rad: the angle is 0.5 cos 2 t."""
+    results = screwgauge.run(sprung())
+    error = results.values("observable", "screw")[:, 0] - 0.5 * np.cos(2.0 * results.times)
+    assert np.abs(error).max() < 1e-8  # rtol 1e-10 and its growth
+    assert results.ok
+
+
+def test_work_of_a_damper_is_in_the_balance_of_energy(sprung):
+    results = screwgauge.run(sprung(damping=1.0))
+    (row,) = results.judge.to_dict("records")
+    assert row["residual"] == "energy_balance"
+    assert row["ok"]
+
+
+def test_judge_faults_a_motion_whose_energy_grows(borrowed):
+    def wrong(problem):
+        found = pendulum(problem)
+        return replace(found, v=found.v * (1.0 + 1e-6 * np.arange(len(found.v))[:, None]))
+
+    borrowed(pinocchio=wrong)
+    scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
+    results = run_forward(scene, engines=["screw", "pinocchio"])
+    faulted = results.judge[~results.judge["ok"]]
+    assert list(faulted["engine"]) == ["pinocchio"]
+    assert list(faulted["residual"]) == ["energy_balance"]
+    assert not results.ok
+
+
+def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(borrowed):
+    def half(problem):
+        found = pendulum(problem)
+        fields = {key: getattr(found, key)[:2] for key in ("q", "v", "a", "work", "condition")}
+        return replace(found, **fields, stopped="no step leads on")
+
+    borrowed(mujoco=half)
+    scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
+    results = run_forward(scene, engines=["screw", "mujoco"])
+    lost = results.pairs[results.pairs["reason"] != ""]
+    assert set(lost["reason"]) == {"mujoco has nothing after t = 0.5 s: no step leads on"}
+    known = results.pairs[(results.pairs["a"] == "mujoco") & (results.pairs["b"] == "reference")]
+    assert known["max_abs"].min() < 1e-9  # what it did compute is compared
+    assert results.exit_status == 1
+    assert np.isnan(results.values("observable", "mujoco")[2]).all()
+
+
+def test_an_engine_that_refuses_is_a_row_with_its_reason(borrowed):
+    def refuses(problem):
+        raise ValueError("no body without inertia")
+
+    borrowed(mujoco=refuses)
+    results = run_forward(screwgauge.load_scene("a01-pendulum").at([0.0, 0.5]), engines=["screw", "mujoco"])
+    assert results.exit_status == 3
+    assert "no body without inertia" in results.failures["mujoco"].reason
+    assert (results.pairs["reason"] == "ValueError: no body without inertia").sum() == 2
+
+
+def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
+    """1e4 N m s/rad on 1 kg m^2 asks DOP853 for steps of 0.6 ms; ten of them are not worth a word."""
+    scene = sprung(damping=1e4, duration=1)
+    (warning,) = check_start(scene, scene.forward)[1]
+    assert "fastest eigenvalue at the start, -1e+04+0j 1/s" in warning
+    assert "bounds a stable step to about 0.0006 s, 1.7e+03 steps" in warning
+    assert check_start(scene.at([0.0, 0.006]), scene.forward)[1] == ()
+    implicit = sprung(damping=1e4, duration=1, forward='method = "BDF"')
+    assert check_start(implicit, implicit.forward)[1] == ()
+
+
+def test_eigenvalues_of_the_governor_are_the_known_ones():
+    """-8117, -1450, -20.30, -20.05, +-7.346i (published with its reference), and two zeros of the spin."""
+    scene = screwgauge.load_scene("a05-governor")
+    forces = Forces(gravity=scene.gravity, springs=scene.springs)
+    lay = layout(load_mechanism("a05-governor"))
+    found = eigenvalues(lay, forces, scene.forward.start, scene.forward.rates)
+    found = found[np.abs(found) > 1.0]
+    known = np.array([-8117.0, -1450.0, -20.30, -20.05, 7.346j, -7.346j])
+    for value in known:
+        assert np.abs(found - value).min() < 1e-3 * abs(value) + 5e-3  # digits of what was published
+
+
+def test_report_tells_of_start_springs_and_published_results(tmp_path):
+    scene = screwgauge.load_scene("a05-governor").at([0.0, 0.05])
+    results = screwgauge.run(scene, engines=["screw"])
+    results.write(tmp_path)
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    for words in (
+        "from slider (0.05, 0, 0) to right (0.5, 0, 0)",
+        "Radau, rtol 1e-7",
+        "## Published results",
+        "OpenSim",
+        "other machines",
+    ):
+        assert words in text
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["engines"].keys() == {"screw"}
+    assert summary["warnings"] == []
+
+
+def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
+    path = write(
+        "short.toml",
+        SPRUNG.format(
+            mechanism="a01-pendulum",
+            duration=0.3,
+            forward="rtol = 1e-8",
+            coordinate="pivot",
+            stiffness=4,
+            damping=0,
+        ),
+    )
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "energy balance" in capsys.readouterr().out

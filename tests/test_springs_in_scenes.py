@@ -1,0 +1,122 @@
+"""Springs, dampers and motors act in scenes whose motion is given: all engines agree, and the judge is content."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.judging.judge import judge
+from screwgauge.reference.forward import Forces, forward
+from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.pose import layout
+
+ACTING = """
+[[springs]]
+coordinate = "leg1.q3"
+stiffness = 3e3
+rest = 0.6
+damping = 50
+[[springs]]
+coordinate = "leg2.q1"
+stiffness = 40
+damping = 3
+[[springs]]
+coordinate = "{cut}"
+stiffness = 60
+rest = 0.2
+damping = 5
+[[springs]]
+first = "platform"
+first_point = [0.1, 0.2, 0.05]
+second = "leg3.lower"
+second_point = [0.02, 0, 0.1]
+stiffness = 900
+rest = 0.3
+damping = 20
+[[motors]]
+coordinate = "s.q2"
+offset = 12
+harmonics = [[3, 0, 30]]
+[[motors]]
+coordinate = "leg4.q4"
+polynomial = [1, 2]
+"""
+MOTION = """
+mechanism = "3ups-upu-s"
+[time]
+times = [0.1, 0.6, 1.3]
+[motion.a]
+harmonics = [[4, 0.2, 0.1]]
+[motion.b]
+harmonics = [[5, -0.1, 0.2]]
+[[loads]]
+on = "platform"
+by = "environment"
+force = [10, -200, 300]
+"""
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "sprung.toml"
+    path.write_text(MOTION + ACTING.format(cut="leg3.q5"), encoding="utf-8")
+    return screwgauge.load_scene(path)
+
+
+@pytest.fixture(scope="module")
+def results(scene):
+    return screwgauge.run(scene, engines=ENGINES)
+
+
+def test_all_engines_agree_and_the_judge_is_content(results):
+    assert results.pairs[~results.pairs["ok"]].empty
+    assert results.judge[~results.judge["ok"]].empty
+    assert results.ok
+    assert {"actuator_force", "reaction", "generalized_force"} <= set(results.pairs["quantity"])
+
+
+def test_springs_and_motors_make_a_difference(scene, results):
+    bare = screwgauge.run(replace(scene, springs=(), motors=()), engines=["screw"])
+    for quantity in ("generalized_force", "actuator_force", "reaction"):
+        assert np.abs(bare.values(quantity) - results.values(quantity, "screw")).max() > 10.0
+    for quantity in ("joint_acceleration", "tree_force"):  # gravity and inertia only
+        assert np.array_equal(bare.values(quantity), results.values(quantity, "screw"))
+
+
+@pytest.mark.parametrize("missing", ["springs", "motors"])
+def test_judge_misses_what_is_left_out(scene, results, missing):
+    found = judge(replace(scene, **{missing: ()}), results.solutions["mujoco"])
+    assert {"newton_euler", "power_balance", "virtual_work"} <= set(found[~found["ok"]]["residual"])
+
+
+def test_forward_dynamics_gives_the_accelerations_back(scene, results):
+    """Round trip through another route: forces of the run, accelerations of `reference.forward`."""
+    lay, motion = layout(scene.mechanism), scene.motion
+    rate = rates(lay, positions(lay, motion.y, motion.t), motion.yd)
+    joints = np.zeros_like(rate.w)
+    for motor in scene.motors:
+        column = scene.mechanism.coordinates.index(motor.coordinate)
+        joints[:, column] = [motor.force(t) for t in motion.t]
+    forces = Forces(
+        actuators=results.values("actuator_force", "pinocchio"),
+        joints=joints,
+        loads=[(load.body, load.point, load.force, load.torque) for load in scene.loads],
+        springs=scene.springs,
+    )
+    assert np.abs(forward(lay, rate, forces).ydd - motion.ydd).max() < 1e-9  # of 10 rad/s^2: rounding
+
+
+def test_truth_refuses_with_one_sentence(scene):
+    found = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
+    assert "truth knows no springs and no motors" in found.failures["truth"].reason
+
+
+def test_bench_refuses_with_one_sentence(write, tmp_path, capsys):
+    path = write("sprung.toml", MOTION + ACTING.format(cut="leg3.q5"))
+    assert main(["bench", str(path), "--out", str(tmp_path / "out"), "--quick"]) == 2
+    assert "knows no springs and no motors" in capsys.readouterr().err

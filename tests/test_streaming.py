@@ -1,0 +1,71 @@
+"""A scene streamed part by part gives what it gives at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import streaming
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.solution import Failure
+from screwgauge.streaming import stream, times
+
+QUANTITIES = ("joint_position", "generalized_force", "reaction")
+
+
+def test_parts_are_the_whole() -> None:
+    scene = screwgauge.load_scene("3ups-upu-s")
+    whole = screwgauge.run(scene.at(np.arange(50) * 0.01), ("screw",), QUANTITIES)
+    parts = list(screwgauge.stream(scene, times(50, 0.01, part=16), quantities=QUANTITIES))
+    assert [len(t) for t, _ in parts] == [16, 16, 16, 2]
+    np.testing.assert_array_equal(np.concatenate([t for t, _ in parts]), whole.times)
+    for name in QUANTITIES:
+        joined = np.concatenate([solution.values[name].array for _, solution in parts])
+        # the same operations on other lengths of arrays: their sums may be grouped otherwise
+        np.testing.assert_allclose(joined, whole.values(name, "screw"), rtol=1e-12, atol=1e-11)
+
+
+def test_any_engine_streams() -> None:
+    scene = screwgauge.load_scene("3ups-upu-s")
+    found = {
+        engine: [
+            solution.values["actuator_force"].array
+            for _, solution in stream(
+                scene, times(6, 0.1, first=1.0, part=4), engine=engine, quantities=["actuator_force"]
+            )
+        ]
+        for engine in ("screw", "pinocchio", "mujoco")
+    }
+    mine = np.concatenate(found.pop("screw"))
+    for arrays in found.values():
+        np.testing.assert_allclose(np.concatenate(arrays), mine, rtol=0, atol=1e-8)  # 1e-11 of 1 kN
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda scene: times(0, 1e-3), "0 times"),
+        (lambda scene: times(5, -1.0), "-1 s apart"),
+        (lambda scene: stream(scene, [np.array([0.0, np.nan])]), "finite"),
+        (lambda scene: stream(scene, [np.zeros((2, 2))]), "finite times"),
+        (lambda scene: stream(scene, times(2, 1.0), engine="skrew"), "screw"),
+        (lambda scene: stream(scene, times(2, 1.0), quantities=["force"]), "force"),
+    ],
+)
+def test_bad_input_is_one_sentence(make, words: str) -> None:
+    with pytest.raises(ScrewgaugeError, match=words):
+        list(make(screwgauge.load_scene("3ups-upu-s")))
+
+
+def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch) -> None:
+    def solve(scene, engines, quantities):
+        if scene.motion.t[0] < 1.0:
+            return {"screw": "solved"}, {}
+        return {}, {"screw": Failure("screw", "ClosureError: a loop cannot close")}
+
+    monkeypatch.setattr(streaming, "solve", solve)
+    parts = stream(screwgauge.load_scene("3ups-upu-s"), times(20, 0.1, part=10))
+    assert next(parts)[1] == "solved"
+    with pytest.raises(ScrewgaugeError, match=r"t = 1 to 1\.9 s: screw fails: .* cannot close"):
+        next(parts)

@@ -1,0 +1,112 @@
+"""Stress cases that drive engines forward or for long, at reduced size: proximal, redundant-constraints, long-run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from screwgauge.stress import long_run, proximal, redundant
+from screwgauge.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
+from screwgauge.stress.refinement import refinement
+from screwgauge.stress.softness import softness
+from screwgauge.stress.stiff_legs import stiff_legs
+
+ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        softness,
+        refinement,
+        proximal.proximal,
+        redundant.redundant_constraints,
+        long_run.long_run,
+        stiff_legs,
+    ],
+)
+def test_ladders_have_six_rungs_and_three_when_quick(make) -> None:
+    case: Case = make()
+    assert len(set(case.full)) >= 6
+    assert len(set(case.quick)) >= 3
+    assert case.low <= min(*case.full, *case.quick)
+    assert max(*case.full, *case.quick) <= case.high
+
+
+def labelled(found: list[Finding], engine: str) -> Finding:
+    (finding,) = (finding for finding in found if finding.engine == engine)
+    return finding
+
+
+def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() -> None:
+    found = list(proximal.climb(0.0))
+    for iterations in proximal.ITERATIONS:
+        assert labelled(found, f"pinocchio full rank {iterations}x").verdict == OK
+        lost = labelled(found, f"pinocchio deficient {iterations}x")
+        assert np.isnan(lost.error)
+        assert lost.verdict == SILENT
+        assert lost.condition > 1e16
+
+
+def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
+    mus = np.array([1e-6, 1e-5, 1e-4])
+    found = [list(proximal.climb(mu)) for mu in mus]
+    for loop in ("full rank", "deficient"):
+        for iterations in (1, 2):
+            errors = [labelled(rows, f"pinocchio {loop} {iterations}x").error for rows in found]
+            slope = np.polyfit(np.log(mus), np.log(errors), 1)[0]
+            assert slope == pytest.approx(iterations, abs=0.05)  # the next order is 1e-2 of it at 1e-4
+    assert {finding.verdict for rows in found for finding in rows if "1x" in finding.engine} == {SILENT}
+    assert labelled(found[2], "pinocchio full rank 2x").verdict == DEGRADED
+
+
+def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_the_loop() -> None:
+    found = list(redundant.climb(2))
+    for finding in found:
+        if finding.quantity == "reaction":
+            assert "compared: fx, fy; not unique, left out: fz, mx, my (6 redundant" in finding.reason
+        if finding.engine in ("pinocchio 6D", "mujoco weld"):
+            assert finding.verdict == SILENT
+            assert finding.error > 0.1
+            assert "leaves 0 freedoms of 1" in finding.reason
+        else:
+            assert finding.error < ROUNDING, finding
+
+
+def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
+    found = list(long_run.climb(1000))
+    for finding in found:
+        if finding.engine == "screw":
+            assert finding.error < 1e-13  # a hundred times the rounding of angles of 1 rad
+    short = list(long_run.climb(100))
+    drift = [labelled(rows, "paper Euler").error for rows in (short, found)]
+    assert drift[1] > 5 * drift[0] > 1e-4
+    assert labelled(found, "paper Euler").verdict == SILENT
+    assert labelled(found, "paper RK4").error < GOOD
+
+
+def test_memory_does_not_grow_with_the_samples() -> None:
+    """Five times the samples, in a fresh process: the peak stays where it was."""
+    code = """
+import resource
+from screwgauge import load_scene, stream
+from screwgauge.streaming import times
+
+def most(count):
+    wanted = ["body_angular_velocity", "joint_position"]
+    for t, solution in stream(scene, times(count, 1e-3, part=2048), quantities=wanted):
+        last = t[-1]
+    return last, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+scene = load_scene("3ups-upu-s")
+(_, few), (last, many) = most(4096), most(20480)
+print(last, many - few, many)
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    last, growth, peak = (float(word) for word in said.split())
+    assert last == pytest.approx(20.479, rel=1e-12)
+    assert growth < 5_000  # kB; all values would be 7 MB
+    assert peak < 500_000

@@ -1,0 +1,100 @@
+"""The page of small plots and the report: everything named, each cause once, nothing hidden."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from screwgauge.bench.looks import MARKERS
+from screwgauge.stress.case import GOOD, Case, Finding, Rung
+from screwgauge.stress.drawing import make_plots
+from screwgauge.stress.report import headline, report_markdown
+from screwgauge.stress.run import Row, Stress
+from screwgauge.stress.small_plot import inks
+
+ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
+
+
+def case(name: str, *, falling: bool = False) -> Case:
+    return Case(
+        name, f"Title of {name}", "severity [m]", "About it.", "force", 0.0, 1e9, (), (),
+        lambda severity, quick: Rung(severity, list), falling=falling,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def found() -> Stress:
+    """Two ladders: screw is good, pinocchio says so, mujoco refuses, its settings are silent."""
+
+    def row(name: str, severity: float, engine: str, quantity: str) -> Row:
+        kind = ENGINES.index(engine)
+        error = (1e-15, severity * 1e-10, math.nan, severity * 1e-9, severity * 1e-8)[kind]
+        admitted = 1.0 if kind == 1 else GOOD
+        return Row(
+            name, severity, Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else "")
+        )
+
+    rows = [
+        row(name, severity, engine, quantity)
+        for name in ("rising", "falling")
+        for severity in (0.0, 1.0, 10.0, 1e5)
+        for engine in ENGINES
+        for quantity in ("force", "motion")
+    ]
+    return Stress((case("rising"), case("falling", falling=True)), tuple(rows), {}, True, {})
+
+
+def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> None:
+    (plot,) = make_plots(found)
+    texts = [
+        "".join(node.itertext()).strip()
+        for node in ET.fromstring(plot.svg).iter()
+        if node.tag.endswith("text")
+    ]
+    for name in (
+        "Title of rising",
+        "Title of falling",
+        "severity [m]",
+        *ENGINES[:3],
+        "silently wrong",
+        "refused",
+    ):
+        assert name in texts
+    assert texts.count("mujoco RK4") == texts.count("mujoco Euler") == 2  # below each plot that has them
+    assert texts.count("mujoco") == 1
+    assert {"0", "1", "1e4"} <= set(texts)  # decades of the axis, zero before them
+
+
+def test_settings_of_an_engine_share_its_colour_and_nothing_else() -> None:
+    common, (own, other) = inks([ENGINES, ("paper Euler", *(f"mujoco {k}" for k in range(12)))])
+    assert list(common) == ["screw", "pinocchio", "mujoco"]
+    assert {ink.colour for name, ink in {**common, **own}.items() if name.startswith("mujoco")} == {
+        common["mujoco"].colour
+    }
+    looks = {(ink.colour, ink.marker, str(ink.dash)) for ink in (*common.values(), *own.values())}
+    assert len(looks) == len(ENGINES)
+    assert len({ink.colour for ink in common.values()}) == 3
+    twelve = [(ink.marker, str(ink.dash)) for name, ink in other.items() if name.startswith("mujoco")]
+    assert len(set(twelve)) == 12 > len(MARKERS)
+
+
+def test_the_headline_counts_engines_without_their_settings(found: Stress) -> None:
+    text = headline(found)
+    assert "Silently wrong: mujoco. Our own solver is nowhere among them." in text
+
+
+def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
+    text = report_markdown(found, [])
+    assert "| rising | screw | 15.0 to 15.0 |  |  |  |" in text
+    assert "| rising | pinocchio | 5.0 to 17.0 | 1e5 |  |  |" in text
+    assert "| falling | mujoco |  |  | 1e5 |  |" in text
+    assert "| rising | mujoco RK4 | 4.0 to 17.0 |  |  | 10 |" in text
+
+
+def test_each_cause_is_said_once_for_a_case_and_engine(found: Stress) -> None:
+    text = report_markdown(found, [])
+    silent = text.split("## Silently wrong")[1].split("\n## ")[0]
+    assert silent.count("| rising | mujoco RK4 | force, motion |") == 1
+    assert silent.count("| why |") == 4
