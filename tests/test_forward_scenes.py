@@ -172,6 +172,14 @@ def test_an_engine_that_refuses_is_a_row_with_its_reason(borrowed):
     assert (results.pairs["reason"] == "ValueError: no body without inertia").sum() == 2
 
 
+def test_a_motion_beyond_the_limits_of_a_joint_is_noted(sprung, write):
+    write("m.toml", 'extends = "a01-pendulum"\nname = "m"\n[joints.pivot]\nlimits = [["-pi/2", 0.2]]\n')
+    results = screwgauge.run(sprung(mechanism="m.toml", forward="start = { angle = -0.5 }"))
+    (note,) = [note for note in results.solutions["screw"].notes if "beyond" in note]
+    assert note.startswith("'pivot' = 0.208")  # -0.5 cos 2 t
+    assert note.endswith("is beyond its limits [-1.5708, 0.2] at t = 1 s")
+
+
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
     """1e4 N m s/rad on 1 kg m^2 asks DOP853 for steps of 0.6 ms; ten of them are not worth a word."""
     scene = sprung(damping=1e4, duration=1)

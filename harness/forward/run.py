@@ -155,9 +155,20 @@ def _solution(scene: Scene, lay: Layout, found: ForwardSolution, wanted: Sequenc
             for stage, seconds in stages.items()
             if np.isfinite(seconds)
         ),
-        notes=(*stopped, counts, *found.notes),
+        notes=(*stopped, counts, *found.notes, *_beyond(scene, found)),
         rows=None if m == n else np.arange(m),
     )
+
+
+def _beyond(scene: Scene, found: ForwardSolution) -> tuple[str, ...]:
+    """A sentence if the motion leaves the limits of a joint, which are no stops."""
+    low, high = scene.mechanism.limits.T
+    beyond = (found.q < low) | (found.q > high)
+    if not beyond.any():
+        return ()
+    i, k = np.argwhere(beyond)[0]
+    name, t = scene.mechanism.coordinates[k], scene.motion.t[i]
+    return (f"'{name}' = {found.q[i, k]:.6g} is beyond its limits [{low[k]:g}, {high[k]:g}] at t = {t:g} s",)
 
 
 def _filled(array: Array, n: int) -> Array:
