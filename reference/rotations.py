@@ -10,17 +10,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Cross product along the last axis, as `numpy.cross`, at a fifth of its cost on few vectors."""
-    first, second, third = (a[..., i] for i in range(3))
-    x, y, z = (b[..., i] for i in range(3))
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
-    out[..., 0] = second * z - third * y
-    out[..., 1] = third * x - first * z
-    out[..., 2] = first * y - second * x
-    return out
-
-
 def skew(v: Array) -> Array:
     """Matrix of the cross product, ``skew(v) @ x = v x x``. Shape (..., 3) -> (..., 3, 3)."""
     zero = np.zeros_like(v[..., 0])
