@@ -26,6 +26,7 @@ ROUNDING = 2 * linear.EPS
 OPEN = 1e-10
 STEP = 0.1  # Newton from a first-order prediction this far away converges in two or three steps
 SMALLEST = 1e-5
+FARTHEST = 1.0  # no coordinate is predicted farther away
 LONGEST = 1e3  # what is further away is not reached by following a path
 
 
@@ -130,7 +131,7 @@ def follow(
             except _Stopped as stopped:
                 raise _explained(stopped, size, float(t[i])) from None
             at = target
-        start[i] = q + K @ (target - at)
+        start[i] = _predicted(q, K, target - at)
     return start
 
 
@@ -156,6 +157,11 @@ def _explained(stopped: _Stopped, size: Array | float, t: float) -> ClosureError
     )
 
 
+def _predicted(q: Array, K: Array, way: Array) -> Array:
+    """First-order prediction; next to a chart lock its rates would turn a joint round thousands of times."""
+    return np.asarray(q + np.clip(K @ way, -FARTHEST, FARTHEST))
+
+
 def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tuple[Array, Array]:
     """Walks on a straight line from y to target, halving the step where the correction fails."""
     length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
@@ -165,7 +171,7 @@ def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tu
     while done < 1.0:
         reach = min(1.0, done + step)
         goal = y + reach * (target - y)
-        found = correct(q + K @ ((reach - done) * (target - y)), goal)
+        found = correct(_predicted(q, K, (reach - done) * (target - y)), goal)
         if found is not None:
             (q, K), done = found, reach
         elif step * length <= SMALLEST:

@@ -77,6 +77,25 @@ def test_estimates_hold_where_nothing_is_at_rest():
             assert found.estimate[quantity].max() < LIMIT
 
 
+@pytest.mark.parametrize("distance", [1e-3, 1e-8])
+def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
+    """Its tree has the wrist's angles, so that their lock is one of its forces too."""
+    scene = moving_at([[WRIST + distance, 0.0]])
+    results = screwgauge.run(scene, engines=["screw", "pinocchio-full", "truth"])
+    found, truth = results.solutions["pinocchio-full"], results.solutions["truth"]
+    for quantity in QUANTITIES:
+        assert (found.estimate[quantity] >= errors(found, truth, quantity)).all(), quantity
+    assert flagged(found)["generalized_force"].all() == (distance < 1e-5)
+    assert not flagged(results.solutions["screw"])["generalized_force"].any()
+
+
+def test_the_judge_says_what_explains_a_residual():
+    results = screwgauge.run(moving_at([[0.1, BASE + 1e-4], [0.1, BASE + 1e-9]]), engines=["screw"])
+    bad = results.judge[~results.judge["ok"]]
+    assert len(bad)
+    assert (bad["reason"] == "within the error that screw admits by its conditioning").all()
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
     rng = np.random.default_rng(seed)

@@ -62,12 +62,12 @@ def test_refined_steps_have_no_floor_but_an_error_of_first_order(held: Held) -> 
 def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
     softnesses = np.array([1e-2, 3e-3, 1e-3])
     for passes in (0, 1, 2):
-        errors = [refinement._mujoco(1.0 - s, passes, np.nan).error for s in softnesses]
+        errors = [refinement.mujoco(1.0 - s, passes, np.nan).error for s in softnesses]
         assert slope(softnesses / (1 - softnesses), errors) == pytest.approx(passes + 1, abs=STRAIGHT)
 
 
 def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_loop() -> None:
-    errors = [refinement._mujoco(0.9999, passes, np.nan).error for passes in range(5)]
+    errors = [refinement.mujoco(0.9999, passes, np.nan).error for passes in range(5)]
     # each pass but the last, which ends in rounding, is worth more than three digits
     assert np.diff(np.log10(errors[:4])).max() < -3.0
     assert errors[4] < GOOD

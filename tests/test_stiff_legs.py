@@ -20,8 +20,8 @@ def right(stiffness: float) -> stiff_motion.Right:
 def integrated(stiffness: float, method: stiff_motion.Method) -> list[Finding]:
     """`screw` on its own acceleration, by one of scipy's methods."""
     found = right(stiffness)
-    problem = stiff_motion._problem(leg_springs(load_mechanism("3ups-upu-s"), stiffness), found.times)
-    return list(stiff_motion._integrated("screw Radau", replace(problem, method=method), found))
+    problem = stiff_motion.make_problem(leg_springs(load_mechanism("3ups-upu-s"), stiffness), found.times)
+    return list(stiff_motion.integrated("screw Radau", replace(problem, method=method), found))
 
 
 def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs() -> None:
@@ -45,8 +45,8 @@ def test_a_looser_tolerance_is_admitted_to_lose_digits() -> None:
 
 def test_an_explicit_method_is_refused_with_its_stable_step() -> None:
     found = right(1e10)
-    problem = stiff_motion._problem((), found.times)
-    motion, energy = stiff_motion._explicit(problem, found)
+    problem = stiff_motion.make_problem((), found.times)
+    motion, energy = stiff_motion.explicit(problem, found)
     assert motion.verdict == energy.verdict == REFUSED
     assert "eigenvalue of 9.9e+04 1/s bounds its step to 6.1e-05 s" in motion.reason
 

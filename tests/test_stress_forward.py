@@ -45,6 +45,7 @@ def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() ->
     found = list(proximal.climb(0.0))
     for iterations in proximal.ITERATIONS:
         assert labelled(found, f"pinocchio full rank {iterations}x").verdict == OK
+        assert labelled(found, "pinocchio deficient safe").error < 1e-13  # a hundred roundings
         lost = labelled(found, f"pinocchio deficient {iterations}x")
         assert np.isnan(lost.error)
         assert lost.verdict == SILENT
@@ -59,8 +60,9 @@ def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
             errors = [labelled(rows, f"pinocchio {loop} {iterations}x").error for rows in found]
             slope = np.polyfit(np.log(mus), np.log(errors), 1)[0]
             assert slope == pytest.approx(iterations, abs=0.05)  # the next order is 1e-2 of it at 1e-4
-    assert {finding.verdict for rows in found for finding in rows if "1x" in finding.engine} == {SILENT}
-    assert labelled(found[2], "pinocchio full rank 2x").verdict == DEGRADED
+    one = [finding for rows in found for finding in rows if "1x" in finding.engine]
+    assert {finding.verdict for finding in one} == {DEGRADED}
+    assert all(finding.admitted < 100 * finding.error for finding in one)
 
 
 def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_the_loop() -> None:
@@ -91,15 +93,20 @@ def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
 def test_memory_does_not_grow_with_the_samples() -> None:
     """Five times the samples, in a fresh process: the peak stays where it was."""
     code = """
-import resource
+import re
+from pathlib import Path
 from screwgauge import load_scene, stream
 from screwgauge.streaming import times
+
+def peak():
+    # ru_maxrss of a fresh process starts at what its parent, the whole run of tests, held when it forked
+    return int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
 
 def most(count):
     wanted = ["body_angular_velocity", "joint_position"]
     for t, solution in stream(scene, times(count, 1e-3, part=2048), quantities=wanted):
         last = t[-1]
-    return last, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return last, peak()
 
 scene = load_scene("3ups-upu-s")
 (_, few), (last, many) = most(4096), most(20480)

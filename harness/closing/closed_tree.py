@@ -180,6 +180,8 @@ class _Work:
         )
         z, A, error = newton(self._scaled, start, goal)
         check_closed(error, motion.y, motion.t)
+        turning = sizes.turning  # next to a chart lock Newton's method may turn a joint right round
+        z[:, turning] = nearest_turn(z[:, turning], start[:, turning])
         q = z * sizes.q
         self.q, self.y, self.gap = q[-1], motion.y[-1], float(error.max()) * max(1.0, sizes.length)
         return q, A

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.closing.closure import Loops
 from screwgauge.closing.tree import Tree
@@ -20,12 +21,14 @@ class Sizes:
     Attributes:
         length: Largest distance between bodies and closing points at home [m].
         q: Unit of each tree coordinate, 1 rad or that length. Shape (n_v,).
+        turning: Which of them are angles. Shape (n_v,).
         y: Unit of each independent coordinate. Shape (k,).
         rows: Unit of each closing row, those of y last. Shape (m + k,).
     """
 
     length: float
     q: Array
+    turning: NDArray[np.bool_]
     y: Array
     rows: Array
 
@@ -40,11 +43,10 @@ def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
                 points.append(at.p[0, body] + at.R[0, body] @ where)
     cloud = np.array(points)
     length = float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
-    unit = {
-        name: 1.0 if turns else length
-        for joint in file.joints
-        for name, turns in zip(joint.coordinates, KINDS[joint.kind], strict=True)
-    }
+    turns = {name: turn for j in file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+    unit = {name: 1.0 if turn else length for name, turn in turns.items()}
     y = np.array([unit[name] for name in file.independent.values()])
     anchors = [1.0 if anchor.angular else length for anchor in loops.anchors for _ in range(3)]
-    return Sizes(length, np.array([unit[name] for name in tree.coordinates]), y, np.array([*anchors, *y]))
+    q = np.array([unit[name] for name in tree.coordinates])
+    turning = np.array([turns[name] for name in tree.coordinates])
+    return Sizes(length, q, turning, y, np.array([*anchors, *y]))

@@ -45,6 +45,10 @@ def judge(
         judged_row(solution.engine, residual, scene.motion.t, tolerance)
         for residual in residuals(scene, solution)
     ]
+    admitted = max((float(np.max(e, initial=0.0)) for e in solution.estimate.values()), default=0.0)
+    for row in rows:
+        if not row["ok"] and not row["reason"] and admitted >= float(str(row["max_scaled"])):
+            row["reason"] = f"within the error that {solution.engine} admits by its conditioning"
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -80,7 +80,7 @@ def _difference(results: Results, *, beside: bool = False) -> str:
     return (
         f"{row['a']} and {row['b']} differ: first in {where}, "
         f"by {size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
-        f"tolerance {number(row['tolerance'], 2)}) at t = {number(row['worst_t'])} s.{more}"
+        f"tolerance {number(row['tolerance'], 2)}) at t = {number(row['worst_t'])} s{_because(row)}.{more}"
     )
 
 
@@ -96,8 +96,12 @@ def _fault(results: Results) -> str:
     return (
         f"The judge faults {row['engine']}: {residual} residual "
         f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
-        f"tolerance {number(row['tolerance'], 2)}){where}."
+        f"tolerance {number(row['tolerance'], 2)}){where}{_because(row)}."
     )
+
+
+def _because(row: Row) -> str:
+    return f", {row['reason']}" if row.get("reason") else ""
 
 
 def _agreement(results: Results) -> str:

@@ -40,10 +40,11 @@ def climb(softness: float) -> Iterator[Finding]:
     own = screw(loaded())
     yield own
     for passes in PASSES:
-        yield _mujoco(1.0 - softness, passes, own.condition)
+        yield mujoco(1.0 - softness, passes, own.condition)
 
 
-def _mujoco(d: float, passes: int, condition: float) -> Finding:
+def mujoco(d: float, passes: int, condition: float) -> Finding:
+    """MuJoCo at an impedance d after some passes."""
     from screwgauge.bench.contestants_mujoco import forward_call, soften, with_equality
     from screwgauge.bench.projection import given
     from screwgauge.models.loops import loops_of

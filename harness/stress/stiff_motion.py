@@ -108,16 +108,17 @@ def climb(stiffness: float) -> Iterator[Finding]:
     right = right_motion(springs)
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         write_models(scene.mechanism, Path(folder))
-        problem = _problem(springs, right.times)
-        yield from _explicit(problem, right)
+        problem = make_problem(springs, right.times)
+        yield from explicit(problem, right)
         for engine in SUFFIX:
-            yield from _integrated(f"{engine} Radau", _of(problem, engine, Path(folder)), right)
+            yield from integrated(f"{engine} Radau", _of(problem, engine, Path(folder)), right)
         for stepper in STEPPERS:
             own = _of(problem, stepper.engine, Path(folder))
             yield from _stepped(f"{stepper.engine} {stepper.integrator}", own, right, stepper)
 
 
-def _problem(springs: tuple[JointSpring, ...], times: Array) -> ForwardProblem:
+def make_problem(springs: tuple[JointSpring, ...], times: Array) -> ForwardProblem:
+    """The motion as `screw` is given it."""
     return ForwardProblem(
         model=mechanism_path("3ups-upu-s"),
         loops=None,
@@ -140,11 +141,11 @@ def _of(problem: ForwardProblem, engine: str, folder: Path) -> ForwardProblem:
     return replace(problem, model=folder / f"{name}{SUFFIX[engine]}", loops=folder / f"{name}.loops.toml")
 
 
-def _explicit(problem: ForwardProblem, right: Right) -> Iterator[Finding]:
+def explicit(problem: ForwardProblem, right: Right) -> Iterator[Finding]:
     """DOP853, unless the step that keeps it stable is too short."""
     steps = DURATION * right.fastest / REACH
     if steps <= MOST:
-        yield from _integrated("screw DOP853", replace(problem, method=DOP853), right)
+        yield from integrated("screw DOP853", replace(problem, method=DOP853), right)
         return
     reason = (
         f"stiff for an explicit method: the eigenvalue of {right.fastest:.2g} 1/s bounds its step to "
@@ -153,7 +154,7 @@ def _explicit(problem: ForwardProblem, right: Right) -> Iterator[Finding]:
     yield from _refused("screw DOP853", reason)
 
 
-def _integrated(label: str, problem: ForwardProblem, right: Right) -> Iterator[Finding]:
+def integrated(label: str, problem: ForwardProblem, right: Right) -> Iterator[Finding]:
     """One of scipy's methods on an engine's accelerations; its tolerance and its steps say what it admits."""
     method = problem.method
 
@@ -185,6 +186,9 @@ def _findings(
     """
     try:
         found = integrate()
+    except np.linalg.LinAlgError as error:
+        yield from _refused(label, f"the state grew until nothing brought it back onto the loops ({error})")
+        return
     except ScrewgaugeError as error:
         yield from _refused(label, str(error))
         return
