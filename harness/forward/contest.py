@@ -117,10 +117,12 @@ def _by_family(outcomes: Sequence[Outcome]) -> list[Outcome]:
 
 
 def _foreseen(entrant: Entrant, before: Sequence[Outcome]) -> float:
-    """How long an entrant will last, from the setting before it of the same family [s]."""
+    """How long an entrant will last [s]: from the setting before it of its family, or the first of its engine."""
     same = [o for o in before if o.entrant.family == entrant.family]
     if not same:
-        return FOREVER if entrant.late else FIRST.get(entrant.engine, 0.0)
+        alike = [o.wall for o in before if o.entrant.engine == entrant.engine and o.entrant.parameter is None]
+        alike = [wall for wall in alike if np.isfinite(wall) and entrant.parameter is None]
+        return FOREVER if entrant.late else max([FIRST.get(entrant.engine, 0.0), *alike[:1]])
     last = same[-1]
     if last.status == CUT:
         return FOREVER
