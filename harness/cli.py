@@ -280,8 +280,8 @@ def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
     from dataclasses import replace
 
     from screwgauge.bench.run import check_budget
-    from screwgauge.forward.contest import FULL, QUICK, contest
-    from screwgauge.forward.contest_report import format_terminal, write_contest
+    from screwgauge.forward.contest.report import format_terminal, write_contest
+    from screwgauge.forward.contest.run import FULL, QUICK, contest
     from screwgauge.progress import Line
 
     plan = QUICK if options.quick else FULL

@@ -11,11 +11,11 @@ import pytest
 import screwgauge
 from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.cli import main
-from screwgauge.forward import contest as module
-from screwgauge.forward.contest import FULL, QUICK, contest
-from screwgauge.forward.contest_drawing import make_plots
-from screwgauge.forward.contest_report import ABSOLUTE, absolute_table, bench_table, write_contest
-from screwgauge.forward.entrants import Entrant, entrants
+from screwgauge.forward.contest import run as module
+from screwgauge.forward.contest.drawing import make_plots
+from screwgauge.forward.contest.entrants import Entrant, entrants
+from screwgauge.forward.contest.report import ABSOLUTE, absolute_table, bench_table, write_contest
+from screwgauge.forward.contest.run import FULL, QUICK, contest
 from screwgauge.forward.screw import integrate
 from screwgauge.reference.errors import ScrewgaugeError
 

@@ -15,9 +15,9 @@ from screwgauge.forward.mujoco import MujocoMover
 from screwgauge.forward.observe import observe
 from screwgauge.forward.problem import ForwardProblem
 from screwgauge.forward.start import make_problem
-from screwgauge.forward.stepper_mujoco import sprung_model
 from screwgauge.forward.steppers import INTEGRATORS, REFINABLE, Stepper, hold, integrate_steps, opening
-from screwgauge.forward.tree_forces import tree_forces
+from screwgauge.forward.steppers.mujoco import sprung_model
+from screwgauge.forward.tree.forces import tree_forces
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.loops import read_loops
 from screwgauge.reference.errors import DescriptionError, UnknownNameError

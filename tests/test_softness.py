@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from screwgauge.scene import load_scene
-from screwgauge.stress import refinement, softness
 from screwgauge.stress.case import GOOD, SILENT
-from screwgauge.stress.held import Held, hold
-from screwgauge.stress.mujoco_steps import Setting, step
+from screwgauge.stress.driven import refinement, softness
+from screwgauge.stress.driven.held import Held, hold
+from screwgauge.stress.driven.mujoco_steps import Setting, step
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from screwgauge.stress.case import OK, SILENT, Finding
-from screwgauge.stress.open_states import FORWARD, HARD
+from screwgauge.stress.inverse.open_states import FORWARD, HARD
 from screwgauge.stress.registry import load
 
 GAPS = (1e-9, 1e-7, 1e-5)

@@ -8,11 +8,11 @@ import sys
 import numpy as np
 import pytest
 
-from screwgauge.stress import long_run, proximal, redundant
 from screwgauge.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
-from screwgauge.stress.refinement import refinement
-from screwgauge.stress.softness import softness
-from screwgauge.stress.stiff_legs import stiff_legs
+from screwgauge.stress.driven import long_run, proximal, redundant
+from screwgauge.stress.driven.refinement import refinement
+from screwgauge.stress.driven.softness import softness
+from screwgauge.stress.stiff.legs import stiff_legs
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 

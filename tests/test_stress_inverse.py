@@ -14,12 +14,12 @@ import pytest
 from screwgauge.driver import solve
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.scene import load_scene
-from screwgauge.stress import inverse
 from screwgauge.stress.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.stress.inverse import ENGINES, measure, still
+from screwgauge.stress.inverse import measure as inverse
+from screwgauge.stress.inverse.measure import ENGINES, measure, still
+from screwgauge.stress.inverse.singular_poses import WRIST_LOCKS
+from screwgauge.stress.inverse.states import POSES, decades, exactly
 from screwgauge.stress.registry import CASES, load
-from screwgauge.stress.singular_poses import WRIST_LOCKS
-from screwgauge.stress.states import POSES, decades, exactly
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.

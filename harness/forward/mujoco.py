@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco import MujocoTree
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution
-from screwgauge.forward.tree_motion import integrate_tree
+from screwgauge.forward.tree.motion import integrate_tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
@@ -53,7 +53,7 @@ def make(problem: ForwardProblem, file: LoopsFile) -> MujocoMover:
 
 
 class MujocoMover:
-    """Accelerations of a closed tree. See `screwgauge.forward.tree_motion.Mover`."""
+    """Accelerations of a closed tree. See `screwgauge.forward.tree.motion.Mover`."""
 
     def __init__(
         self, tree: MujocoTree, d: float = IMPEDANCE, passes: int = PASSES, harder: float = HARDER

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from screwgauge.engines.pinocchio import PinocchioTree
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution
-from screwgauge.forward.tree_motion import integrate_tree
+from screwgauge.forward.tree.motion import integrate_tree
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -40,7 +40,7 @@ def integrate(problem: ForwardProblem) -> ForwardSolution:
 
 
 class PinocchioMover:
-    """Accelerations of a closed tree. See `screwgauge.forward.tree_motion.Mover`."""
+    """Accelerations of a closed tree. See `screwgauge.forward.tree.motion.Mover`."""
 
     def __init__(self, tree: PinocchioTree, mu: float = MU, iterations: int = ITERATIONS) -> None:
         self._tree, self.model = tree, tree.model

@@ -11,21 +11,21 @@ from screwgauge.stress.case import Case
 _HERE = "screwgauge.stress"
 #: Name -> ``module:function``; the function returns the `Case`.
 CASES = {
-    "upu-singularity": f"{_HERE}.singular_poses:upu_singularity",
-    "u-lock": f"{_HERE}.singular_poses:u_lock",
-    "wrist-chart": f"{_HERE}.singular_poses:wrist_chart",
-    "mass-ratio": f"{_HERE}.bodies:mass_ratio",
-    "speed": f"{_HERE}.motions:speed",
-    "scale": f"{_HERE}.bodies:scale",
-    "load": f"{_HERE}.motions:load",
-    "inertia-anisotropy": f"{_HERE}.bodies:inertia_anisotropy",
-    "closure-violation": f"{_HERE}.closure:closure_violation",
-    "softness": f"{_HERE}.softness:softness",
-    "refinement": f"{_HERE}.refinement:refinement",
-    "proximal": f"{_HERE}.proximal:proximal",
-    "redundant-constraints": f"{_HERE}.redundant:redundant_constraints",
-    "long-run": f"{_HERE}.long_run:long_run",
-    "stiff-legs": f"{_HERE}.stiff_legs:stiff_legs",
+    "upu-singularity": f"{_HERE}.inverse.singular_poses:upu_singularity",
+    "u-lock": f"{_HERE}.inverse.singular_poses:u_lock",
+    "wrist-chart": f"{_HERE}.inverse.singular_poses:wrist_chart",
+    "mass-ratio": f"{_HERE}.inverse.bodies:mass_ratio",
+    "speed": f"{_HERE}.inverse.motions:speed",
+    "scale": f"{_HERE}.inverse.bodies:scale",
+    "load": f"{_HERE}.inverse.motions:load",
+    "inertia-anisotropy": f"{_HERE}.inverse.bodies:inertia_anisotropy",
+    "closure-violation": f"{_HERE}.inverse.closure:closure_violation",
+    "softness": f"{_HERE}.driven.softness:softness",
+    "refinement": f"{_HERE}.driven.refinement:refinement",
+    "proximal": f"{_HERE}.driven.proximal:proximal",
+    "redundant-constraints": f"{_HERE}.driven.redundant:redundant_constraints",
+    "long-run": f"{_HERE}.driven.long_run:long_run",
+    "stiff-legs": f"{_HERE}.stiff.legs:stiff_legs",
 }
 
 

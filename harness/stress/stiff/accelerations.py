@@ -19,9 +19,9 @@ from screwgauge.reference.forward import Forces, forward_dense, inertia_matrix
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.springs import JointSpring
 from screwgauge.stress.case import GOOD, Finding
-from screwgauge.stress.loaded import ACCELERATION, finding, loaded, motion, pinocchio_given
-from screwgauge.stress.mujoco_steps import add_springs, load_tree
-from screwgauge.stress.springs import leg_springs
+from screwgauge.stress.driven.loaded import ACCELERATION, finding, loaded, motion, pinocchio_given
+from screwgauge.stress.driven.mujoco_steps import add_springs, load_tree
+from screwgauge.stress.stiff.springs import leg_springs
 
 PASSES = 6  # of refinement: the softness is not what is looked at here
 SAFETY = 8.0  # roundings of a spring's force: of its length, of product and sum, in both directions

@@ -125,8 +125,8 @@ def _open(case: Bench) -> Open:
 
 def _forward(case: Bench) -> Iterator[Finding]:
     """Accelerations from the true torque at the crank, loops closed in two ways."""
-    from screwgauge.stress import redundant_mujoco, redundant_pinocchio
-    from screwgauge.stress.loaded import screw
+    from screwgauge.stress.driven import redundant_mujoco, redundant_pinocchio
+    from screwgauge.stress.driven.loaded import screw
 
     own = screw(case)
     yield own

@@ -9,8 +9,8 @@ import numpy as np
 from screwgauge.scene import load_scene
 from screwgauge.solution import Load
 from screwgauge.stress.case import Case, Rung
-from screwgauge.stress.inverse import measure, still
-from screwgauge.stress.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples
+from screwgauge.stress.inverse.measure import measure, still
+from screwgauge.stress.inverse.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples
 
 #: Directions of rates, and of accelerations, the larger component being one.
 _RATE = np.array([[1.0, -0.6], [0.5, -1.0], [-0.3, 1.0]])

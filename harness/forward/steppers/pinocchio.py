@@ -9,10 +9,10 @@ from screwgauge.engines.pinocchio import PinocchioTree
 from screwgauge.forward.pinocchio import PinocchioMover
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution
 from screwgauge.forward.steppers import Stepper
-from screwgauge.forward.tree_forces import BodyAt, Forces, tree_forces
-from screwgauge.forward.tree_rows import project
-from screwgauge.forward.tree_start import loops_file
-from screwgauge.forward.tree_steps import walk_through
+from screwgauge.forward.steppers.steps import walk_through
+from screwgauge.forward.tree.forces import BodyAt, Forces, tree_forces
+from screwgauge.forward.tree.rows import project
+from screwgauge.forward.tree.start import loops_file
 from screwgauge.reference.rotations import Array
 
 
@@ -26,7 +26,7 @@ def integrate(problem: ForwardProblem, stepper: Stepper) -> ForwardSolution:
 
 
 class PinocchioWalker:
-    """Semi-implicit Euler or RK4. See `screwgauge.forward.tree_steps.Walker`."""
+    """Semi-implicit Euler or RK4. See `screwgauge.forward.steppers.steps.Walker`."""
 
     def __init__(self, mover: PinocchioMover, forces: Forces, integrator: str) -> None:
         self.mover, self.forces = mover, forces

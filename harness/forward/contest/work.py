@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.bench.rows import CUT, FAILED, OK
 from screwgauge.compare import reference_scale
 from screwgauge.driver import model_files
-from screwgauge.forward.entrants import Entrant
+from screwgauge.forward.contest.entrants import Entrant
 from screwgauge.forward.judge import energy_balance
 from screwgauge.forward.observe import known_values, observe
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution

@@ -13,8 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from screwgauge.bench.labels import Label, place
 from screwgauge.bench.looks import Look, looks
-from screwgauge.forward.contest import Contest
-from screwgauge.forward.contest_work import Outcome
+from screwgauge.forward.contest.run import Contest
+from screwgauge.forward.contest.work import Outcome
 from screwgauge.forward.setting import Published
 from screwgauge.report.plots import Plot
 from screwgauge.report.sheet import log_scale, style

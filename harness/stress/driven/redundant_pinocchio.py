@@ -15,8 +15,8 @@ from screwgauge.engines.pinocchio import PinocchioTree
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 from screwgauge.stress.case import Finding
-from screwgauge.stress.loaded import finding
-from screwgauge.stress.redundant import locked
+from screwgauge.stress.driven.loaded import finding
+from screwgauge.stress.driven.redundant import locked
 
 #: Regular whatever the rank; two iterations leave about 1e-15, see the case `proximal`.
 MU, ITERATIONS = 1e-10, 5

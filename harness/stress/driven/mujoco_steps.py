@@ -18,7 +18,7 @@ from screwgauge.models.loops import read_loops
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.springs import JointSpring
 from screwgauge.scene import Scene
-from screwgauge.stress.held import Held
+from screwgauge.stress.driven.held import Held
 
 
 @dataclass(frozen=True, slots=True)

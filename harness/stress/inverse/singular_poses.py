@@ -11,8 +11,8 @@ from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import load_scene
 from screwgauge.stress.case import Case, Finding, Rung
-from screwgauge.stress.inverse import ENGINES, QUANTITIES, measure, still
-from screwgauge.stress.states import SCENE, decades
+from screwgauge.stress.inverse.measure import ENGINES, QUANTITIES, measure, still
+from screwgauge.stress.inverse.states import SCENE, decades
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)

@@ -13,8 +13,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.stress.case import GOOD, Case, Finding, Rung
 
 if TYPE_CHECKING:
-    from screwgauge.stress.held import Held
-    from screwgauge.stress.mujoco_steps import Setting, Stepped
+    from screwgauge.stress.driven.held import Held
+    from screwgauge.stress.driven.mujoco_steps import Setting, Stepped
 
 SOFT = "MuJoCo's soft loop gives way under load, and nothing says so; a finer step changes nothing"
 STIFF = "first-order error of a fixed step that nothing estimates"
@@ -24,7 +24,7 @@ CASE_DURATION, QUICK_DURATION = 1.0, 0.3  # [s]
 
 def settings() -> dict[str, Setting]:
     """Label -> setting of MuJoCo, as far as this version has it."""
-    from screwgauge.stress.mujoco_steps import Setting, has_integrator
+    from screwgauge.stress.driven.mujoco_steps import Setting, has_integrator
 
     found = {
         "mujoco Euler": Setting(),
@@ -65,8 +65,8 @@ def softness() -> Case:
 
 def climb(dt: float, duration: float) -> Iterator[Finding]:
     """All engines at one time step."""
-    from screwgauge.stress.held import default_scene_held
-    from screwgauge.stress.mujoco_steps import step
+    from screwgauge.stress.driven.held import default_scene_held
+    from screwgauge.stress.driven.mujoco_steps import step
 
     held = default_scene_held(duration, 11)
     yield from _screw(held, default_scene_held(duration, 11, OWN))

@@ -35,7 +35,7 @@ def refinement() -> Case:
 
 def climb(softness: float) -> Iterator[Finding]:
     """All engines at one softness 1 - d, which only MuJoCo has."""
-    from screwgauge.stress.loaded import loaded, screw
+    from screwgauge.stress.driven.loaded import loaded, screw
 
     own = screw(loaded())
     yield own
@@ -48,8 +48,8 @@ def mujoco(d: float, passes: int, condition: float) -> Finding:
     from screwgauge.bench.contestants_mujoco import forward_call, soften, with_equality
     from screwgauge.bench.projection import given
     from screwgauge.models.loops import loops_of
-    from screwgauge.stress.loaded import finding, loaded
-    from screwgauge.stress.mujoco_steps import load_tree
+    from screwgauge.stress.driven.loaded import finding, loaded
+    from screwgauge.stress.driven.mujoco_steps import load_tree
 
     case = loaded()
     tree = load_tree(case.scene)

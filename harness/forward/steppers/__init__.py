@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.closing.closure import make_loops
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution, Motor
-from screwgauge.forward.tree_start import loops_file
+from screwgauge.forward.tree.start import loops_file
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.rotations import Array
@@ -91,7 +91,7 @@ def integrate_steps(problem: ForwardProblem, stepper: Stepper) -> ForwardSolutio
     Raises:
         ScrewgaugeError: A model, start or force that cannot be.
     """
-    module = import_module(f"screwgauge.forward.stepper_{stepper.engine}")
+    module = import_module(f"screwgauge.forward.steppers.{stepper.engine}")
     found: ForwardSolution = module.integrate(problem, stepper)
     return found
 

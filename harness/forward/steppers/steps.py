@@ -11,9 +11,9 @@ from screwgauge.closing.closure import make_loops
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution
 from screwgauge.forward.steppers import Stepper
-from screwgauge.forward.tree_forces import BodyAt, Forces, tree_forces
-from screwgauge.forward.tree_reading import Path, read_path
-from screwgauge.forward.tree_start import Stopwatch, start_state
+from screwgauge.forward.tree.forces import BodyAt, Forces, tree_forces
+from screwgauge.forward.tree.reading import Path, read_path
+from screwgauge.forward.tree.start import Stopwatch, start_state
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from screwgauge.scene import load_scene
 from screwgauge.stress.case import Case, Finding, Rung
-from screwgauge.stress.inverse import still
-from screwgauge.stress.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples
+from screwgauge.stress.inverse.measure import still
+from screwgauge.stress.inverse.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples
 
 
 def closure_violation() -> Case:
@@ -15,7 +15,7 @@ def closure_violation() -> Case:
 
     def rung(gap: float, quick: bool) -> Rung:
         def found() -> Iterator[Finding]:
-            from screwgauge.stress.open_states import findings  # loads engines
+            from screwgauge.stress.inverse.open_states import findings  # loads engines
 
             y, yd, ydd = (samples(array, quick) for array in (POSES, RATES, ACCELERATIONS))
             yield from findings(still(load_scene(SCENE), y, yd, ydd), gap)

@@ -17,9 +17,9 @@ from screwgauge.engines.mujoco import MujocoTree
 from screwgauge.forward.mujoco import MujocoMover, refine
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution, Motor
 from screwgauge.forward.steppers import Stepper
-from screwgauge.forward.tree_forces import BodyAt, Forces, tree_forces
-from screwgauge.forward.tree_start import loops_file
-from screwgauge.forward.tree_steps import walk_through
+from screwgauge.forward.steppers.steps import walk_through
+from screwgauge.forward.tree.forces import BodyAt, Forces, tree_forces
+from screwgauge.forward.tree.start import loops_file
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -153,7 +153,7 @@ def _set(model: mujoco.MjModel, stepper: Stepper) -> None:
 
 
 class MujocoWalker:
-    """`mj_step` or its parts. See `screwgauge.forward.tree_steps.Walker`."""
+    """`mj_step` or its parts. See `screwgauge.forward.steppers.steps.Walker`."""
 
     def __init__(self, model: mujoco.MjModel, tree: MujocoTree, stepper: Stepper, held: Forces) -> None:
         self.model, self._tree, self.held, self.passes = model, tree, held, stepper.passes

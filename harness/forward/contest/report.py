@@ -12,9 +12,9 @@ import pandas as pd
 from screwgauge.bench.report import duration
 from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.bench.slopes import table as slope_table
-from screwgauge.forward.contest import Contest
-from screwgauge.forward.contest_drawing import make_plots
-from screwgauge.forward.contest_work import Outcome
+from screwgauge.forward.contest.drawing import make_plots
+from screwgauge.forward.contest.run import Contest
+from screwgauge.forward.contest.work import Outcome
 from screwgauge.report.formatting import (
     cell,
     digits,

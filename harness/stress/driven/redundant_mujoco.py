@@ -15,9 +15,9 @@ from screwgauge.bench.projection import Given, given
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 from screwgauge.stress.case import Finding
-from screwgauge.stress.loaded import finding
-from screwgauge.stress.mujoco_steps import Setting, refined, soften
-from screwgauge.stress.redundant import locked
+from screwgauge.stress.driven.loaded import finding
+from screwgauge.stress.driven.mujoco_steps import Setting, refined, soften
+from screwgauge.stress.driven.redundant import locked
 
 PASSES = 10  # of refinement: the softness is not what is looked at here
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from screwgauge.stress.case import Case, Finding, Rung
-from screwgauge.stress.inverse import measure, still
-from screwgauge.stress.states import (
+from screwgauge.stress.inverse.measure import measure, still
+from screwgauge.stress.inverse.states import (
     ACCELERATIONS,
     POSES,
     RATES,

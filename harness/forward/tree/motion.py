@@ -18,10 +18,10 @@ from screwgauge.closing.closure import Loops, make_loops
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.integrate import METHODS, MOST, SIZES
 from screwgauge.forward.problem import ForwardProblem, ForwardSolution
-from screwgauge.forward.tree_forces import Forces, tree_forces
-from screwgauge.forward.tree_reading import Path, read_path
-from screwgauge.forward.tree_rows import Closing, project
-from screwgauge.forward.tree_start import Stopwatch, loops_file, start_state
+from screwgauge.forward.tree.forces import Forces, tree_forces
+from screwgauge.forward.tree.reading import Path, read_path
+from screwgauge.forward.tree.rows import Closing, project
+from screwgauge.forward.tree.start import Stopwatch, loops_file, start_state
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.continuation import OPEN
 from screwgauge.reference.errors import (
@@ -51,7 +51,7 @@ class Mover(Closing, Protocol):
         ...
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
-        """R, p and Jacobian of a body there, see `screwgauge.forward.tree_forces.BodyAt`."""
+        """R, p and Jacobian of a body there, see `screwgauge.forward.tree.forces.BodyAt`."""
         ...
 
     def accelerate(self, tau: Array) -> Array:

@@ -63,7 +63,7 @@ def climb(mu: float) -> Iterator[Finding]:
     """Both loops at one mu, and with the settings by which the harness integrates, whatever mu."""
     from screwgauge.forward.pinocchio import ITERATIONS as SAFE_ITERATIONS
     from screwgauge.forward.pinocchio import MU as SAFE_MU
-    from screwgauge.stress.loaded import loaded, screw
+    from screwgauge.stress.driven.loaded import loaded, screw
 
     yield screw(loaded())
     for loop in (_full_rank(), _deficient()):
@@ -74,7 +74,7 @@ def climb(mu: float) -> Iterator[Finding]:
 
 def _full_rank() -> Loop:
     from screwgauge.bench.contestants_pinocchio import contacts
-    from screwgauge.stress.loaded import loaded, pinocchio_given
+    from screwgauge.stress.driven.loaded import loaded, pinocchio_given
 
     start = pinocchio_given(loaded())
     right = loaded().given(start.tree.coordinates)[2]

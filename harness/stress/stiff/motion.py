@@ -24,8 +24,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.springs import JointSpring
 from screwgauge.scene import load_scene
 from screwgauge.stress.case import GOOD, Finding
-from screwgauge.stress.collocation import collocate
-from screwgauge.stress.springs import leg_springs
+from screwgauge.stress.stiff.collocation import collocate
+from screwgauge.stress.stiff.springs import leg_springs
 
 DURATION = 0.1  # [s]
 START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed

@@ -33,7 +33,8 @@ def stiff_legs() -> Case:
 
 def climb(stiffness: float) -> Iterator[Finding]:
     """All engines at one stiffness."""
-    from screwgauge.stress import stiff_accelerations, stiff_motion
+    from screwgauge.stress.stiff import accelerations as stiff_accelerations
+    from screwgauge.stress.stiff import motion as stiff_motion
 
     yield from stiff_accelerations.climb(stiffness)
     yield from stiff_motion.climb(stiffness)

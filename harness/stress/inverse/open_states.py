@@ -30,7 +30,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.stress.case import SILENT, Finding
-from screwgauge.stress.inverse import ENGINES, compared, still
+from screwgauge.stress.inverse.measure import ENGINES, compared, still
 
 #: Proximal settings that reach rounding on loops of full rank.
 MU, ITERATIONS = 1e-10, 5

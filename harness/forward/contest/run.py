@@ -16,8 +16,8 @@ from screwgauge.bench.slopes import Fit, Rule, fit
 from screwgauge.bench.threads import one_thread
 from screwgauge.driver import Report
 from screwgauge.environment import environment
-from screwgauge.forward.contest_work import Outcome, Plan, Work
-from screwgauge.forward.entrants import Entrant, entrants
+from screwgauge.forward.contest.entrants import Entrant, entrants
+from screwgauge.forward.contest.work import Outcome, Plan, Work
 from screwgauge.forward.run import started
 from screwgauge.forward.screw import forces_over_time
 from screwgauge.forward.setting import EXPLICIT, Forward

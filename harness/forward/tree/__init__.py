@@ -1,0 +1,1 @@
+"""Pinocchio and MuJoCo integrated in all coordinates of their open trees."""

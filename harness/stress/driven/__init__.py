@@ -1,0 +1,1 @@
+"""Cases that drive engines forward, or for long."""

@@ -1,0 +1,1 @@
+"""Cases of inverse dynamics: given motions, every engine against the truth."""

@@ -1,0 +1,1 @@
+"""The case of stiff springs across the legs."""
