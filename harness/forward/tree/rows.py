@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from screwgauge.reference.continuation import ROUNDING
+from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
 
 #: Singular values of the closing rows below this share of the largest are not divided by: next to a singular pose of
@@ -49,13 +50,21 @@ def project(closing: Closing, q: Array, v: Array) -> Projected:
     """Brings a state back onto the closed loops and leaves the engine there.
 
     Newton's method with one factorisation: what drifted by 1e-6 is closed to 1e-12 by the first correction.
+
+    Raises:
+        SingularPoseError: The state has grown until it is no pose any more.
     """
     closing.place(q, v)
     gaps, G = closing.closure()
     if not len(gaps):
         return Projected(q, v, 0.0, 0.0, 0.0)
     gap = left = float(np.abs(gaps).max())
-    rate = float(np.abs(G @ v).max())
+    with np.errstate(invalid="ignore", over="ignore"):
+        rate = float(np.abs(G @ v).max())
+    if not np.isfinite([gap, rate]).all():
+        raise SingularPoseError(
+            "the state grew until nothing brings it back onto the loops", "integration", "take smaller steps"
+        )
     if gap <= ROUNDING and rate <= 4 * ROUNDING * float(np.abs(v).max()):
         return Projected(q, v, gap, rate, gap)
     inverse = _pseudo_inverse(G)

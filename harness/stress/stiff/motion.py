@@ -186,9 +186,6 @@ def _findings(
     """
     try:
         found = integrate()
-    except np.linalg.LinAlgError as error:
-        yield from _refused(label, f"the state grew until nothing brought it back onto the loops ({error})")
-        return
     except ScrewgaugeError as error:
         yield from _refused(label, str(error))
         return

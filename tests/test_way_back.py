@@ -1,0 +1,33 @@
+"""A state that has grown beyond all poses is refused in words, not by a failure of linear algebra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from screwgauge.forward.tree.rows import project
+from screwgauge.reference.errors import SingularPoseError
+
+
+class Line:
+    """One closing row, ``q = 0``."""
+
+    def place(self, q: np.ndarray, v: np.ndarray) -> None:
+        self.q = q
+
+    def closure(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.q[:1].copy(), np.array([[1.0, 0.0]])
+
+
+def test_a_drifted_state_comes_back():
+    found = project(Line(), np.array([1e-6, 2.0]), np.array([1e-3, 3.0]))
+    assert np.allclose(found.q, [0.0, 2.0], atol=1e-15)
+    assert np.allclose(found.v, [0.0, 3.0], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("q", "v"), [([np.inf, 0.0], [0.0, 0.0]), ([np.nan, 0.0], [0.0, 0.0]), ([0.0, 0.0], [np.inf, 0.0])]
+)
+def test_a_state_without_bounds_is_refused(q, v):
+    with pytest.raises(SingularPoseError, match="smaller steps"):
+        project(Line(), np.array(q), np.array(v))
