@@ -123,7 +123,7 @@ def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Arr
     """
     mechanism, index = lay.mechanism, lay.mechanism.body_index
     n, m = reactions.force.shape[:2]
-    c = np.zeros((n, len(mechanism.bodies) + 1, 6, m + len(mechanism.actuators)))
+    c = np.zeros((n, len(mechanism.bodies) + 1, 6, m + len(mechanism.actuators)), dtype=com.dtype)
 
     def act(column: int, joint_at: int, f: Array, moment: Array, point: Array) -> None:
         joint = mechanism.joints[joint_at]
@@ -181,11 +181,20 @@ def across_direction(R: Array, direction: Array) -> Array:
 
 
 def solve_newton_euler(
-    c: Array, F: Array, T: Array, rule: Array, reactions: Reactions, length: float
+    c: Array,
+    F: Array,
+    T: Array,
+    rule: Array,
+    reactions: Reactions,
+    length: float,
+    *,
+    wide: Array | None = None,
 ) -> tuple[Array, Array]:
     """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
 
     Moments are divided by a length, as equations and as unknowns, so that the size of the mechanism does not matter.
+    Next to a singular pose some unknowns are large and cancel in the others, while the rounding of c does not: one step
+    of iterative refinement, its residual from a wider c, gives those digits back.
 
     Args:
         c: From `force_matrix`. Shape (n, 6 n_body, m).
@@ -193,6 +202,7 @@ def solve_newton_euler(
         rule: Rows that fix the redundant actuation, their right side being zero. Shape (n, n_redundant, m).
         reactions: The reaction components, the first columns of c.
         length: Length of the mechanism [m].
+        wide: The same c in a wider format, see `screwgauge.reference.precision.wide_force_matrix`.
 
     Returns:
         Unknowns in the order of c's columns, shape (n, m), and the condition number of the system, shape (n,).
@@ -203,4 +213,9 @@ def solve_newton_euler(
     b = np.concatenate([F, T], axis=2).reshape(len(F), -1) / rows
     system = np.concatenate([c / rows[:, None], rule], axis=1) * size
     right = np.concatenate([b, np.zeros(rule.shape[:2])], axis=1)
-    return linear.solve(system, right[..., None])[..., 0] * size, linear.condition(system)
+    unknown = linear.solve(system, right[..., None])[..., 0]
+    if wide is not None:
+        exact = np.concatenate([wide / rows[:, None], rule.astype(wide.dtype)], axis=1) * size
+        residual = right - np.einsum("nij,nj->ni", exact, unknown)
+        unknown = unknown + linear.solve(system, residual.astype(system.dtype)[..., None])[..., 0]
+    return unknown * size, linear.condition(system)

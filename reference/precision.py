@@ -10,7 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike
 
+from screwgauge.reference.chains import closed_form
+from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
+from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.rotations import Array
 
 T = TypeVar("T", Body, Frame, Joint)
 
@@ -27,6 +31,32 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
     joints = tuple(_joint(joint, dtype) for joint in mechanism.joints)
     axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
     return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
+
+
+def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
+    """The matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
+
+    Args:
+        y: Independent coordinates [rad or m]. Shape (n, k).
+
+    Returns:
+        Shape (n, 6 n_body, n_reaction + n_actuator). None where that format is no wider than a double, or the closed
+        form leaves the loops open.
+    """
+    wider = np.finfo(np.longdouble)
+    if not wider.eps < np.finfo(float).eps:
+        return None
+    lay = layout(in_precision(lay.mechanism, np.longdouble))
+    q = closed_form(lay, y.astype(np.longdouble))
+    if q is None:
+        return None
+    at = pose(lay, q)
+    if not np.abs(at.gap).max(initial=0.0) < 64 * wider.eps:
+        return None
+    com = (
+        at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in lay.mechanism.bodies])[..., None])[..., 0]
+    )
+    return force_matrix(lay, at, com, joint_reactions(lay, at))
 
 
 def _joint(joint: Joint, dtype: DTypeLike) -> Joint:

@@ -69,7 +69,8 @@ def triad_angles(R: Array, axes: Array) -> Array:
         Angles [rad], the middle one within +-pi/2. Shape (..., 3).
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
-    sign = np.where(np.linalg.det(axes) > 0, 1.0, -1.0).astype(R.dtype)
+    handed = np.sum(cross(axes[..., 0, :], axes[..., 1, :]) * axes[..., 2, :], axis=-1)
+    sign = np.where(handed > 0, 1.0, -1.0).astype(R.dtype)
     M = axes @ R @ axes.swapaxes(-1, -2)
     q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
     q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))

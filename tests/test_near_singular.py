@@ -9,14 +9,17 @@ import pytest
 from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
+from screwgauge.driver import solve
 from screwgauge.engines.screw import solve_layout
 from screwgauge.preflight import check_scene
 from screwgauge.reference import dynamics
 from screwgauge.reference.assembly import closing
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.pose import layout
+from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.scene import load_scene
 from screwgauge.solution import Problem
+from screwgauge.stress.inverse.whole_system import whole_system
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")
@@ -161,3 +164,17 @@ def test_a_singular_pose_is_named(y, what):
         check_scene(moving_at([y]))
     assert what in str(caught.value)
     assert f"a = {y[0]:.6g}, b = {y[1]:.6g} is singular (condition " in str(caught.value)
+
+
+def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide():
+    """2e8 N m in leg 1's wrist cancel in actuator forces of 700 N, and the rounding of its direction does not."""
+    for seed in (0, 1):
+        scene = moving_at(before_upu(CLOSE, 8, seed), seed=seed)
+        truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array
+        force, _ = whole_system(scene, refined=True)
+        assert np.abs(force - truth).max() / np.abs(truth).max() < THIRTEEN
+
+
+def test_nothing_is_refined_where_no_closed_form_closes_the_loops():
+    scene = load_scene("3ups-upu-s-offset").at([0.3])
+    assert wide_force_matrix(layout(scene.mechanism), scene.motion.y) is None

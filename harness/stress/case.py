@@ -37,6 +37,12 @@ class Finding:
     reason: str = ""
 
     @property
+    def told(self) -> str:
+        """The reason, or that there is none where one is needed."""
+        silent = not self.reason and not math.isfinite(self.error)
+        return "not a number, and nothing says so" if silent else self.reason
+
+    @property
     def verdict(self) -> str:
         """``ok``, ``degraded`` (less than nine digits, and it says so), ``refused`` (no number, and it says why),
         ``silently-wrong`` (anything else)."""

@@ -85,7 +85,7 @@ def _silent(found: Stress) -> str:
     groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in found.rows:
         if row.finding.verdict == SILENT:
-            groups.setdefault((row.case, row.finding.engine, _cause(row)), []).append(row)
+            groups.setdefault((row.case, row.finding.engine, row.finding.told), []).append(row)
     if not groups:
         return "Nothing."
     body = [
@@ -97,12 +97,6 @@ def _silent(found: Stress) -> str:
 
 def _quantities(rows: Sequence[Row]) -> str:
     return ", ".join(name.replace("_", " ") for name in dict.fromkeys(row.finding.quantity for row in rows))
-
-
-def _cause(row: Row) -> str:
-    if row.finding.reason:
-        return row.finding.reason
-    return "" if np.isfinite(row.finding.error) else "not a number, and nothing says so"
 
 
 def _range(rows: Sequence[Row]) -> str:

@@ -67,7 +67,7 @@ class Stress:
                 row.finding.condition,
                 row.finding.time_s,
                 row.finding.verdict,
-                row.finding.reason,
+                row.finding.told,
             )
             for row in self.rows
         ]
