@@ -192,7 +192,13 @@ def _run(options: argparse.Namespace) -> int:
     out = options.out or Path("screwgauge-out") / scene.name
     check_writable(out, samples=options.samples)
     with Line(sys.stderr) as line:
-        results = run(scene, _names(options.engines), _names(options.quantities), progress=line.show)
+        results = run(
+            scene,
+            _names(options.engines),
+            _names(options.quantities),
+            progress=line.show,
+            warn=lambda sentence: print(f"screwgauge: warning: {sentence}", file=sys.stderr, flush=True),
+        )
         line.show("report", 0.0)
         results.write(out, samples=options.samples)
     if options.json:

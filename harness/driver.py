@@ -38,6 +38,7 @@ def run(
     quantities: Iterable[str] | None = None,
     *,
     progress: Report = lambda step, share: None,
+    warn: Callable[[str], None] = lambda sentence: None,
 ) -> Results:
     """Drives the engines with a scene, compares all pairs and judges each. A forward scene is integrated.
 
@@ -45,6 +46,7 @@ def run(
         engines: Names; those of the scene by default.
         quantities: Names; those of the scene by default. Nothing else is computed.
         progress: Called as work goes on.
+        warn: Called with a sentence on what may take long or go wrong, before it begins.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
@@ -52,7 +54,7 @@ def run(
     if scene.forward is not None:
         from screwgauge.forward.run import run_forward  # brings scipy
 
-        return run_forward(scene, engines, quantities, progress=progress)
+        return run_forward(scene, engines, quantities, progress=progress, warn=warn)
     names = check_engines(scene.engines if engines is None else engines)
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=INVERSE)
     progress("preflight", 0.0)

@@ -238,13 +238,23 @@ def _read_forward(data: dict[str, Any], path: Path, file: Path, mechanism: Mecha
             read_published(item, f"{where}, published") for item in read_list(data, "published", where)
         ),
     )
-    if not (scene.gravity.any() or scene.loads or scene.springs or scene.motors):
+    if not _driven(scene):
         raise DescriptionError(
             "nothing exerts a force in this forward scene",
             where,
             "add gravity, [[loads]], [[springs]] or [[motors]]",
         )
     return scene
+
+
+def _driven(scene: Scene) -> bool:
+    """Whether anything acts at all; entries that are zero do not."""
+    return (
+        bool(scene.gravity.any())
+        or any(load.force.any() or load.torque.any() for load in scene.loads)
+        or any(spring.stiffness or spring.damping for spring in scene.springs)
+        or any(motor.polynomial.any() or motor.harmonics[:, 1:].any() for motor in scene.motors)
+    )
 
 
 def _clock(t: Array, like: Motion, since: float) -> Motion:

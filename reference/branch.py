@@ -79,7 +79,7 @@ class Branch:
             if largest < SMALLEST:
                 break
         raise ClosureError(
-            f"the loops cannot close beyond y = {np.array2string(self.y, precision=6)}",
+            f"the loops cannot close beyond y = {np.array2string(self.y, precision=6)}, or the pose there is singular",
             self.lay.mechanism.name,
             "shorten the motion or check the geometry",
         )

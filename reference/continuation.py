@@ -151,7 +151,8 @@ def _explained(stopped: _Stopped, size: Array | float, t: float) -> ClosureError
             "give samples closer to each other",
         )
     return ClosureError(
-        f"the loops cannot close beyond y = {np.array2string(stopped.y * size, precision=6)}",
+        f"the loops cannot close beyond y = {np.array2string(stopped.y * size, precision=6)}, "
+        "or the pose there is singular",
         f"t = {t:g} s",
         "shorten the motion or check the geometry",
     )

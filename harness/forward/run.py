@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from screwgauge.compare import compare, nothing
 from screwgauge.driver import Report, facts, failed, model_files
 from screwgauge.environment import environment
 from screwgauge.forward.engines import check_integrators, load_integrator
+from screwgauge.forward.guard import passed
 from screwgauge.forward.judge import judge_motion
 from screwgauge.forward.observe import known_values, observe
 from screwgauge.forward.problem import ForwardSolution
@@ -40,8 +41,12 @@ def run_forward(
     quantities: Iterable[str] | None = None,
     *,
     progress: Report = lambda step, share: None,
+    warn: Callable[[str], None] = lambda sentence: None,
 ) -> Results:
     """Integrates a forward scene with the engines, compares all pairs and the reference, and judges each.
+
+    Args:
+        warn: Called with what may make the integration long or wrong, before it begins.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
@@ -51,6 +56,8 @@ def run_forward(
     wanted = _wanted(scene, quantities)
     progress("preflight", 0.0)
     lay, warnings = check_start(scene, start)
+    for sentence in warnings:
+        warn(sentence)
     found: dict[str, ForwardSolution] = {}
     failures: dict[str, Failure] = {}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
@@ -62,7 +69,7 @@ def run_forward(
             else:
                 failures[name] = outcome
     progress("comparison", 0.0)
-    solutions = {name: _solution(scene, lay, one, wanted) for name, one in found.items()}
+    solutions = {name: _solution(scene, start, lay, one, wanted) for name, one in found.items()}
     if scene.known is not None and "observable" in wanted:
         solutions[REFERENCE] = _known(scene)
     counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
@@ -131,7 +138,9 @@ def trimmed(found: ForwardSolution, extra: int) -> ForwardSolution:
     return replace(found, **fields)
 
 
-def _solution(scene: Scene, lay: Layout, found: ForwardSolution, wanted: Sequence[str]) -> Solution:
+def _solution(
+    scene: Scene, start: Forward, lay: Layout, found: ForwardSolution, wanted: Sequence[str]
+) -> Solution:
     """The integrated motion in the terms of a comparison; NaN where it was not reached."""
     mechanism, n, m = scene.mechanism, len(scene.motion), len(found.q)
     names, units = tuple(mechanism.coordinates), tuple(mechanism.units)
@@ -143,6 +152,9 @@ def _solution(scene: Scene, lay: Layout, found: ForwardSolution, wanted: Sequenc
         has = observe(lay, scene.observables, found.q)
         values = {"observable": Values(has.components, has.units, _filled(has.array, n)), **values}
     stopped = (f"stopped: {found.stopped}",) if found.stopped else ()
+    way = passed(lay, found.q, scene.motion.t[:m], start.method.near)
+    estimate, condition = (_filled(array[:, None], n)[:, 0] for array in (way.estimate, way.condition))
+    estimate[m:] = np.inf  # there is no number
     counts = f"{found.setting}: {found.steps} steps, {found.evaluations} evaluations of the accelerations"
     stages = {"integration": found.seconds, "integration, processor time": found.cpu}
     return Solution(
@@ -150,12 +162,14 @@ def _solution(scene: Scene, lay: Layout, found: ForwardSolution, wanted: Sequenc
         version=found.version,
         values=values,
         condition=_filled(found.condition[:, None], n)[:, 0],
+        estimate=dict.fromkeys(values, estimate),
+        conditions=dict.fromkeys(values, np.fmax.accumulate(condition)),
         timings=tuple(
             Timing(found.engine, found.setting, stage, m, seconds, seconds, _COVERS)
             for stage, seconds in stages.items()
             if np.isfinite(seconds)
         ),
-        notes=(*stopped, counts, *found.notes, *_beyond(scene, found)),
+        notes=(*stopped, counts, *found.notes, *filter(None, [way.note]), *_beyond(scene, found)),
         rows=None if m == n else np.arange(m),
     )
 

@@ -10,10 +10,19 @@ from screwgauge.forward.problem import ForwardProblem
 from screwgauge.forward.screw import forces_over_time
 from screwgauge.forward.setting import Forward
 from screwgauge.forward.stiffness import stiff_warning, stiffness
-from screwgauge.preflight import check_home
-from screwgauge.reference.errors import JointLimitError
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import Layout
+from screwgauge.preflight import FARTHEST, check_home
+from screwgauge.reference import linear
+from screwgauge.reference.closing import make_closing
+from screwgauge.reference.errors import (
+    DescriptionError,
+    JointLimitError,
+    ScrewgaugeError,
+    SingularPoseError,
+)
+from screwgauge.reference.forward import forward
+from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.singular import near_singularity
 from screwgauge.scene import Scene
 from screwgauge.solution import Progress
 
@@ -48,7 +57,10 @@ def check_start(scene: Scene, start: Forward) -> tuple[Layout, tuple[str, ...]]:
         ScrewgaugeError: Home or start do not close, or lie beyond a limit, or no force can move a coordinate.
     """
     lay = check_home(scene.mechanism)
+    problem = make_problem(scene, start, scene.mechanism_file, None)
+    _check_ends(scene, start, problem)
     at = positions(lay, start.start[None], np.array([start.since]))
+    _check_regular(lay, at)
     low, high = scene.mechanism.limits.T
     beyond = np.flatnonzero((at.q[0] < low) | (at.q[0] > high))
     if beyond.size:
@@ -59,6 +71,36 @@ def check_start(scene: Scene, start: Forward) -> tuple[Layout, tuple[str, ...]]:
             "start of the scene",
             "start elsewhere or widen the limits",
         )
-    forces = forces_over_time(make_problem(scene, start, scene.mechanism_file, None), lay)
-    warning = stiff_warning(stiffness(lay, forces, start), start, float(scene.motion.t[-1]))
+    forces = forces_over_time(problem, lay)
+    forward(lay, rates(lay, at, start.rates[None]), forces(start.since))
+    try:
+        found = stiffness(lay, forces, start)
+    except ScrewgaugeError:  # it looks at poses beside the start, some of which may not exist
+        return lay, ()
+    warning = stiff_warning(found, start, float(scene.motion.t[-1]))
     return lay, (warning,) if warning else ()
+
+
+def _check_ends(scene: Scene, start: Forward, problem: ForwardProblem) -> None:
+    if len(problem.times) < 2:
+        raise DescriptionError(
+            f"the only time, {start.since:g} s, is that of the start", "times", "give later times, too"
+        )
+    away = np.abs(start.start - scene.mechanism.home[scene.mechanism.independent_columns])
+    if not away.max(initial=0.0) <= FARTHEST:
+        raise DescriptionError(
+            f"the start is {away.max():.3g} rad or m away from the home pose",
+            scene.name,
+            f"start within {FARTHEST:g}; check its units",
+        )
+
+
+def _check_regular(lay: Layout, at: Pose) -> None:
+    A = make_closing(lay).matrix(at)
+    condition = float(linear.condition(A)[0]) if A.shape[2] else 1.0
+    if not condition <= linear.SINGULAR:
+        raise SingularPoseError(
+            f"the pose is singular (condition {condition:.1e}): {near_singularity(lay, at)}",
+            "start of the scene",
+            "start elsewhere",
+        )

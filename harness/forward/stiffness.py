@@ -50,6 +50,8 @@ def stiffness(lay: Layout, forces: Callable[[float], Forces], start: Forward) ->
     """The fastest eigenvalue at the start of a scene."""
     found = eigenvalues(lay, forces(start.since), start.start, start.rates)
     fastest = complex(found[np.argmax(np.abs(found))])
+    if not np.isfinite(fastest):
+        return Stiffness(0j, float("inf"))
     return Stiffness(fastest, REACH / abs(fastest) if fastest else float("inf"))
 
 
@@ -60,6 +62,13 @@ def stiff_warning(found: Stiffness, start: Forward, end: float) -> str:
         return ""
     return (
         f"The scene is stiff for {start.method.name}: its fastest eigenvalue at the start, "
-        f"{found.eigenvalue:.3g} 1/s, bounds a stable step to about {found.step:.2g} s, "
+        f"{_text(found.eigenvalue)} 1/s, bounds a stable step to about {found.step:.2g} s, "
         f"{steps:.2g} steps for the whole motion; use Radau or BDF."
     )
+
+
+def _text(value: complex) -> str:
+    """``-8117``, ``-20 +- 7.3i``."""
+    if abs(value.imag) <= 1e-6 * abs(value):
+        return f"{value.real:.3g}"
+    return f"{value.real:.3g} +- {abs(value.imag):.3g}i"

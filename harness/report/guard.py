@@ -15,6 +15,14 @@ ABOUT = (
     f"a moved pose where it is not. Above {LIMIT:.0e} a sample is flagged; *no digit* means that none is right."
 )
 
+INTEGRATED = (
+    "What rounding may have made of the motion, from the worst conditioned pose that it went through: next to a "
+    "singular pose accelerations are off by about eps times the square of the condition, and every later sample has "
+    "that behind it. The error of the integration itself is bounded by its tolerances and shown by the energy and the "
+    "reference. "
+    f"Above {LIMIT:.0e} a sample is flagged; *no digit* means that none may be right."
+)
+
 
 def guard_line(results: Results) -> str:
     """One sentence: nothing flagged, or the worst of it."""
@@ -54,4 +62,5 @@ def guard_section(results: Results) -> str:
         for quantity, found in cells.items()
     ]
     head = ["estimated error", *engines]
-    return f"{ABOUT}\n\n{markdown_table(head, body)}\n\n✗ marks what has flagged samples."
+    about = ABOUT if results.scene.forward is None else INTEGRATED
+    return f"{about}\n\n{markdown_table(head, body)}\n\n✗ marks what has flagged samples."

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.rotations import Array
 from screwgauge.report.formatting import (
     Row,
     cell,
@@ -22,7 +23,7 @@ from screwgauge.report.formatting import (
 from screwgauge.report.forward import acting, integrated
 from screwgauge.report.verdict import compared
 from screwgauge.results import Results
-from screwgauge.solution import REFERENCE, Load
+from screwgauge.solution import REFERENCE, Load, Solution
 
 LONG = 12  # rows from which a table is folded
 
@@ -185,13 +186,22 @@ def _load(load: Load) -> str:
 def engines(results: Results) -> str:
     """Who ran, and what they had to say."""
     body = [
-        [name, s.version, "given" if name == REFERENCE else "ran"] for name, s in results.solutions.items()
+        [name, s.version, "given" if name == REFERENCE else _status(s, results.times)]
+        for name, s in results.solutions.items()
     ]
     body += [[name, "", f"✗ {failure.reason}"] for name, failure in results.failures.items()]
     notes = [f"- {name}: {cell(note)}" for name, s in results.solutions.items() for note in s.notes]
     return "\n\n".join(
         [markdown_table(["engine", "version", "status"], body), *(["\n".join(notes)] if notes else [])]
     )
+
+
+def _status(solution: Solution, t: Array) -> str:
+    """Ran to the end, or how far."""
+    stopped = any(note.startswith("stopped: ") for note in solution.notes)
+    if not stopped or solution.rows is None:
+        return "ran"
+    return f"✗ stopped after t = {number(t[solution.rows[-1]])} s" if len(solution.rows) else "✗ stopped"
 
 
 def facts(mapping: Mapping[str, Any], empty: str) -> str:

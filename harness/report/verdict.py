@@ -73,7 +73,7 @@ def _difference(results: Results, *, beside: bool = False) -> str:
     more = (
         f" {len(bad)} of {len(compared(results))} comparisons are out of tolerance." if len(bad) > 1 else ""
     )
-    where = f"{row['quantity']} at {row['worst_component']}"
+    where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"

@@ -1,0 +1,143 @@
+"""An integrated motion says which singular poses it passed; starts that cannot be are refused, all others are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.forward.screw import integrate
+from screwgauge.forward.start import check_start
+from screwgauge.guard import LIMIT
+from screwgauge.reference.errors import ClosureError, ScrewgaugeError
+from screwgauge.report.sections import engines as engines_section
+from screwgauge.report.verdict import verdict
+
+FALL = """
+mechanism = "{mechanism}"
+engines = ["screw"]
+gravity = {gravity}
+[time]
+{time}
+[forward]
+start = {{ {start} }}
+rates = {{ {rates} }}
+{method}
+{more}
+"""
+SQUARE = "a02-fourbar-2"
+
+
+@pytest.fixture
+def scene(write):
+    """A forward scene of two four-bars under gravity, or of what is asked for."""
+
+    def make(**entries: str) -> Path:
+        usual = {"mechanism": SQUARE, "gravity": "[0, -9.81, 0]", "time": "duration = 0.4\nstep = 0.1"}
+        usual |= {"start": "", "rates": "crank = -1", "method": "", "more": ""}
+        return write("fall.toml", FALL.format(**usual | entries))
+
+    return make
+
+
+def run(path: Path, **more: object):
+    return screwgauge.run(screwgauge.load_scene(path), **more)
+
+
+def test_a_motion_through_a_singular_pose_says_so_and_is_flagged_from_there_on(scene):
+    """Falling freely, the platform tilts beyond b = 0.3568 rad, where its third rotation is no longer held."""
+    results = run(
+        scene(mechanism="3ups-upu-s", gravity="[0, 0, -9.81]", start="b = 0.3", rates="b = 1",
+              time="times = [0, 0.02, 0.04, 0.06, 0.08, 0.1]")
+    )  # fmt: skip
+    (note,) = [note for note in results.solutions["screw"].notes if "singular pose" in note]
+    assert "platform gains a freedom" in note
+    assert "leg1.wrist" in note
+    b = results.values("joint_position")[:, results.components("joint_position").index("s.q2")]
+    estimate = results.solutions["screw"].estimate["joint_position"]
+    assert b[0] < 0.3568 < b[-1]
+    assert (estimate[b > 0.3568] > LIMIT).all()
+    assert (estimate[b < 0.34] < LIMIT).all()
+    assert {row.quantity for row in results.guard if not row.ok} >= {"joint_position", "joint_acceleration"}
+
+
+def test_a_motion_far_from_singular_poses_is_not_flagged(scene):
+    results = run(scene())
+    assert results.guard
+    assert all(row.ok for row in results.guard)
+    assert not [note for note in results.solutions["screw"].notes if "passes" in note]
+
+
+def test_a_start_at_a_branch_point_is_called_singular(scene, refused):
+    assert "singular" in refused("run", scene(start='crank = "-pi/2"'))
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"time": "times = [0.0]"}, "the only time"),
+        ({"start": "crank = 1e20"}, "away from the home pose"),
+        ({"gravity": "[0, 0, 0]", "more": '[[motors]]\ncoordinate = "a0"\noffset = 0'}, "nothing exerts a force"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_integrated_is_refused_before_any_engine(scene, refused, entries, words):
+    assert words in refused("run", scene(**entries))
+
+
+def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
+    """The stiffness at the start is advice: that it looks at poses beyond is no reason against the scene."""
+
+    def beyond(*_: object) -> None:
+        raise ClosureError("the loops cannot close", "beside the start", "look elsewhere")
+
+    monkeypatch.setattr("screwgauge.forward.start.stiffness", beyond)
+    found = screwgauge.load_scene(scene())
+    assert check_start(found, found.forward)[1] == ()
+
+
+@pytest.fixture
+def no_engine(monkeypatch):
+    """Engines that are not installed; who was asked for stands in the list."""
+    order: list[str] = []
+
+    def load(name: str) -> None:
+        order.append(name)
+        raise ImportError("not wanted here")
+
+    monkeypatch.setattr("screwgauge.forward.run.load_integrator", load)
+    return order
+
+
+STIFF = '[[springs]]\ncoordinate = "a0"\ndamping = 1e6'
+
+
+def test_the_warning_of_a_stiff_scene_comes_before_the_integration(scene, no_engine):
+    run(scene(more=STIFF), warn=lambda sentence: no_engine.append(sentence[:18]))
+    assert no_engine == ["The scene is stiff", "screw"]
+
+
+def test_the_warning_goes_to_standard_error(scene, no_engine, capsys, tmp_path):
+    assert main(["run", str(scene(more=STIFF)), "--out", str(tmp_path / "out")]) == 3
+    assert capsys.readouterr().err.startswith("screwgauge: warning: The scene is stiff")
+
+
+def test_an_engine_that_stops_is_not_said_to_have_run(scene, monkeypatch):
+    def half(problem):
+        found = integrate(problem)
+        cut = {name: getattr(found, name)[:2] for name in ("q", "v", "a", "work", "condition")}
+        return replace(found, stopped="t = 0.1 s: no step leads on", **cut)
+
+    monkeypatch.setattr("screwgauge.forward.run.load_integrator", lambda name: half)
+    results = run(scene())
+    assert "✗ stopped after t = 0.1 s" in engines_section(results)
+    assert " at  (" not in verdict(results).sentence
+    assert np.isinf(results.solutions["screw"].estimate["joint_position"][2:]).all()
+
+
+def test_a_start_that_is_too_far_names_the_distance(scene):
+    with pytest.raises(ScrewgaugeError, match="check its units"):
+        run(scene(start="crank = 2000"))
