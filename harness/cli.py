@@ -138,7 +138,8 @@ def _add_stress(commands: Any, common: argparse.ArgumentParser) -> None:
         "stress",
         parents=[common],
         help="stiff and extreme cases: digits kept, and whether an engine says so where it keeps few",
-        epilog="exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input",
+        epilog="exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input; "
+        "3 a rung broke",
     )
     stress.add_argument("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
     stress.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/stress")
@@ -278,6 +279,9 @@ def _stress(options: argparse.Namespace) -> int:
         write_stress(found, out)
     _say(format_terminal(found))
     _say(f"\nreport: {out / 'report.html'}")
+    if found.broken:
+        print(f"screwgauge: a rung broke: {found.broken[0]}", file=sys.stderr)
+        return 3
     return 0 if found.ok else 1
 
 

@@ -150,6 +150,12 @@ def _solve(
     return solution
 
 
+def missing(error: ImportError, name: str = "it") -> str:
+    """What to install for a module that could not be imported; `name` where the error has none."""
+    package = (error.name or name).split(".")[0]
+    return f"not installed ({error}); pip install {_PACKAGES.get(package, package)}"
+
+
 def failed(scene: Scene, name: str, error: Exception, folder: Path) -> Failure:
     """The row of an engine that raised.
 
@@ -160,8 +166,7 @@ def failed(scene: Scene, name: str, error: Exception, folder: Path) -> Failure:
         ScrewgaugeError: The error itself, if the user's own model file is bad input.
     """
     if isinstance(error, ImportError):
-        package = (error.name or name).split(".")[0]
-        return Failure(name, f"not installed ({error}); pip install {_PACKAGES.get(package, package)}")
+        return Failure(name, missing(error, name))
     if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
         raise error
     text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder

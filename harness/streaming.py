@@ -60,6 +60,8 @@ def stream(
     """
     (name,) = check_engines([engine])
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
+    if scene.forward is not None:
+        raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
     check_home(scene.mechanism)
     for t in parts:
         t = np.asarray(t, dtype=float)

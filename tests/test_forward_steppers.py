@@ -188,14 +188,17 @@ def test_what_varies_is_held_over_each_step_and_said():
     for engine, stepper in {
         "mujoco": Stepper("mujoco", "Euler", 1e-4, solimp=0.9999, passes=5),
         "pinocchio": Stepper("pinocchio", "RK4", 5e-3),
+        "pinocchio Euler": Stepper("pinocchio", "Euler", 1e-3),
     }.items():
-        problem = make_problem(scene, scene.forward, *model_files(scene.mechanism.name, engine))
+        problem = make_problem(scene, scene.forward, *model_files(scene.mechanism.name, stepper.engine))
         found[engine] = integrate_steps(replace(problem, **rest), stepper)
     assert "held over each step" in found["mujoco"].notes[-1]
     # first order in the step of 0.1 ms against fourth order
     assert np.abs(found["mujoco"].q - found["pinocchio"].q).max() < 5e-4
-    assert np.abs(found["mujoco"].work - found["pinocchio"].work).max() < 5e-3
-    assert np.abs(found["pinocchio"].work[1:]).min() > 0.05
+    # first order in the step of 1 ms; the trapezoidal rule would be worse than RK4 is
+    assert np.abs(found["mujoco"].work - found["pinocchio Euler"].work).max() < 5e-2
+    assert np.abs(found["mujoco"].work[1:]).min() > 0.05
+    assert np.isnan(found["pinocchio"].work).all()
 
 
 def test_steps_that_blow_up_keep_what_was_computed():

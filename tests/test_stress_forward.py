@@ -8,6 +8,8 @@ import sys
 import numpy as np
 import pytest
 
+import screwgauge
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
 from screwgauge.stress.driven import long_run, proximal, redundant
 from screwgauge.stress.driven.refinement import refinement
@@ -117,3 +119,8 @@ print(last, many - few, many)
     assert last == pytest.approx(20.479, rel=1e-12)
     assert growth < 5_000  # kB; all values would be 7 MB
     assert peak < 500_000
+
+
+def test_a_forward_scene_is_not_streamed() -> None:
+    with pytest.raises(ScrewgaugeError, match="integrated, not streamed"):
+        next(iter(screwgauge.stream(screwgauge.load_scene("a01-pendulum"), [np.array([0.0, 0.1])])))

@@ -71,9 +71,15 @@ def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
 
 
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
-    assert main(["stress", "toy", "--out", str(tmp_path / "toy")]) == 0
+    assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0
     assert "Silently wrong: pinocchio." in capsys.readouterr().out
     assert main(["stress", "broken", "--out", str(tmp_path / "broken")]) == 1
+
+
+def test_a_rung_that_breaks_is_said_and_is_no_success(tmp_path, capsys) -> None:
+    assert main(["stress", "toy", "--out", str(tmp_path / "toy")]) == 3
+    assert capsys.readouterr().err == "screwgauge: a rung broke: ValueError: the third rung breaks\n"
+    assert (tmp_path / "toy" / "stress.csv").exists()
 
 
 def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:

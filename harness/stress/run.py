@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.driver import Report
+from screwgauge.driver import Report, missing
 from screwgauge.environment import environment
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.formatting import digits
@@ -20,6 +20,10 @@ from screwgauge.stress.registry import choose
 COLUMNS = [
     *("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict", "reason"),
 ]
+
+
+#: Stands for the engines of a rung that broke before it could ask them one by one.
+ALL = "all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,11 @@ class Stress:
         return not any(
             row.finding.verdict == SILENT and row.finding.engine.startswith("screw") for row in self.rows
         )
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Why rungs have no rows of their own."""
+        return tuple(dict.fromkeys(row.finding.reason for row in self.rows if row.finding.engine == ALL))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -109,5 +118,7 @@ def _climb(rung: Rung) -> list[Finding]:
     try:
         with np.errstate(all="ignore"):  # extremes are the point; what comes of them is judged
             return list(rung.measure())
-    except Exception as error:  # the other rungs go on
-        return [Finding("all", "", reason=f"{type(error).__name__}: {' '.join(str(error).split())}")]
+    except ImportError as error:  # the other rungs go on
+        return [Finding(ALL, "", reason=missing(error))]
+    except Exception as error:
+        return [Finding(ALL, "", reason=f"{type(error).__name__}: {' '.join(str(error).split())}")]

@@ -61,13 +61,15 @@ def walk_through(
     """Steps from the closed start through all wanted times.
 
     Returns:
-        States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps.
+        States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
+        where the steps are better than that rule.
     """
     tree = walker.tree
     loops, times = make_loops(tree, file), problem.times
     forces = tree_forces(problem, tree, loops)
     # every step is looked at where something does work that is not stored
-    often = 0.0 if not forces.stores_only else OFTEN
+    known = forces.stores_only or stepper.integrator != "RK4"
+    often = 0.0 if known and not forces.stores_only else OFTEN
     q, v = start_state(problem, tree, file)
     path, clock, steps, stopped = Path(), Stopwatch(), 0, ""
     walker.begin(float(times[0]), q, v)
@@ -104,7 +106,7 @@ def walk_through(
         q=found.q,
         v=found.v,
         a=found.a,
-        work=_work(walker, forces, path),
+        work=_work(walker, forces, path) if known else np.full(len(found.q), np.nan),
         condition=found.condition,
         steps=steps,
         evaluations=steps * (4 if stepper.integrator == "RK4" else 1),

@@ -155,13 +155,13 @@ def explicit(problem: ForwardProblem, right: Right) -> Iterator[Finding]:
 
 
 def integrated(label: str, problem: ForwardProblem, right: Right) -> Iterator[Finding]:
-    """One of scipy's methods on an engine's accelerations; its tolerance and its steps say what it admits."""
+    """One of scipy's methods on an engine's accelerations; its tolerance says what it admits."""
     method = problem.method
 
     def admits(found: ForwardSolution) -> tuple[float, str]:
-        # a tolerance is one of every step, and relative to an angle, not to how far it moves
+        # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
         each = (method.rtol * float(np.abs(START).max()) + method.atol) / float(right.scale.min())
-        return found.steps * each, f"tolerance {method.rtol:g} and {found.steps} steps"
+        return each, f"the tolerance, {method.rtol:g},"
 
     yield from _findings(label, lambda: load_integrator(label.split()[0])(problem), admits, right)
 
@@ -196,7 +196,7 @@ def _findings(
     errors = (("motion", _motion(found.q, right)), ("energy", _energy(found, right)))
     for (quantity, value), factor in zip(errors, (1.0, 2.0), strict=True):  # energy is quadratic
         admitted = max(GOOD, factor * bound)
-        reason = f"{words} admit {admitted:.1e}" if bound else words
+        reason = f"{words} admits {admitted:.1e}" if bound else words
         yield Finding(
             label, quantity, value, admitted, right.condition, found.seconds, reason if value > GOOD else ""
         )
