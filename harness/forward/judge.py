@@ -1,11 +1,15 @@
-"""Judges an integrated motion without any other engine: do the loops close, does the energy balance?"""
+"""Judges an integrated motion without any other engine: do the loops close, do the accelerations follow from the
+forces, does the energy balance?"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from screwgauge.forward.problem import ForwardSolution, Method
+from screwgauge.judging.balance import MOST, allowed_motions, required_wrenches
 from screwgauge.judging.judge import COLUMNS, difference, judged_row
 from screwgauge.judging.kinetics import Moving, walk
 from screwgauge.judging.residual import Residual
@@ -14,6 +18,7 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.springs import JointSpring, Spring
 from screwgauge.scene import Scene
+from screwgauge.solution import Motion, Solution, Values
 
 _CLOSURE = (
     ("loop_closure", ("rad", "m")),
@@ -23,7 +28,7 @@ _CLOSURE = (
 
 
 def judge_motion(scene: Scene, solution: ForwardSolution, times: Array, method: Method) -> pd.DataFrame:
-    """Closure of every loop, and balance of the energy if its work is known. One row per residual and unit.
+    """Closure, virtual work, and balance of the energy if its work is known. One row per residual and unit.
 
     Args:
         times: Where the solution is [s]. Shape (m,).
@@ -32,7 +37,10 @@ def judge_motion(scene: Scene, solution: ForwardSolution, times: Array, method: 
     bodies, closed = walk(scene.mechanism, tree, solution.q, solution.v, solution.a)
     rows = [
         judged_row(solution.engine, residual, times, SOLVED)
-        for residual in _loops(scene, solution, bodies, closed)
+        for residual in [
+            *_loops(scene, solution, bodies, closed),
+            *_virtual_work(scene, solution, times, bodies),
+        ]
     ]
     balance = energy_balance(scene, solution, bodies)
     if balance is not None:
@@ -62,6 +70,46 @@ def _loops(
             scale = size if order else scales[unit]
             values = np.concatenate([pair[k] for pair in gaps], axis=1)
             found.append(Residual(name, unit, names, values, scale))
+    return found
+
+
+def _virtual_work(
+    scene: Scene, solution: ForwardSolution, times: Array, bodies: list[Moving]
+) -> list[Residual]:
+    """What the forces of inertia and all that acts work on every allowed motion: nothing, whatever the reactions.
+
+    It is measured by the largest term. At up to `MOST` samples, as it takes a walk for every joint coordinate.
+    """
+    rows = np.unique(np.linspace(0, len(times) - 1, MOST).astype(int))
+    moving = list(zip(scene.mechanism.bodies, (at.rows(rows) for at in bodies[1:]), strict=True))
+    arrays = {
+        "joint_position": solution.q[rows],
+        "joint_velocity": solution.v[rows],
+        "body_angular_velocity": np.concatenate([at.w for _, at in moving], axis=1),
+        "body_angular_acceleration": np.concatenate([at.b for _, at in moving], axis=1),
+        "com_acceleration": np.concatenate([at.shifted(at.R @ body.com).a for body, at in moving], axis=1),
+    }
+    blank = np.full((len(rows), len(scene.mechanism.independent)), np.nan)
+    here = replace(scene, motion=Motion(times[rows], blank, blank, blank))
+    said = Solution(
+        solution.engine,
+        "",
+        {name: Values(("",) * a.shape[1], ("",) * a.shape[1], a) for name, a in arrays.items()},
+        solution.condition[rows],
+    )
+    (F, T), (most_F, most_T) = required_wrenches(here, said, [at.rows(rows) for at in bodies])
+    _, of_bodies = allowed_motions(here, solution.q[rows])
+    work = np.einsum("nbx,nbxj->nj", np.concatenate([F, T], axis=2), of_bodies)
+    terms = np.concatenate([np.tile(most_F[:, None], 3), np.tile(most_T[:, None], 3)], axis=1)
+    sizes = np.einsum("bx,nbxj->nj", terms, np.abs(of_bodies)).max(axis=0)
+    units = [scene.mechanism.units[column] for column in scene.mechanism.independent_columns]
+    found = []
+    for unit in dict.fromkeys(units):
+        columns = [k for k, own in enumerate(units) if own == unit]
+        names = [list(scene.mechanism.independent)[k] for k in columns]
+        force = "N m" if unit == "rad" else "N"
+        scale = np.maximum(sizes[columns], 1e-6 * natural_scales(scene.mechanism)[force])
+        found.append(Residual("virtual_work", force, names, work[:, columns], scale, times[rows]))
     return found
 
 

@@ -163,7 +163,7 @@ def virtual_work(scene: Scene, solution: Solution, required: tuple[Array, Array]
     The allowed motions come from walking the mechanism with one joint rate at a time, at up to `MOST` samples.
     """
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, MOST).astype(int))
-    motions, of_bodies = _allowed(scene, solution.values["joint_position"].array[rows])
+    motions, of_bodies = allowed_motions(scene, solution.values["joint_position"].array[rows])
     needed = np.einsum(
         "nbx,nbxj->nj", np.concatenate([required[0][rows], required[1][rows]], axis=2), of_bodies
     )
@@ -188,7 +188,7 @@ def virtual_work(scene: Scene, solution: Solution, required: tuple[Array, Array]
     return found
 
 
-def _allowed(scene: Scene, q: Array) -> tuple[Array, Array]:
+def allowed_motions(scene: Scene, q: Array) -> tuple[Array, Array]:
     """Joint rates per rate of y, shape (n, n_q, k), and what they make of the bodies, (n, n_body, 6, k).
 
     The bodies' part is the velocity of the centre of mass over the angular velocity.

@@ -12,6 +12,7 @@ import numpy as np
 from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, rotation
+from screwgauge.solution import Rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +31,11 @@ class Moving:
     v: Array
     b: Array
     a: Array
+
+    def rows(self, rows: Rows) -> Moving:
+        """Some of the samples."""
+        parts = (self.R, self.p, self.w, self.v, self.b, self.a)
+        return Moving(*(part[rows] for part in parts))
 
     def shifted(self, r: Array, R: Array | None = None) -> Moving:
         """A frame fixed in the same body, its origin displaced by `r` (world axes, shape (n, 3))."""

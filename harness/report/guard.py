@@ -29,8 +29,9 @@ def guard_line(results: Results) -> str:
     bad = [row for row in results.guard if not row.ok]
     if not bad:
         worst = max(results.guard, key=lambda row: row.estimate)
+        what = "error" if results.scene.forward is None else "effect of rounding on the motion"
         return (
-            f"guard: nothing flagged; largest estimated error {estimate_text(worst)} ({worst.quantity} of "
+            f"guard: nothing flagged; largest estimated {what} {estimate_text(worst)} ({worst.quantity} of "
             f"{worst.engine})"
         )
     engines = list(dict.fromkeys(row.engine for row in bad))
