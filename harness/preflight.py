@@ -61,7 +61,7 @@ def check_scene(scene: Scene) -> Mobility:
         motion = scene.motion.part(slice(first, first + PART))
         at = positions(lay, motion.y, motion.t)
         _check_limits(scene, at, motion.t, motion.y)
-        before = _check_regular(lay, at, motion.t, motion.y, before)
+        before = check_regular(lay, at, motion.t, motion.y, before)
     _check_side(lay, scene.motion)
     return _mobility(lay, scene)
 
@@ -136,7 +136,7 @@ def _check_side(lay: Layout, motion: Motion) -> None:
         )
 
 
-def _check_regular(
+def check_regular(
     lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None
 ) -> tuple[float, float] | None:
     """Condition of the closing system at every sample, and its determinant's sign from one to the next.

@@ -9,9 +9,10 @@ import numpy as np
 
 from screwgauge.driver import solve
 from screwgauge.engines import check_engines
-from screwgauge.preflight import check_home
+from screwgauge.preflight import check_home, check_regular
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import Scene
 from screwgauge.solution import Solution
@@ -45,7 +46,8 @@ def stream(
     """Solves a scene for times that come in parts; memory is that of one part, however many there are.
 
     Every part starts from the home pose anew: angles of joints that are cut in an engine's tree count from there.
-    The motion is not walked beforehand; a part that cannot be solved raises when its turn comes.
+    Nothing is walked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises when its turn
+    comes.
 
     Args:
         parts: Times [s], shape (m,) each, such as `times` makes them.
@@ -62,12 +64,14 @@ def stream(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     if scene.forward is not None:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
-    check_home(scene.mechanism)
+    lay, before = check_home(scene.mechanism), None
     for t in parts:
         t = np.asarray(t, dtype=float)
         if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
             raise DescriptionError("a part is no list of finite times", "parts", "give arrays of times in s")
-        solutions, failures = solve(replace(scene, motion=scene.drive(t)), (name,), wanted)
+        motion = scene.drive(t)
+        before = check_regular(lay, positions(lay, motion.y, t), t, motion.y, before)
+        solutions, failures = solve(replace(scene, motion=motion), (name,), wanted)
         if failures:
             where = f"{scene.name}, t = {t[0]:g} to {t[-1]:g} s"
             raise ScrewgaugeError(f"{name} fails: {failures[name].reason}", where, "change the motion there")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -98,6 +99,7 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         (["nonsense"], ("case", "nonsense", "toy")),
         (["toy", "--severity", "1e7"], ("1e+07", "outside", "toy")),
         (["toy", "--severity", "nan"], ("nan",)),
+        (["toy", "--severity", ","], ("no severity", "0 to 1e+06")),
         (["--severity", "1"], ("--severity", "one case")),
     ],
 )
@@ -113,3 +115,10 @@ def test_severities_replace_the_rungs_of_one_case() -> None:
     assert set(stress(["toy"], severities=[2.0, 3.0]).table["severity"]) == {2.0, 3.0}
     with pytest.raises(ScrewgaugeError):
         stress(["toy", "broken"], severities=[1.0])
+
+
+def test_counts_are_whole_and_rungs_are_climbed_once() -> None:
+    case = replace(toy(), whole=True)
+    with pytest.raises(ScrewgaugeError, match="no count"):
+        case.rungs(severities=[2.5])
+    assert [rung.severity for rung in case.rungs(severities=[2.0, 2.0])] == [2.0]

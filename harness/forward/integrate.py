@@ -19,8 +19,9 @@ from screwgauge.reference.errors import (
 )
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Rates, rates
-from screwgauge.reference.pose import Layout, pose
+from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.singular import near_singularity
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
 METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
@@ -62,8 +63,20 @@ class Trajectory:
 class _Near(Exception):
     """A pose too close to a singular one."""
 
-    def __init__(self, condition: float) -> None:
-        super().__init__(f"a pose on the way has condition number {condition:.2g}")
+    def __init__(self, lay: Layout, at: Pose, condition: float) -> None:
+        super().__init__(condition)
+        self.lay, self.at, self.condition = lay, at, condition
+
+    def __str__(self) -> str:
+        """Worked out only when it is to be read: most such poses are stepped over."""
+        y = self.at.q[0, self.lay.mechanism.independent_columns]
+        pose = ", ".join(
+            f"{label} = {value:.6g}" for label, value in zip(self.lay.mechanism.independent, y, strict=True)
+        )
+        return (
+            f"the pose {pose} is nearly singular (condition {self.condition:.1e}): "
+            f"{near_singularity(self.lay, self.at)}"
+        )
 
 
 class _Run:
@@ -86,7 +99,8 @@ class _Run:
         forces, rate = self.forces(t), self.rates(states.T)
         found = forward(self.lay, rate, forces)
         if (found.condition > self.near).any():
-            raise _Near(float(found.condition.max()))
+            worst = int(np.argmax(found.condition))
+            raise _Near(self.lay, rate.pose.rows([worst]), float(found.condition[worst]))
         return np.concatenate([states[k:-1], found.ydd.T, power(self.lay, rate, forces)[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:

@@ -10,19 +10,15 @@ from screwgauge.forward.problem import ForwardProblem
 from screwgauge.forward.screw import forces_over_time
 from screwgauge.forward.setting import Forward
 from screwgauge.forward.stiffness import stiff_warning, stiffness
-from screwgauge.preflight import FARTHEST, check_home
-from screwgauge.reference import linear
-from screwgauge.reference.closing import make_closing
+from screwgauge.preflight import FARTHEST, check_home, check_regular
 from screwgauge.reference.errors import (
     DescriptionError,
     JointLimitError,
     ScrewgaugeError,
-    SingularPoseError,
 )
 from screwgauge.reference.forward import forward
 from screwgauge.reference.kinematics import positions, rates
-from screwgauge.reference.pose import Layout, Pose
-from screwgauge.reference.singular import near_singularity
+from screwgauge.reference.pose import Layout
 from screwgauge.scene import Scene
 from screwgauge.solution import Progress
 
@@ -60,7 +56,7 @@ def check_start(scene: Scene, start: Forward) -> tuple[Layout, tuple[str, ...]]:
     problem = make_problem(scene, start, scene.mechanism_file, None)
     _check_ends(scene, start, problem)
     at = positions(lay, start.start[None], np.array([start.since]))
-    _check_regular(lay, at)
+    check_regular(lay, at, np.array([start.since]), start.start[None], None)
     low, high = scene.mechanism.limits.T
     beyond = np.flatnonzero((at.q[0] < low) | (at.q[0] > high))
     if beyond.size:
@@ -92,15 +88,4 @@ def _check_ends(scene: Scene, start: Forward, problem: ForwardProblem) -> None:
             f"the start is {away.max():.3g} rad or m away from the home pose",
             scene.name,
             f"start within {FARTHEST:g}; check its units",
-        )
-
-
-def _check_regular(lay: Layout, at: Pose) -> None:
-    A = make_closing(lay).matrix(at)
-    condition = float(linear.condition(A)[0]) if A.shape[2] else 1.0
-    if not condition <= linear.SINGULAR:
-        raise SingularPoseError(
-            f"the pose is singular (condition {condition:.1e}): {near_singularity(lay, at)}",
-            "start of the scene",
-            "start elsewhere",
         )

@@ -76,6 +76,8 @@ def _difference(results: Results, *, beside: bool = False) -> str:
     where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"
+        if not row["b"]:  # an engine that stopped, and nobody beside it
+            return f"{reason}.{more}"
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
     return (
         f"{row['a']} and {row['b']} differ: first in {where}, "

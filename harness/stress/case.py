@@ -75,6 +75,7 @@ class Case:
         full, quick: Its rungs.
         rung: Makes the rung of a severity.
         falling: Whether small severities are the severe ones.
+        whole: Whether severities are counts.
     """
 
     name: str
@@ -88,18 +89,30 @@ class Case:
     quick: Sequence[float]
     rung: Callable[[float, bool], Rung]
     falling: bool = False
+    whole: bool = False
+
+    @property
+    def span(self) -> str:
+        """What its severity may be, in words."""
+        return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[Rung]:
         """The rungs of the given severities, or of a full or quick run.
 
         Raises:
-            DescriptionError: A severity is outside the case's range.
+            DescriptionError: A severity is outside the case's range, or there is none.
         """
+        where = f"case {self.name}"
+        if severities is not None and not len(severities):
+            raise DescriptionError("there is no severity", where, f"give some within {self.span}")
         for value in severities or ():
+            if self.whole and value != int(value):
+                raise DescriptionError(f"severity {value:g} is no count", where, "give whole numbers")
             if not self.low <= value <= self.high:
                 raise DescriptionError(
                     f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})",
                     f"case {self.name}",
                     "give one within",
                 )
-        return [self.rung(value, quick) for value in severities or (self.quick if quick else self.full)]
+        chosen = severities or (self.quick if quick else self.full)
+        return [self.rung(value, quick) for value in dict.fromkeys(chosen)]

@@ -42,6 +42,7 @@ def long_run() -> Case:
         drawn="joint_position",
         low=10.0,
         high=1e8,
+        whole=True,
         full=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
         quick=(1e1, 3e1, 1e2, 1e3, 3e3, 1e4),
         rung=lambda count, quick: Rung(count, lambda: climb(int(count))),

@@ -46,6 +46,7 @@ def redundant_constraints() -> Case:
         drawn=_FORWARD,
         low=1.0,
         high=40.0,
+        whole=True,
         full=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0),
         quick=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
         rung=lambda n, quick: Rung(n, lambda: climb(int(n))),
