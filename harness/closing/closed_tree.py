@@ -14,7 +14,8 @@ from screwgauge.applied import State
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.closed_forces import SetOut, closed_forces
 from screwgauge.closing.closure import Loops, check_names, make_loops
-from screwgauge.closing.cut_joints import Chart, nearest_turn
+from screwgauge.closing.cut_joints import SURE, Chart, nearest_turn
+from screwgauge.closing.cut_joints import follow as follow_angles
 from screwgauge.closing.sizes import make_sizes
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.guard import Part, Trust, examined, gain, shakes
@@ -56,7 +57,7 @@ class _Work:
         self.q = np.array([home[name] for name in tree.coordinates])
         self.y = np.array([home[name] for name in file.independent.values()])
         self.cut = {
-            joint.name: joint.home for joint in self.loops.cut
+            joint.name: self.loops.begin(joint, problem.motion.y[0]) for joint in self.loops.cut
         }  # angles of cut joints at the last sample
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.sizes = make_sizes(tree, file, self.loops, self.q)
@@ -69,7 +70,8 @@ class _Work:
             q, A = self._positions(motion)
             at = self.tree.poses(q)
             charts = self.loops.charts(at)
-            cut = {name: self._unwrapped(name, c.q) for name, c in charts.items()}
+            cut = {name: self._unwrapped(name, c) for name, c in charts.items()}
+            charts = {name: c.near(cut[name]) for name, c in charts.items()}
         values, trust = self._beyond(motion, q, at, charts, cut, A)
 
         def again(doubtful: Rows) -> list[dict[str, Array]]:
@@ -79,8 +81,8 @@ class _Work:
             for shake in shakes(A[doubtful], motion.y.shape[1]):
                 there = q[doubtful] + shake * self.sizes.q
                 moved = self.tree.poses(there)
-                read = self.loops.charts(moved)
-                near = {name: nearest_turn(c.q, cut[name][doubtful]) for name, c in read.items()}
+                read = {name: c.near(cut[name][doubtful]) for name, c in self.loops.charts(moved).items()}
+                near = {name: c.q for name, c in read.items()}
                 matrix = self._scaled(there / self.sizes.q, here.y / self.sizes.y)[1]
                 found.append(self._beyond(here, there, moved, read, near, matrix)[0])
             self.clock = own
@@ -140,9 +142,9 @@ class _Work:
             a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
         return speed, self._forces(motion.t, at, A, K, (q, v, a), out, forces)
 
-    def _unwrapped(self, joint: str, q: Array) -> Array:
-        """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m)."""
-        q = np.unwrap(np.vstack([self.cut[joint], q]), axis=0)[1:]
+    def _unwrapped(self, joint: str, chart: Chart) -> Array:
+        """Angles of a cut joint without jumps, from its home on. Shape (n, m)."""
+        q = follow_angles(self.cut[joint], chart.q, chart.condition < SURE)
         self.cut[joint] = q[-1]
         return q
 
@@ -150,6 +152,9 @@ class _Work:
         """Closing errors over y, and their derivative."""
         at = self.tree.poses(q)
         charts = self.loops.charts(at)
+        for k, (_, name, i) in enumerate(self.loops.independent):
+            if name:
+                charts[name] = charts[name].agreeing(i, y[:, k])
         errors, rows = [self.loops.gaps(at)], [self.loops.jacobian(at)]
         rate_rows = {
             joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut

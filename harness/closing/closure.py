@@ -90,6 +90,14 @@ class Loops:
             for joint in self.cut
         }
 
+    def begin(self, joint: Joint, y: Array) -> Array:
+        """Where the angles of a cut joint begin: at home, its independent ones at their values. Shape (k,) -> (m,)."""
+        angles = joint.home.copy()
+        for value, (_, name, i) in zip(y, self.independent, strict=True):
+            if name == joint.name:
+                angles[i] = value
+        return angles
+
     def relative(self, joint: Joint, values: Array) -> Array:
         """Angular part of the child's `values` less the parent's. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
         return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])

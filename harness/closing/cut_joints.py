@@ -6,14 +6,23 @@ shared by all tree engines; the frames, their rates and accelerations are each e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, rotation, triad_angles
+
+Flags = NDArray[np.bool_]
+
+#: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
+SURE = 1e8
+_TURN = 2.0 * np.pi
+#: A rotation has two triples of angles about orthogonal axes: (x, y, z) and (x, -y, z) + pi.
+_MIDDLE = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +30,7 @@ class Chart:
     """Coordinates of a cut joint at n poses.
 
     Attributes:
-        q: Angles [rad]. Shape (n, m).
+        q: Angles [rad], within a turn and the middle one of three within +-pi/2 unless a chart `near` others. (n, m).
         R: Orientation of its parent side in the world. Shape (n, 3, 3).
         inverse: Maps a relative angular velocity, in the parent side's axes, to rates. Shape (n, m, 3).
         axes: Current directions of its axes in the parent side's axes. Shape (n, m, 3).
@@ -56,6 +65,30 @@ class Chart:
         local = (self.R.swapaxes(1, 2) @ (beta - np.cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
+    def near(self, angles: Array) -> Chart:
+        """The same rotations by the triples of angles, and with the whole turns, that come nearest to others.
+
+        Args:
+            angles: Shape (n, m).
+        """
+        q, swapped = _nearest(self.q, angles)
+        return self._swapped(swapped, q)
+
+    def agreeing(self, i: int, angle: Array) -> Chart:
+        """The same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
+        if self.q.shape[1] < 3:
+            return self
+        two = _other(self.q)
+        swapped = np.abs(_within(two[:, i] - angle)) < np.abs(_within(self.q[:, i] - angle))
+        return self._swapped(swapped, np.where(swapped[:, None], two, self.q))
+
+    def _swapped(self, where: Flags, q: Array) -> Chart:
+        """With the second triples somewhere: their middle axis, and with it its rate, points the other way."""
+        if not where.any():
+            return replace(self, q=q)
+        sign = np.where(where[:, None], _MIDDLE, 1.0)[..., None]
+        return replace(self, q=q, inverse=self.inverse * sign, axes=self.axes * sign)
+
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """Angles of a cut joint from the orientations of its bodies. Shapes (n, 3, 3).
@@ -71,7 +104,10 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         )
     axes = _triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
-    angles = triad_angles(R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R), axes)
+    M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
+    if joint.kind == "U":
+        return _two_axes(M, R, axes)
+    angles = triad_angles(M, axes)
     turned = np.empty((len(R), 3, 3))
     M = np.tile(np.eye(3), (len(R), 1, 1))
     for i in range(3):
@@ -83,9 +119,88 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     return Chart(angles[:, :m], R, inverse, turned[:, :m], condition)
 
 
+def _two_axes(M: Array, R: Array, axes: Array) -> Chart:
+    """The chart of a universal joint, which locks nowhere: its two axes stay at right angles.
+
+    Args:
+        M: Child side in the parent side's axes. Shape (n, 3, 3).
+        R: As in `Chart`.
+        axes: Right-handed triad, first the joint's own axes. Shape (3, 3).
+    """
+    second, turned = (
+        M @ axes[1],
+        M @ axes[0],
+    )  # as the first angle turns the second axis; the second angle, the first
+    first = np.arctan2(second @ axes[2], second @ axes[1])
+    own = np.stack([np.broadcast_to(axes[0], second.shape), rotation(axes[0], first) @ axes[1]], axis=1)
+    across = np.cross(own[:, 0], own[:, 1])
+    angle = np.arctan2(-np.sum(turned * across, axis=1), turned @ axes[0])
+    return Chart(np.stack([first, angle], axis=1), R, own, own, np.ones(len(R)))
+
+
 def nearest_turn(angles: Array, near: Array) -> Array:
     """The same angles, whole turns added so that they come near to others. Shapes (n, m)."""
-    return np.asarray(angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi)))
+    return np.asarray(angles + _TURN * np.round((near - angles) / _TURN))
+
+
+def follow(
+    begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None
+) -> Array:
+    """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
+
+    Args:
+        begin: Where to begin: the first sample is the one next to it. Shape (m,).
+        angles: As `read_chart` reads them [rad]. Shape (n, m).
+        sure: Whether the chart determines them; a sample at a lock is no ground for later ones. Shape (n,).
+        t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), by which each sample is predicted from the
+            one before; without them it is the one before.
+
+    Returns:
+        Shape (n, m).
+    """
+    sure = sure & np.isfinite(angles).all(axis=1)
+    if t is None or rates is None:
+        t, rates = np.zeros(len(angles)), np.zeros_like(angles)
+    at = np.concatenate([t[:1], t[sure]])  # nothing is predicted from the beginning
+    half = 0.5 * np.diff(at)[:, None]
+    x, r = np.vstack([begin, angles[sure]]), np.vstack([np.zeros_like(begin), rates[sure]])
+    half[:1] = 0.0
+    if len(begin) == 3:
+        same = x[1:] - x[:-1] - half * (r[1:] + r[:-1])
+        other = _other(x[1:]) - x[:-1] - half * (_MIDDLE * r[1:] + r[:-1])
+        # whether a sample goes on by its other triple does not depend on which triple the one before took
+        change = np.abs(_within(other)).sum(axis=1) < np.abs(_within(same)).sum(axis=1)
+        swapped = (np.cumsum(change) % 2 == 1)[:, None]
+        x[1:], r[1:] = np.where(swapped, _other(x[1:]), x[1:]), np.where(swapped, _MIDDLE * r[1:], r[1:])
+    x[1:] -= _TURN * np.cumsum(np.round((np.diff(x, axis=0) - half * (r[1:] + r[:-1])) / _TURN), axis=0)
+    out, last = np.empty_like(angles), np.cumsum(sure)[~sure]
+    out[sure] = x[1:]
+    out[~sure] = _nearest(angles[~sure], x[last] + (t[~sure] - at[last])[:, None] * r[last])[0]
+    return out
+
+
+def _nearest(angles: Array, near: Array) -> tuple[Array, Flags]:
+    """Of the triples of the same rotation, and all whole turns, those nearest to others. Shapes (n, m).
+
+    Returns:
+        The angles, and where they are the second triple. Shapes (n, m), (n,).
+    """
+    one = nearest_turn(angles, near)
+    if angles.shape[1] < 3:
+        return one, np.zeros(len(one), dtype=bool)
+    two = nearest_turn(_other(angles), near)
+    swapped = np.abs(two - near).sum(axis=1) < np.abs(one - near).sum(axis=1)
+    return np.where(swapped[:, None], two, one), swapped
+
+
+def _other(angles: Array) -> Array:
+    """The other triple of angles of the same rotation. Shape (..., 3)."""
+    return np.asarray(_MIDDLE * angles + np.pi)
+
+
+def _within(angle: Array) -> Array:
+    """Less whole turns, within half a turn."""
+    return np.asarray(angle - _TURN * np.round(angle / _TURN))
 
 
 def _triad(axes: Array) -> Array:

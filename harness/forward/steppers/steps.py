@@ -98,7 +98,7 @@ def walk_through(
             stopped = f"t = {begin + done * h:.6g} s: {error}"
             break
     seconds, cpu = clock.read()
-    found = read_path(tree, loops, file, path)
+    found = read_path(tree, loops, file, path, problem.start)
     return ForwardSolution(
         engine=tree.engine,
         version=tree.version,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.closing.closure import Loops
-from screwgauge.closing.cut_joints import read_chart
+from screwgauge.closing.cut_joints import SURE, read_chart
 from screwgauge.closing.tree import Tree
 from screwgauge.forward.problem import ForwardProblem, Motor
 from screwgauge.reference.errors import SingularPoseError, UnknownNameError
@@ -53,9 +53,9 @@ def tree_forces(
     """
     springs = problem.springs if springs is None else springs
     elements = [
-        *(_motor(motor, tree, loops) for motor in problem.motors),
+        *(_motor(motor, tree, loops, problem.start) for motor in problem.motors),
         *(_load(load, tree, loops) for load in problem.loads),
-        *(_spring(spring, tree, loops) for spring in springs),
+        *(_spring(spring, tree, loops, problem.start) for spring in springs),
     ]
     damped = any(spring.damping for spring in problem.springs)
     return Forces(tuple(elements), not (damped or problem.motors or problem.loads))
@@ -76,12 +76,22 @@ def _cut(coordinate: str, tree: Tree, loops: Loops) -> tuple[Joint, int]:
     raise UnknownNameError("coordinate", coordinate, known, "motor or spring")
 
 
-def _cut_row(joint: Joint, i: int, loops: Loops, body: BodyAt) -> tuple[float, Array]:
-    """Value, within a turn, of a coordinate of a cut joint, and its derivative (n_v,)."""
-    sides = [body(loops.index[name]) for name in (joint.parent, joint.child)]
-    chart = read_chart(joint, sides[0][0][None], sides[1][0][None])
-    rows = chart.rates((sides[1][2][:3] - sides[0][2][:3])[None])
-    return float(chart.q[0, i]), rows[0, i]
+def _cut_reader(joint: Joint, i: int, loops: Loops, start: Array) -> Callable[[BodyAt], tuple[float, Array]]:
+    """Reads a coordinate of a cut joint and its derivative (n_v,).
+
+    It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
+    """
+    last = loops.begin(joint, start)
+
+    def read(body: BodyAt) -> tuple[float, Array]:
+        nonlocal last
+        sides = [body(loops.index[name]) for name in (joint.parent, joint.child)]
+        chart = read_chart(joint, sides[0][0][None], sides[1][0][None]).near(last[None])
+        if chart.condition[0] < SURE:
+            last = chart.q[0]
+        return float(chart.q[0, i]), chart.rates((sides[1][2][:3] - sides[0][2][:3])[None])[0, i]
+
+    return read
 
 
 def _amount(motor: Motor) -> Callable[[float], float]:
@@ -92,7 +102,7 @@ def _amount(motor: Motor) -> Callable[[float], float]:
     return motor.force
 
 
-def _motor(motor: Motor, tree: Tree, loops: Loops) -> Element:
+def _motor(motor: Motor, tree: Tree, loops: Loops, start: Array) -> Element:
     amount = _amount(motor)
     if motor.coordinate in tree.coordinates:
         column = tree.coordinates.index(motor.coordinate)
@@ -103,10 +113,10 @@ def _motor(motor: Motor, tree: Tree, loops: Loops) -> Element:
             return f * float(v[column])
 
         return in_tree
-    joint, i = _cut(motor.coordinate, tree, loops)
+    read = _cut_reader(*_cut(motor.coordinate, tree, loops), loops, start)
 
     def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        f, row = amount(t), _cut_row(joint, i, loops, body)[1]
+        f, row = amount(t), read(body)[1]
         tau += f * row
         return f * float(row @ v)
 
@@ -134,11 +144,11 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
-def _spring(spring: Spring, tree: Tree, loops: Loops) -> Element:
+def _spring(spring: Spring, tree: Tree, loops: Loops, start: Array) -> Element:
     if isinstance(spring, PointSpring):
         return _point_spring(spring, loops)
     if spring.coordinate not in tree.coordinates:
-        return _cut_spring(spring, *_cut(spring.coordinate, tree, loops), loops)
+        return _cut_spring(spring, _cut_reader(*_cut(spring.coordinate, tree, loops), loops, start))
     column, k, rest, c = (
         tree.coordinates.index(spring.coordinate),
         spring.stiffness,
@@ -154,16 +164,11 @@ def _spring(spring: Spring, tree: Tree, loops: Loops) -> Element:
     return in_tree
 
 
-def _cut_spring(spring: JointSpring, joint: Joint, i: int, loops: Loops) -> Element:
-    """Follows the angle over whole turns: it goes on from where it was read last, by less than half a turn."""
-    last = float(joint.home[i])
-
+def _cut_spring(spring: JointSpring, read: Callable[[BodyAt], tuple[float, Array]]) -> Element:
     def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        nonlocal last
-        value, row = _cut_row(joint, i, loops, body)
-        last += float(np.remainder(value - last + np.pi, 2.0 * np.pi) - np.pi)
+        value, row = read(body)
         speed = float(row @ v)
-        tau -= (spring.stiffness * (last - spring.rest) + spring.damping * speed) * row
+        tau -= (spring.stiffness * (value - spring.rest) + spring.damping * speed) * row
         return -spring.damping * speed * speed
 
     return at_cut

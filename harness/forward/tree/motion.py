@@ -225,7 +225,7 @@ def _solution(
 ) -> ForwardSolution:
     file, loops = model
     tree, (steps, over, seconds, cpu) = run.mover.tree, counts
-    found = read_path(tree, loops, file, run.path)
+    found = read_path(tree, loops, file, run.path, problem.start)
     notes = list(run.mover.notes())
     if run.closed:
         gap, rate = run.drift

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.closing.closure import Loops
-from screwgauge.closing.cut_joints import Chart
+from screwgauge.closing.cut_joints import SURE, Chart, Flags, follow
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference import linear
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Rows
 
 _MEMORY = 2e7  # bytes of the Jacobians of all bodies that are held at a time
 
@@ -59,11 +58,15 @@ class Reading:
     condition: Array
 
 
-def read_path(tree: Tree, loops: Loops, file: LoopsFile, path: Path) -> Reading:
-    """Reads the wanted states of a path, angles of cut joints followed along all its states."""
+def read_path(tree: Tree, loops: Loops, file: LoopsFile, path: Path, start: Array) -> Reading:
+    """Reads the wanted states of a path, angles of cut joints followed along all its states.
+
+    Args:
+        start: Independent coordinates at its first state. Shape (k,).
+    """
     q, v = np.array(path.q), np.array(path.v)
     rows, a = np.array(path.wanted, dtype=np.intp), np.array(path.a)
-    turned = _followed(tree, loops, np.array(path.t), q, v, rows)
+    turned = {name: x[rows] for name, x in _followed(tree, loops, np.array(path.t), (q, v), start).items()}
     parts = [
         _part(tree, loops, file, q[rows[i]], v[rows[i]], a[i], {n: x[i] for n, x in turned.items()})
         for i in _blocks(tree, len(rows))
@@ -76,23 +79,24 @@ def _blocks(tree: Tree, n: int) -> list[slice]:
     return [slice(i, min(n, i + size)) for i in range(0, n, size)]
 
 
-def _followed(tree: Tree, loops: Loops, t: Array, q: Array, v: Array, rows: Rows) -> dict[str, Array]:
-    """Angles of cut joints at the wanted states, each step from one state to the next predicted by the rates."""
+def _followed(
+    tree: Tree, loops: Loops, t: Array, states: tuple[Array, Array], start: Array
+) -> dict[str, Array]:
+    """Angles of cut joints at all states, each step from one state to the next predicted by the rates."""
     if not loops.cut:
         return {}
-    angles: dict[str, list[Array]] = {joint.name: [] for joint in loops.cut}
-    rates: dict[str, list[Array]] = {joint.name: [] for joint in loops.cut}
+    q, v = states
+    found: dict[str, list[tuple[Array, Array, Flags]]] = {joint.name: [] for joint in loops.cut}
     for block in _blocks(tree, len(t)):
         at = tree.poses(q[block])
         for joint, chart in zip(loops.cut, loops.charts(at).values(), strict=True):
-            angles[joint.name].append(chart.q)
-            rates[joint.name].append(_rates(joint, chart, loops, at, v[block]))
-    return {
-        joint.name: follow_turns(
-            joint.home, t, np.concatenate(angles[joint.name]), np.concatenate(rates[joint.name])
-        )[rows]
-        for joint in loops.cut
-    }
+            rates = _rates(joint, chart, loops, at, v[block])
+            found[joint.name].append((chart.q, rates, chart.condition < SURE))
+    followed = {}
+    for joint in loops.cut:
+        angles, rates, sure = (np.concatenate(parts) for parts in zip(*found[joint.name], strict=True))
+        followed[joint.name] = follow(loops.begin(joint, start), angles, sure, t, rates)
+    return followed
 
 
 def _rates(joint: Joint, chart: Chart, loops: Loops, at: BodyPoses, v: Array) -> Array:
@@ -100,28 +104,11 @@ def _rates(joint: Joint, chart: Chart, loops: Loops, at: BodyPoses, v: Array) ->
     return np.asarray((chart.rates(loops.relative(joint, at.J)) @ v[..., None])[..., 0])
 
 
-def follow_turns(home: Array, t: Array, angles: Array, rates: Array) -> Array:
-    """Adds whole turns to angles so that each is next to what the rates predict from the one before.
-
-    Args:
-        home: Where to begin: the first is the one next to it. Shape (m,).
-        t: Times [s]. Shape (n,).
-        angles, rates: Within a turn [rad], and [rad/s]. Shape (n, m).
-    """
-    turn = 2.0 * np.pi
-    out = np.empty_like(angles)
-    out[0] = angles[0] + turn * np.round((home - angles[0]) / turn)
-    grown = 0.5 * np.diff(t)[:, None] * (rates[1:] + rates[:-1])
-    for i, step in enumerate(grown, 1):
-        out[i] = angles[i] + turn * np.round((out[i - 1] + step - angles[i]) / turn)
-    return out
-
-
 def _part(
     tree: Tree, loops: Loops, file: LoopsFile, q: Array, v: Array, a: Array, turned: dict[str, Array]
 ) -> tuple[Array, Array, Array, Array]:
     at = tree.poses(q)
-    charts = loops.charts(at)
+    charts = {name: chart.near(turned[name]) for name, chart in loops.charts(at).items()}
     cut_v = {joint.name: _rates(joint, charts[joint.name], loops, at, v) for joint in loops.cut}
     cut_a: dict[str, Array] = {}
     if loops.cut:

@@ -1,0 +1,162 @@
+"""Angles of cut joints are followed through the locks of their charts, by every engine alike."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+from screwgauge.closing.cut_joints import SURE, follow, read_chart
+from screwgauge.forward.problem import ForwardProblem, Motor
+from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.reference.rotations import rotation
+from screwgauge.solution import Motion, Problem
+
+NAME = "3ups-upu-s"
+ENDINGS = {"screw": ".toml", "pinocchio": ".urdf", "mujoco": ".xml"}
+GRAVITY = np.array([0.0, 0.0, -9.81])
+#: What the tolerances of the steps leave, ten times what is seen: positions, rates, accelerations of up to 250 per s^2.
+AGREE = {"q": 1e-8, "v": 1e-7, "a": 3e-6}
+READ = 1e-12  # three rotations multiplied and taken apart again
+
+
+def files(engine):
+    folder = mechanism_path(NAME).parent
+    return folder / f"{NAME}{ENDINGS[engine]}", folder / f"{NAME}.loops.toml"
+
+
+@cache
+def fall(engine, start, rates, until, torque=0.0):
+    """The paper's mechanism in free fall, from its two angles (a, b) and their rates, a torque along the second."""
+    motors = (Motor("s.q2", np.array([torque]), np.zeros((0, 3))),) if torque else ()
+    times = np.linspace(0.0, until, 1 + round(until / 0.05))
+    problem = ForwardProblem(*files(engine), GRAVITY, (), (), motors, np.array(start), np.array(rates), times)
+    return importlib.import_module(f"screwgauge.forward.{engine}").integrate(problem)
+
+
+def joint(name):
+    return next(joint for joint in load_mechanism(NAME).joints if joint.name == name)
+
+
+def column(coordinate):
+    return load_mechanism(NAME).coordinates.index(coordinate)
+
+
+def turned(axes, angles):
+    R = np.tile(np.eye(3), (len(angles), 1, 1))
+    for axis, angle in zip(axes, angles.T, strict=True):
+        R = R @ rotation(axis, angle)
+    return R
+
+
+def read(joint, R):
+    """The chart for a given rotation of its child side against its parent side, the parent at rest in the world."""
+    return read_chart(
+        joint, np.tile(np.eye(3), (len(R), 1, 1)), joint.parent_frame.R @ R @ joint.child_frame.R.T
+    )
+
+
+#: Name -> start, rates, end [s] and torque [N m].
+FALLS = {
+    "through b = pi/2": ((0.0, 1.45), (0.0, 1.0), 0.3, 0.0),
+    "aslant": ((0.1, 1.45), (0.4, 1.0), 0.3, 0.0),
+    "from beyond": ((0.1, 2.0), (0.0, 1.0), 0.3, 0.0),
+    "driven beyond": ((0.1, 2.0), (0.0, 0.5), 0.3, 20.0),
+}
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@pytest.mark.parametrize("name", FALLS)
+def test_a_fall_through_the_lock_is_read_alike(name, engine):
+    expected, found = fall("screw", *FALLS[name]), fall(engine, *FALLS[name])
+    assert (expected.stopped, found.stopped) == ("", "")
+    assert expected.q[-1, column("s.q2")] > np.pi / 2
+    for what, error in AGREE.items():
+        assert np.abs(getattr(found, what) - getattr(expected, what)).max() < error, what
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_a_given_motion_is_read_through_the_lock(engine):
+    """Of the joint in the middle of the base all is known: (a, b, 0)."""
+    t = np.linspace(0.0, 1.0, 12)
+    y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, 1.35 + t - 0.2 * t**2], axis=1)
+    yd, ydd = np.stack([0.2 + 0.2 * t, 1.0 - 0.4 * t], axis=1), np.tile([0.2, -0.4], (len(t), 1))
+    quantities = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
+    motion = Motion(t, y, yd, ydd)
+    problem = Problem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
+    found = importlib.import_module(f"screwgauge.engines.{engine}").solve(problem).values
+    own, wrists = slice(column("s.q1"), column("s.q3") + 1), [column(f"leg{i}.q4") for i in (2, 3, 4)]
+    for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):
+        assert np.abs(found[what].array[:, own] - np.column_stack([known, 0.0 * t])).max() < 1e-9, what
+    for first in wrists:
+        assert np.abs(np.diff(found["joint_position"].array[:, first : first + 3], axis=0)).max() < 1.0
+
+
+def path(n):
+    """Angles of a spherical joint that pass five locks, the middle one exactly at a sample, with two derivatives."""
+    t = np.linspace(-1.0, 1.0, n)
+    q = np.stack([0.3 + 2.0 * t, np.pi / 2 + 2.2 * np.pi * t, -0.2 + np.sin(3.0 * t)], axis=1)
+    v = np.stack([0.0 * t + 2.0, 0.0 * t + 2.2 * np.pi, 3.0 * np.cos(3.0 * t)], axis=1)
+    return t, q, v, np.stack([0.0 * t, 0.0 * t, -9.0 * np.sin(3.0 * t)], axis=1)
+
+
+@pytest.mark.parametrize("n", [9, 15, 201])
+def test_a_sample_at_a_lock_spoils_no_later_one(n):
+    """Nine samples are 99 degrees apart: without a prediction the second triples are the nearer ones."""
+    ball = joint("s")
+    t, q, v, _ = path(n)
+    chart = read(ball, turned(ball.axes, q))
+    sure = chart.condition < SURE
+    assert list(np.flatnonzero(~sure)) == [n // 2]
+    assert np.abs(chart.q - q)[sure].max() > 1.0
+    rates = chart.rates(angular(ball, q, v)[..., None])[..., 0]
+    rates[~sure] = np.nan
+    found = follow(q[0], chart.q, sure, t, rates)
+    assert np.abs(found - q)[sure].max() < READ * 100  # the worst is read a hundredth of a radian from a lock
+    assert np.abs(turned(ball.axes, found) - turned(ball.axes, q)).max() < 1e-8
+    assert np.isfinite(found).all()
+
+
+def angular(joint, q, v):
+    """Angular velocity in the world, of a joint whose parent rests."""
+    omega, R = np.zeros((len(q), 3)), np.tile(np.eye(3), (len(q), 1, 1))
+    for axis, angle, rate in zip(joint.axes, q.T, v.T, strict=True):
+        omega += (R @ axis) * rate[:, None]
+        R = R @ rotation(axis, angle)
+    return omega @ joint.parent_frame.R.T
+
+
+def test_rates_and_accelerations_belong_to_the_triple_chosen():
+    ball, h = joint("s"), 1e-5
+    _, q, v, a = path(20)  # no sample at a lock
+    chart = read(ball, turned(ball.axes, q)).near(q)
+    assert np.abs(chart.q - q).max() < READ * 100
+    omega = angular(ball, q, v)
+    beta = (angular(ball, q + h * v, v + h * a) - angular(ball, q - h * v, v - h * a)) / (2.0 * h)
+    rates = chart.rates(omega[..., None])[..., 0]
+    assert np.abs(rates - v).max() < READ * 1e3
+    # the differences leave h^2 times third derivatives
+    assert np.abs(chart.bias(rates, np.zeros_like(omega), omega, beta) - a).max() < 1e-5
+
+
+def test_an_independent_angle_chooses_its_triple():
+    ball = joint("s")
+    _, q, _, _ = path(20)
+    chart = read(ball, turned(ball.axes, q))
+    for i in range(3):
+        off = chart.agreeing(i, q[:, i]).q[:, i] - q[:, i]
+        assert np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max() < READ * 100
+
+
+def test_a_universal_joint_has_no_lock():
+    universal = next(j for j in load_mechanism(NAME).joints if j.kind == "U")
+    t = np.linspace(-3.0, 3.0, 13)
+    q = np.stack([0.3 * t, np.pi / 2 * np.round(t)], axis=1)
+    v = np.stack([1.0 + t, 2.0 - t], axis=1)
+    chart = read(universal, turned(universal.axes, q))
+    found = chart.near(q)
+    assert np.abs(found.q - q).max() < READ
+    assert np.abs(found.rates(angular(universal, q, v)[..., None])[..., 0] - v).max() < READ
+    assert (chart.condition == 1.0).all()
