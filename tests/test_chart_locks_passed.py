@@ -87,11 +87,9 @@ def test_a_given_motion_is_read_through_the_lock(engine):
     motion = Motion(t, y, yd, ydd)
     problem = Problem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
     found = importlib.import_module(f"screwgauge.engines.{engine}").solve(problem).values
-    own, wrists = slice(column("s.q1"), column("s.q3") + 1), [column(f"leg{i}.q4") for i in (2, 3, 4)]
+    own = slice(column("s.q1"), column("s.q3") + 1)
     for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):
         assert np.abs(found[what].array[:, own] - np.column_stack([known, 0.0 * t])).max() < 1e-9, what
-    for first in wrists:
-        assert np.abs(np.diff(found["joint_position"].array[:, first : first + 3], axis=0)).max() < 1.0
 
 
 def path(n):

@@ -59,6 +59,7 @@ class _Work:
         self.cut = {
             joint.name: self.loops.begin(joint, problem.motion.y[0]) for joint in self.loops.cut
         }  # angles of cut joints at the last sample
+        self.given = {joint for _, joint, _ in self.loops.independent}  # cut joints with independent angles
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.sizes = make_sizes(tree, file, self.loops, self.q)
         self.set_out = SetOut(problem, tree, file, self.loops, self.sizes)
@@ -143,8 +144,15 @@ class _Work:
         return speed, self._forces(motion.t, at, A, K, (q, v, a), out, forces)
 
     def _unwrapped(self, joint: str, chart: Chart) -> Array:
-        """Angles of a cut joint without jumps, from its home on. Shape (n, m)."""
-        q = follow_angles(self.cut[joint], chart.q, chart.condition < SURE)
+        """Angles of a cut joint without jumps of a turn, from its home on. Shape (n, m).
+
+        Given angles say which triple is meant; the other joints keep the one that is read, as poses in closed form
+        do, which know of no way there.
+        """
+        if joint in self.given:
+            q = follow_angles(self.cut[joint], chart.q, chart.condition < SURE)
+        else:
+            q = np.unwrap(np.vstack([self.cut[joint], chart.q]), axis=0)[1:]
         self.cut[joint] = q[-1]
         return q
 
