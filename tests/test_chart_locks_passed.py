@@ -63,6 +63,7 @@ FALLS = {
     "through b = pi/2": ((0.0, 1.45), (0.0, 1.0), 0.3, 0.0),
     "aslant": ((0.1, 1.45), (0.4, 1.0), 0.3, 0.0),
     "from beyond": ((0.1, 2.0), (0.0, 1.0), 0.3, 0.0),
+    "from beyond a wrist's lock": ((-0.0107, -0.77), (0.0, 1.0), 0.1, 0.0),
     "driven beyond": ((0.1, 2.0), (0.0, 0.5), 0.3, 20.0),
 }
 
@@ -72,7 +73,7 @@ FALLS = {
 def test_a_fall_through_the_lock_is_read_alike(name, engine):
     expected, found = fall("screw", *FALLS[name]), fall(engine, *FALLS[name])
     assert (expected.stopped, found.stopped) == ("", "")
-    assert expected.q[-1, column("s.q2")] > np.pi / 2
+    assert expected.q[:, [column("s.q2"), column("leg3.q5")]].max() > np.pi / 2  # middle angles
     for what, error in AGREE.items():
         assert np.abs(getattr(found, what) - getattr(expected, what)).max() < error, what
 
@@ -87,11 +88,9 @@ def test_a_given_motion_is_read_through_the_lock(engine):
     motion = Motion(t, y, yd, ydd)
     problem = Problem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
     found = importlib.import_module(f"screwgauge.engines.{engine}").solve(problem).values
-    own, wrists = slice(column("s.q1"), column("s.q3") + 1), [column(f"leg{i}.q4") for i in (2, 3, 4)]
+    own = slice(column("s.q1"), column("s.q3") + 1)
     for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):
         assert np.abs(found[what].array[:, own] - np.column_stack([known, 0.0 * t])).max() < 1e-9, what
-    for first in wrists:
-        assert np.abs(np.diff(found["joint_position"].array[:, first : first + 3], axis=0)).max() < 1.0
 
 
 def path(n):

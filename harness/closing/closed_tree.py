@@ -14,8 +14,7 @@ from screwgauge.applied import State
 from screwgauge.assemble import Clock, Names, assemble, component_names, stages
 from screwgauge.closing.closed_forces import SetOut, closed_forces
 from screwgauge.closing.closure import Loops, check_names, make_loops
-from screwgauge.closing.cut_joints import SURE, Chart, nearest_turn
-from screwgauge.closing.cut_joints import follow as follow_angles
+from screwgauge.closing.cut_joints import Chart, nearest_turn, unwrapped
 from screwgauge.closing.sizes import make_sizes
 from screwgauge.closing.tree import BodyPoses, Tree
 from screwgauge.guard import Part, Trust, examined, gain, shakes
@@ -56,9 +55,8 @@ class _Work:
         home = {name: value for j in file.joints for name, value in zip(j.coordinates, j.home, strict=True)}
         self.q = np.array([home[name] for name in tree.coordinates])
         self.y = np.array([home[name] for name in file.independent.values()])
-        self.cut = {
-            joint.name: self.loops.begin(joint, problem.motion.y[0]) for joint in self.loops.cut
-        }  # angles of cut joints at the last sample
+        # angles of cut joints at the last sample
+        self.cut = {joint.name: self.loops.begin(joint, problem.motion.y[0]) for joint in self.loops.cut}
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.sizes = make_sizes(tree, file, self.loops, self.q)
         self.set_out = SetOut(problem, tree, file, self.loops, self.sizes)
@@ -70,7 +68,9 @@ class _Work:
             q, A = self._positions(motion)
             at = self.tree.poses(q)
             charts = self.loops.charts(at)
-            cut = {name: self._unwrapped(name, c) for name, c in charts.items()}
+            given = {joint for _, joint, _ in self.loops.independent}
+            cut = {name: unwrapped(self.cut[name], c, name in given) for name, c in charts.items()}
+            self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: c.near(cut[name]) for name, c in charts.items()}
         values, trust = self._beyond(motion, q, at, charts, cut, A)
 
@@ -141,12 +141,6 @@ class _Work:
         with self.clock.stage("accelerations"):
             a = self._accelerations(motion, at, charts, cut_v, A, (q, v), out)
         return speed, self._forces(motion.t, at, A, K, (q, v, a), out, forces)
-
-    def _unwrapped(self, joint: str, chart: Chart) -> Array:
-        """Angles of a cut joint without jumps, from its home on. Shape (n, m)."""
-        q = follow_angles(self.cut[joint], chart.q, chart.condition < SURE)
-        self.cut[joint] = q[-1]
-        return q
 
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closing errors over y, and their derivative."""

@@ -179,6 +179,19 @@ def follow(
     return out
 
 
+def unwrapped(begin: Array, chart: Chart, given: bool) -> Array:
+    """Angles at the samples of a given motion, without jumps of a turn. Shape (n, m).
+
+    Args:
+        begin: As in `follow`.
+        given: Whether some of them are independent: those say which triple is meant. The other joints keep the one
+            that is read, as poses in closed form do, which know of no way there.
+    """
+    if given:
+        return follow(begin, chart.q, chart.condition < SURE)
+    return np.asarray(np.unwrap(np.vstack([begin, chart.q]), axis=0)[1:])
+
+
 def _nearest(angles: Array, near: Array) -> tuple[Array, Flags]:
     """Of the triples of the same rotation, and all whole turns, those nearest to others. Shapes (n, m).
 
