@@ -77,9 +77,7 @@ def _check(problem: Problem, mechanism: Mechanism) -> None:
         what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
         raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
     if problem.springs or problem.motors:
-        raise DescriptionError(
-            "truth knows no springs and no motors", str(problem.model), "run this scene without it"
-        )
+        raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
     for load in problem.loads:
         if load.body not in mechanism.body_index:
             raise ModelFileError(
