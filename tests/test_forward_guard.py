@@ -94,7 +94,7 @@ def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
     def beyond(*_: object) -> None:
         raise ClosureError("the loops cannot close", "beside the start", "look elsewhere")
 
-    monkeypatch.setattr("screwgauge.forward.start.stiffness", beyond)
+    monkeypatch.setattr("screwgauge.forward.stiffness.eigenvalues", beyond)
     found = screwgauge.load_scene(scene())
     assert check_start(found, found.forward)[1] == ()
 

@@ -14,7 +14,6 @@ from screwgauge.preflight import FARTHEST, check_home, check_regular
 from screwgauge.reference.errors import (
     DescriptionError,
     JointLimitError,
-    ScrewgaugeError,
 )
 from screwgauge.reference.forward import forward
 from screwgauge.reference.kinematics import positions, rates
@@ -69,11 +68,7 @@ def check_start(scene: Scene, start: Forward) -> tuple[Layout, tuple[str, ...]]:
         )
     forces = forces_over_time(problem, lay)
     forward(lay, rates(lay, at, start.rates[None]), forces(start.since))
-    try:
-        found = stiffness(lay, forces, start)
-    except ScrewgaugeError:  # it looks at poses beside the start, some of which may not exist
-        return lay, ()
-    warning = stiff_warning(found, start, float(scene.motion.t[-1]))
+    warning = stiff_warning(stiffness(lay, forces, start), start, float(scene.motion.t[-1]))
     return lay, (warning,) if warning else ()
 
 

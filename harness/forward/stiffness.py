@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.forward.setting import EXPLICIT, Forward
 from screwgauge.reference.branch import Branch
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.forward import Forces, forward
 from screwgauge.reference.kinematics import rates
 from screwgauge.reference.pose import Layout
@@ -47,12 +48,15 @@ def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
 
 
 def stiffness(lay: Layout, forces: Callable[[float], Forces], start: Forward) -> Stiffness:
-    """The fastest eigenvalue at the start of a scene."""
-    found = eigenvalues(lay, forces(start.since), start.start, start.rates)
-    fastest = complex(found[np.argmax(np.abs(found))])
-    if not np.isfinite(fastest):
+    """The fastest eigenvalue at the start of a scene; none where poses beside the start do not exist."""
+    try:
+        found = eigenvalues(lay, forces(start.since), start.start, start.rates)
+    except ScrewgaugeError:
         return Stiffness(0j, float("inf"))
-    return Stiffness(fastest, REACH / abs(fastest) if fastest else float("inf"))
+    fastest = complex(found[np.argmax(np.abs(found))])
+    if not fastest or not np.isfinite(fastest):
+        return Stiffness(0j, float("inf"))
+    return Stiffness(fastest, REACH / abs(fastest))
 
 
 def stiff_warning(found: Stiffness, start: Forward, end: float) -> str:
