@@ -99,7 +99,7 @@ def _check_jumps(scene: Scene) -> None:
     if far.size:
         i = far[0]
         raise DescriptionError(
-            f"the motion jumps to {_describe(mechanism, motion.y[i])}, "
+            f"the motion jumps to {mechanism.described(motion.y[i])}, "
             f"farther than {FARTHEST:g} rad or m from the sample or home pose before",
             f"t = {motion.t[i]:g} s",
             "check its units or take shorter steps",
@@ -114,7 +114,7 @@ def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
         name, unit = scene.mechanism.coordinates[k], scene.mechanism.units[k]
         raise JointLimitError(
             f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}] "
-            f"at {_describe(scene.mechanism, y[i])}",
+            f"at {scene.mechanism.described(y[i])}",
             f"t = {t[i]:g} s",
             "shorten the motion or widen the limits",
         )
@@ -129,7 +129,7 @@ def _check_side(lay: Layout, motion: Motion) -> None:
     signs = np.linalg.slogdet(A)[0]
     if signs[0] * signs[1] < 0:
         raise SingularPoseError(
-            f"the motion lies beyond a singular pose, seen from home, at {_describe(lay.mechanism, motion.y[0])} "
+            f"the motion lies beyond a singular pose, seen from home, at {lay.mechanism.described(motion.y[0])} "
             f"(the determinant's sign differs): towards home {near_singularity(lay, at)}",
             f"t = {motion.t[0]:g} s",
             "keep it on the side of home, or describe the mechanism with a home pose beyond",
@@ -150,7 +150,7 @@ def check_regular(
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
-            f"the pose {_describe(lay.mechanism, y[i])} is singular (condition {condition[i]:.1e}): "
+            f"the pose {lay.mechanism.described(y[i])} is singular (condition {condition[i]:.1e}): "
             f"{near_singularity(lay, at.rows(bad[:1]))}",
             f"t = {t[i]:g} s",
             "keep the motion away from it",
@@ -165,16 +165,12 @@ def check_regular(
         i = change[0]  # the sample after the change
         nearest = max({max(i - 1, 0), i}, key=lambda k: condition[k])
         raise SingularPoseError(
-            f"the motion passes through a singular pose near {_describe(lay.mechanism, y[i])} "
+            f"the motion passes through a singular pose near {lay.mechanism.described(y[i])} "
             f"(the determinant changes sign): {near_singularity(lay, at.rows([nearest]))}",
             f"between t = {times[i]:g} s and {t[i]:g} s",
             "keep the motion away from it",
         )
     return float(sign[-1]), float(t[-1])
-
-
-def _describe(mechanism: Mechanism, y: Array) -> str:
-    return ", ".join(f"{label} = {value:.6g}" for label, value in zip(mechanism.independent, y, strict=True))
 
 
 def _mobility(lay: Layout, scene: Scene) -> Mobility:

@@ -58,10 +58,7 @@ def _refusal(scene: Scene, engine: str, quantities: tuple[str, ...], rows: Rows)
     motion = scene.motion
     what = _reason(scene, quantities, motion.y[rows[0]])
     times = ", ".join(f"{t:.6g}" for t in motion.t[rows[:SHOWN]]) + (", ..." if len(rows) > SHOWN else "")
-    pose = ", ".join(
-        f"{label} = {value:.6g}"
-        for label, value in zip(scene.mechanism.independent, motion.y[rows[0]], strict=True)
-    )
+    pose = scene.mechanism.described(motion.y[rows[0]])
     sentence = (
         f"{what} at {len(rows)} of {len(motion)} samples (t = {times} s; first at {pose}): "
         f"{', '.join(quantities)} not given there"

@@ -164,6 +164,18 @@ def preload_space(B: Array) -> Array:
     return np.asarray(U[..., B.shape[-1] :])
 
 
+def preload_rows(B: Array, m: int) -> Array:
+    """Rows below the Newton-Euler system of m unknowns, the last being actuator forces: they hold no preload.
+
+    Returns:
+        Shape (n, n_actuator - k, m).
+    """
+    preload = preload_space(B)
+    rows = np.zeros((len(B), preload.shape[2], m))
+    rows[:, :, m - B.shape[1] :] = preload.swapaxes(1, 2)
+    return rows
+
+
 def axial_directions(lay: Layout, at: Pose) -> Array:
     """Two directions across the line on which eq. (56) wants the spherical joint's force. Shape (n, 2, 3)."""
     if lay.mechanism.axial is None:

@@ -151,15 +151,9 @@ def _check_poses(lay: Layout, q: Array, condition: Array) -> None:
         raise SingularPoseError(
             "the independent coordinates do not determine the motion there "
             f"(condition number {condition[bad[0]]:.2g})",
-            f"{lay.mechanism.name} at {_named(lay, y)}",
+            f"{lay.mechanism.name} at {lay.mechanism.described(y, 9)}",
             "choose other coordinates or step over the pose",
         )
-
-
-def _named(lay: Layout, y: Array) -> str:
-    return ", ".join(
-        f"{label} = {value:.9g}" for label, value in zip(lay.mechanism.independent, y, strict=True)
-    )
 
 
 def _check_inertia(lay: Layout, M: Array) -> None:

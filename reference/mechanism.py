@@ -171,6 +171,12 @@ class Mechanism:
         """Joint coordinates at the home pose [rad or m]. Shape (n_q,)."""
         return np.concatenate([joint.home for joint in self.joints])
 
+    def described(self, y: Array, figures: int = 6) -> str:
+        """Independent coordinates by name, for messages: ``a = 0.1, b = 0.2``. Shape (k,)."""
+        return ", ".join(
+            f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True)
+        )
+
     @cached_property
     def limits(self) -> Array:
         """Bounds of the joint coordinates [rad or m]. Shape (n_q, 2)."""

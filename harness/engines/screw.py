@@ -189,14 +189,12 @@ class _Work:
 
     def _rule_rows(self, rate: Rates, B: Array, m: int, axial: bool) -> Array:
         """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56)."""
-        preload = dynamics.preload_space(B)
-        rows = np.zeros((len(B), preload.shape[2], m))
-        if axial and self.reactions is not None and self.lay.mechanism.axial is not None:
-            joint = self.lay.mechanism.axial[0]
-            columns = [self.reactions.names.index(f"{joint}.f{axis}") for axis in "xyz"]
-            rows[:, :, columns] = dynamics.axial_directions(self.lay, rate.pose)
-        else:
-            rows[:, :, m - B.shape[1] :] = preload.swapaxes(1, 2)
+        if not (axial and self.reactions is not None and self.lay.mechanism.axial is not None):
+            return dynamics.preload_rows(B, m)
+        joint = self.lay.mechanism.axial[0]
+        columns = [self.reactions.names.index(f"{joint}.f{axis}") for axis in "xyz"]
+        rows = np.zeros((len(B), B.shape[1] - B.shape[2], m))
+        rows[:, :, columns] = dynamics.axial_directions(self.lay, rate.pose)
         return rows
 
     def names(self) -> Names:

@@ -131,8 +131,7 @@ def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> 
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:
-    pose = ", ".join(f"{label} = {value:.6g}" for label, value in zip(mechanism.independent, y, strict=True))
-    return f"t = {t:g} s, {pose}"
+    return f"t = {t:g} s, {mechanism.described(y)}"
 
 
 def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array], dict[str, Array]]:

@@ -69,10 +69,8 @@ class _Near(Exception):
 
     def __str__(self) -> str:
         """Worked out only when it is to be read: most such poses are stepped over."""
-        y = self.at.q[0, self.lay.mechanism.independent_columns]
-        pose = ", ".join(
-            f"{label} = {value:.6g}" for label, value in zip(self.lay.mechanism.independent, y, strict=True)
-        )
+        mechanism = self.lay.mechanism
+        pose = mechanism.described(self.at.q[0, mechanism.independent_columns])
         return (
             f"the pose {pose} is nearly singular (condition {self.condition:.1e}): "
             f"{near_singularity(self.lay, self.at)}"

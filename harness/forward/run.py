@@ -153,8 +153,8 @@ def _solution(
         values = {"observable": Values(has.components, has.units, _filled(has.array, n)), **values}
     stopped = (f"stopped: {found.stopped}",) if found.stopped else ()
     way = passed(lay, found.q, scene.motion.t[:m], start.method.near)
-    estimate, condition = (_filled(array[:, None], n)[:, 0] for array in (way.estimate, way.condition))
-    estimate[m:] = np.inf  # there is no number
+    estimate = np.pad(way.estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(way.condition, (0, n - m), mode="edge")
     counts = f"{found.setting}: {found.steps} steps, {found.evaluations} evaluations of the accelerations"
     stages = {"integration": found.seconds, "integration, processor time": found.cpu}
     return Solution(
@@ -163,7 +163,7 @@ def _solution(
         values=values,
         condition=_filled(found.condition[:, None], n)[:, 0],
         estimate=dict.fromkeys(values, estimate),
-        conditions=dict.fromkeys(values, np.fmax.accumulate(condition)),
+        conditions=dict.fromkeys(values, met),
         timings=tuple(
             Timing(found.engine, found.setting, stage, m, seconds, seconds, _COVERS)
             for stage, seconds in stages.items()

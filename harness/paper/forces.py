@@ -43,10 +43,10 @@ def solve_forces(case: Case, rule: str = "min_norm") -> tuple[Forces, Array]:
     F, T = case.wrench(case.scene.gravity, case.loads)
     reactions = dynamics.joint_reactions(lay, at)
     c = dynamics.force_matrix(lay, at, case.bodies.com, reactions)
-    rows = np.zeros((len(case.t), 2, c.shape[2]))
     if rule == "min_norm":
-        rows[:, :, -4:] = dynamics.preload_space(case.B).swapaxes(1, 2)
+        rows = dynamics.preload_rows(case.B, c.shape[2])
     else:
+        rows = np.zeros((len(case.t), 2, c.shape[2]))
         rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
     unknown, condition = dynamics.solve_newton_euler(c, F, T, rows, reactions, case.rate.system.length)
     wrenches = _joint_wrenches(case, reactions, unknown)

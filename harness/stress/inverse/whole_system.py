@@ -13,7 +13,7 @@ from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
     joint_reactions,
-    preload_space,
+    preload_rows,
     required_wrench,
     solve_newton_euler,
 )
@@ -47,13 +47,10 @@ def whole_system(scene: Scene, *, refined: bool) -> tuple[Array, Array]:
     F, T = required_wrench(lay, at, bodies, scene.gravity, loads)
     reactions = joint_reactions(lay, at)
     c = force_matrix(lay, at, bodies.com, reactions)
-    preload = preload_space(rate.K[:, lay.mechanism.actuated_columns])
-    first = c.shape[2] - preload.shape[1]
-    rule = np.zeros((len(c), preload.shape[2], c.shape[2]))
-    rule[:, :, first:] = preload.swapaxes(1, 2)
+    rule = preload_rows(rate.K[:, lay.mechanism.actuated_columns], c.shape[2])
     wide = wide_force_matrix(lay, motion.y) if refined else None
     unknown, condition = solve_newton_euler(c, F, T, rule, reactions, rate.system.length, wide=wide)
-    return np.asarray(unknown[:, first:], dtype=float), condition
+    return np.asarray(unknown[:, len(reactions.names) :], dtype=float), condition
 
 
 def findings(scene: Scene) -> Iterator[Finding]:
