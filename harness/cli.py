@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from screwgauge import __version__
+from screwgauge import __version__, commands
 from screwgauge.reference.errors import ScrewgaugeError
-
-if TYPE_CHECKING:
-    from screwgauge.scene import Scene
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
@@ -42,14 +38,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _say(text: str) -> None:
-    """Prints; a reader of the pipe who has gone changes nothing about the exit status."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="screwgauge",
@@ -60,13 +48,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"screwgauge {__version__}")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    show = commands.add_parser("list", parents=[common], help="what there is to choose from")
+    show = subparsers.add_parser("list", parents=[common], help="what there is to choose from")
     show.add_argument("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
-    show.set_defaults(command=_list)
+    show.set_defaults(command=commands.show)
 
-    models = commands.add_parser(
+    models = subparsers.add_parser(
         "models", parents=[common], help="write URDF, MJCF and loops files of a mechanism, both cuts"
     )
     models.add_argument("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
@@ -79,9 +67,9 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="compare what yourdfpy, Pinocchio and MuJoCo read with the description",
     )
-    models.set_defaults(command=_models)
+    models.set_defaults(command=commands.models)
 
-    run = commands.add_parser(
+    run = subparsers.add_parser(
         "run",
         parents=[common],
         help="drive the engines with a scene, compare them, write the report",
@@ -102,20 +90,20 @@ def _parser() -> argparse.ArgumentParser:
         "--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)"
     )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
-    run.set_defaults(command=_run)
-    _add_bench(commands, common)
-    _add_stress(commands, common)
+    run.set_defaults(command=commands.run)
+    _add_bench(subparsers, common)
+    _add_stress(subparsers, common)
 
-    paper = commands.add_parser(
+    paper = subparsers.add_parser(
         "paper", parents=[common], help="measure the errata of the paper, each by its effect"
     )
     paper.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/paper")
-    paper.set_defaults(command=_paper)
+    paper.set_defaults(command=commands.paper)
     return parser
 
 
-def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
-    bench = commands.add_parser(
+def _add_bench(subparsers: Any, common: argparse.ArgumentParser) -> None:
+    bench = subparsers.add_parser(
         "bench", parents=[common], help="error against run time of many methods and settings"
     )
     bench.add_argument(
@@ -130,11 +118,11 @@ def _add_bench(commands: Any, common: argparse.ArgumentParser) -> None:
         help="begin nothing after that (480, --quick 48; forward scenes 90, --quick 25)",
     )
     bench.add_argument("--contestants", metavar="A,B", help="families or contestants; default: all")
-    bench.set_defaults(command=_bench)
+    bench.set_defaults(command=commands.bench)
 
 
-def _add_stress(commands: Any, common: argparse.ArgumentParser) -> None:
-    stress = commands.add_parser(
+def _add_stress(subparsers: Any, common: argparse.ArgumentParser) -> None:
+    stress = subparsers.add_parser(
         "stress",
         parents=[common],
         help="stiff and extreme cases: digits kept, and whether an engine says so where it keeps few",
@@ -145,182 +133,7 @@ def _add_stress(commands: Any, common: argparse.ArgumentParser) -> None:
     stress.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/stress")
     stress.add_argument("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     stress.add_argument("--severity", metavar="A,B", help="these rungs of the one case named")
-    stress.set_defaults(command=_stress)
-
-
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _list(options: argparse.Namespace) -> int:
-    from screwgauge.listing import listing
-
-    _say(listing(options.what))
-    return 0
-
-
-def _models(options: argparse.Namespace) -> int:
-    from screwgauge.models.catalog import load_mechanism
-    from screwgauge.models.generate import write_models
-    from screwgauge.preflight import check_home
-
-    mechanism = load_mechanism(options.mechanism)
-    check_home(mechanism)
-    out = options.out or Path("screwgauge-out") / mechanism.name
-    for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
-        _say(str(path))
-    if not options.check:
-        return 0
-    from screwgauge.models.check import check_models, check_table
-
-    rows = check_models(mechanism, out)
-    _say(check_table(rows))
-    return 0 if all(row.ok for row in rows) else 1
-
-
-def _run(options: argparse.Namespace) -> int:
-    from screwgauge.bench.threads import fix_threads
-
-    fix_threads()  # matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold
-    from screwgauge.driver import run
-    from screwgauge.progress import Line
-    from screwgauge.report.summary import summary_text
-    from screwgauge.report.terminal import format_terminal
-    from screwgauge.report.write import check_writable
-    from screwgauge.scene import load_scene
-
-    scene = load_scene(options.scene)
-    out = options.out or Path("screwgauge-out") / scene.name
-    check_writable(out, samples=options.samples)
-    with Line(sys.stderr) as line:
-        results = run(
-            scene,
-            _names(options.engines),
-            _names(options.quantities),
-            progress=line.show,
-            warn=lambda sentence: print(f"screwgauge: warning: {sentence}", file=sys.stderr, flush=True),
-        )
-        line.show("report", 0.0)
-        results.write(out, samples=options.samples)
-    if options.json:
-        _say(summary_text(results))
-    else:
-        _say(format_terminal(results))
-        _say(f"\nreport: {out / 'report.html'}")
-    return results.exit_status
-
-
-def _bench(options: argparse.Namespace) -> int:
-    from screwgauge.bench.threads import fix_threads
-
-    fix_threads()  # before anything imports numpy
-    from dataclasses import replace
-
-    from screwgauge.bench.journal import NAME
-    from screwgauge.bench.run import FULL, QUICK, bench, check_budget
-    from screwgauge.bench.terminal import format_terminal
-    from screwgauge.bench.write import write_bench
-    from screwgauge.progress import Line
-    from screwgauge.report.write import check_writable
-    from screwgauge.scene import load_scene
-
-    plan = QUICK if options.quick else FULL
-    if options.budget is not None:
-        plan = replace(plan, budget=check_budget(options.budget))
-    scene = load_scene(options.scene)
-    out = options.out or Path("screwgauge-out") / scene.name
-    check_writable(out)
-    if scene.forward is not None:
-        return _contest(options, scene, out)
-    try:
-        with Line(sys.stderr) as line:
-            found = bench(
-                scene,
-                plan=plan,
-                contestants=_names(options.contestants),
-                journal=out / NAME,
-                progress=line.show,
-            )
-            line.show("report", 0.0)
-            write_bench(found, out)
-    except KeyboardInterrupt:
-        print(
-            f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.",
-            file=sys.stderr,
-        )
-        return 130
-    print(format_terminal(found))
-    print(f"\nreport: {out / 'report.html'}")
-    return 0
-
-
-def _stress(options: argparse.Namespace) -> int:
-    from screwgauge.bench.threads import fix_threads
-
-    fix_threads()  # before anything imports numpy
-    from screwgauge.progress import Line
-    from screwgauge.reference.expressions import number
-    from screwgauge.report.write import check_writable
-    from screwgauge.stress.run import stress
-    from screwgauge.stress.terminal import format_terminal
-    from screwgauge.stress.write import write_stress
-
-    severities = _names(options.severity)
-    out = options.out or Path("screwgauge-out") / "stress"
-    check_writable(out)
-    with Line(sys.stderr) as line:
-        found = stress(
-            options.cases or None,
-            quick=options.quick,
-            severities=None if severities is None else [number(text, "--severity") for text in severities],
-            progress=line.show,
-        )
-        line.show("report", 1.0)
-        write_stress(found, out)
-    _say(format_terminal(found))
-    _say(f"\nreport: {out / 'report.html'}")
-    if found.broken:
-        print(f"screwgauge: a rung broke: {found.broken[0]}", file=sys.stderr)
-        return 3
-    return 0 if found.ok else 1
-
-
-def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
-    """The bench of a forward scene."""
-    from dataclasses import replace
-
-    from screwgauge.bench.run import check_budget
-    from screwgauge.forward.contest.report import format_terminal, write_contest
-    from screwgauge.forward.contest.run import FULL, QUICK, contest
-    from screwgauge.progress import Line
-
-    plan = QUICK if options.quick else FULL
-    if options.budget is not None:
-        plan = replace(plan, budget=check_budget(options.budget))
-    with Line(sys.stderr) as line:
-        found = contest(scene, plan=plan, contestants=_names(options.contestants), progress=line.show)
-        line.show("report", 0.0)
-        write_contest(found, out)
-    _say(format_terminal(found))
-    _say(f"\nreport: {out / 'report.html'}")
-    return 0
-
-
-def _paper(options: argparse.Namespace) -> int:
-    from screwgauge.paper.document import format_terminal, write_paper
-    from screwgauge.paper.measure import measure
-    from screwgauge.progress import Line
-    from screwgauge.report.write import check_writable
-
-    out = options.out or Path("screwgauge-out") / "paper"
-    check_writable(out)
-    with Line(sys.stderr) as line:
-        paper = measure(line.show)
-        line.show("report", 1.0)
-        write_paper(paper, out)
-    print(format_terminal(paper))
-    print(f"\nreport: {out / 'report.html'}")
-    return 0 if paper.complete else 1
+    stress.set_defaults(command=commands.stress)
 
 
 if __name__ == "__main__":
