@@ -71,9 +71,7 @@ def _pull(spring: PointSpring, state: State, index: Mapping[str, int], out: Arra
     ends = ((index[spring.first], spring.first_point), (index[spring.second], spring.second_point))
     arms = [(state.R[:, i] @ point) for i, point in ends]
     at = [state.p[:, i] + arm for (i, _), arm in zip(ends, arms, strict=True)]
-    speed = [
-        state.V[:, i, 3:] + np.cross(state.V[:, i, :3], arm) for (i, _), arm in zip(ends, arms, strict=True)
-    ]
+    speed = [state.V[:, i, 3:] + np.cross(state.V[:, i, :3], arm) for (i, _), arm in zip(ends, arms, strict=True)]
     length = np.linalg.norm(at[1] - at[0], axis=1)
     if not (length > 0.0).all():
         raise SingularPoseError(

@@ -45,11 +45,7 @@ def component_names(
         actuators: Names of the actuators, in the order of the actuated joints.
         reactions: Names and units of the reaction components.
     """
-    unit = {
-        c: "rad" if turn else "m"
-        for j in joints
-        for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)
-    }
+    unit = {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
     q = tuple(unit)
     xyz = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
 
@@ -116,10 +112,7 @@ def assemble(
         parts.append(solve_part(slice(first, first + PART)))
         progress(min(1.0, (first + PART) / len(motion)))
     table = names()
-    values = {
-        key: Values(*table[key], np.concatenate([part.values[key] for part in parts]))
-        for key in parts[0].values
-    }
+    values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
     return Solution(
         engine=engine,
         version=version,

@@ -59,9 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     models.add_argument("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
     models.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/MECHANISM")
-    models.add_argument(
-        "--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors"
-    )
+    models.add_argument("--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors")
     models.add_argument(
         "--check",
         action="store_true",
@@ -86,29 +84,21 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--engines", metavar="A,B", help="default: those of the scene")
     run.add_argument("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     run.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
-    run.add_argument(
-        "--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)"
-    )
+    run.add_argument("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
     run.set_defaults(command=commands.run)
     _add_bench(subparsers, common)
     _add_stress(subparsers, common)
 
-    paper = subparsers.add_parser(
-        "paper", parents=[common], help="measure the errata of the paper, each by its effect"
-    )
+    paper = subparsers.add_parser("paper", parents=[common], help="measure the errata of the paper, each by its effect")
     paper.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/paper")
     paper.set_defaults(command=commands.paper)
     return parser
 
 
 def _add_bench(subparsers: Any, common: argparse.ArgumentParser) -> None:
-    bench = subparsers.add_parser(
-        "bench", parents=[common], help="error against run time of many methods and settings"
-    )
-    bench.add_argument(
-        "scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file"
-    )
+    bench = subparsers.add_parser("bench", parents=[common], help="error against run time of many methods and settings")
+    bench.add_argument("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="name or path of a TOML file")
     bench.add_argument("--out", type=Path, metavar="DIR", help="default: screwgauge-out/SCENE")
     bench.add_argument("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     bench.add_argument(

@@ -135,10 +135,7 @@ def _pair(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     worst = rows[int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))]
     lost = not np.isfinite(worst["max_scaled"])
     return {
-        **{
-            key: worst[key]
-            for key in ("quantity", "a", "b", "unit", "max_abs", "max_scaled", "worst_t", "rule")
-        },
+        **{key: worst[key] for key in ("quantity", "a", "b", "unit", "max_abs", "max_scaled", "worst_t", "rule")},
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
         "worst_component": worst["component"],
         "unique": all(row["unique"] for row in rows),

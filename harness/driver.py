@@ -60,9 +60,7 @@ def run(
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
-    solutions, failures = solve(
-        scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress
-    )
+    solutions, failures = solve(scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress)
     progress("comparison", 0.0)
     refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
     for one in refused:
@@ -197,9 +195,7 @@ def _expected(mechanism: Mechanism, found: Mobility) -> dict[str, tuple[str, ...
         mechanism.actuator_names,
         (found.names[: found.constraints], ()),
     )
-    return {
-        quantity: names for quantity, (names, _) in table.items() if not quantity.startswith("tree_force")
-    }
+    return {quantity: names for quantity, (names, _) in table.items() if not quantity.startswith("tree_force")}
 
 
 def model_files(scene: Scene, name: str, folder: Path) -> tuple[Path, Path | None]:

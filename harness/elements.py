@@ -64,9 +64,7 @@ def read_spring(table: Any, mechanism: Mechanism, where: str) -> Spring:
     try:
         spring = _ends(table, where, amounts)
     except DescriptionError as error:
-        raise DescriptionError(
-            error.what, error.where if where in error.where else where, error.remedy
-        ) from None
+        raise DescriptionError(error.what, error.where if where in error.where else where, error.remedy) from None
     if not (spring.stiffness or spring.damping):
         raise DescriptionError("the spring exerts nothing", where, "give a stiffness or a damping")
     if isinstance(spring, JointSpring):

@@ -56,16 +56,12 @@ def _check_count(n: float, where: str) -> None:
 def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     if table is None:
         if sampled is None:
-            raise DescriptionError(
-                "there is no time grid", where, "add [time] with duration and step, or times"
-            )
+            raise DescriptionError("there is no time grid", where, "add [time] with duration and step, or times")
         return sampled
     check_keys(table, {"duration", "step", "times"}, where)
     if "times" in table:
         if not isinstance(table["times"], list) or len(table) > 1:
-            raise DescriptionError(
-                "'times' is no list on its own", where, "write times = [...], or duration and step"
-            )
+            raise DescriptionError("'times' is no list on its own", where, "write times = [...], or duration and step")
         return read_times(table["times"], f"{where}.times")
     duration = positive(required(table, "duration", where), f"{where}.duration")
     step = positive(required(table, "step", where), f"{where}.step")
@@ -82,9 +78,7 @@ def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     files = {engine: folder / read_text(table, engine, where) for engine in table}
     for engine, file in files.items():
         if not is_file(file):
-            raise DescriptionError(
-                f"model file of {engine} does not exist ('{file}')", where, "check the path"
-            )
+            raise DescriptionError(f"model file of {engine} does not exist ('{file}')", where, "check the path")
     return files
 
 

@@ -22,9 +22,7 @@ def listing(what: str | None) -> str:
         "scenes": lambda: [(name, load_scene(name).title) for name in scene_names()],
         "engines": lambda: [(name, _engine(name)) for name in ENGINES],
         "quantities": lambda: [(name, quantity.meaning) for name, quantity in QUANTITIES.items()],
-        "cases": lambda: [
-            (name, f"{case.title} ({case.span})") for name in CASES for case in [load_case(name)]
-        ],
+        "cases": lambda: [(name, f"{case.title} ({case.span})") for name in CASES for case in [load_case(name)]],
     }
     if what:
         return _table(tables[what]())

@@ -34,9 +34,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     if isinstance(table, dict) and "csv" in table:
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
-            raise DescriptionError(
-                f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes"
-            )
+            raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
         return _sampled(folder / table["csv"], labels)
     check_keys(table, labels, where)
     terms = {label: read_terms(required(table, label, where), f"{where}.{label}") for label in labels}
@@ -47,9 +45,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         finite = np.isfinite(np.concatenate([motion.y, motion.yd, motion.ydd], axis=1)).all(axis=1)
         if not finite.all():
             late = t[np.argmin(finite)]
-            raise DescriptionError(
-                f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion"
-            )
+            raise DescriptionError(f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion")
         return motion
 
     return drive, None

@@ -46,9 +46,7 @@ QUANTITIES = {
         Quantity("tree_force_soft", "the same with MuJoCo's equality constraints on", "a", RECURSIVE),
         Quantity("generalized_force", "what the actuators must deliver for each coordinate", "f", SOLVED),
         Quantity("actuator_force", "force of each actuator", "f", SOLVED, ruled=True),
-        Quantity(
-            "reaction", "every constraint force and moment, predecessor on successor", "f", SOLVED, ruled=True
-        ),
+        Quantity("reaction", "every constraint force and moment, predecessor on successor", "f", SOLVED, ruled=True),
         Quantity("observable", "what a forward scene follows", "q", SOLVED),
     )
 }

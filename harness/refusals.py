@@ -49,8 +49,7 @@ def refusals(scene: Scene, solution: Solution) -> tuple[Refusal, ...]:
         if missing.any():
             groups.setdefault(tuple(np.flatnonzero(missing).tolist()), []).append(quantity)
     return tuple(
-        _refusal(scene, solution.engine, tuple(quantities), np.array(rows))
-        for rows, quantities in groups.items()
+        _refusal(scene, solution.engine, tuple(quantities), np.array(rows)) for rows, quantities in groups.items()
     )
 
 

@@ -101,9 +101,7 @@ class Results:
         for name in engines:
             if name in self.solutions and quantity in self.solutions[name].radius:
                 return self.solutions[name].radius[quantity]
-        known = dict.fromkeys(
-            q for name in engines if name in self.solutions for q in self.solutions[name].radius
-        )
+        known = dict.fromkeys(q for name in engines if name in self.solutions for q in self.solutions[name].radius)
         raise UnknownNameError("radius", quantity, known or ["none, as the engine truth was not run"])
 
     def components(self, quantity: str, engine: str | None = None) -> tuple[str, ...]:

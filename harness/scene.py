@@ -99,9 +99,7 @@ class Scene:
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
             raise DescriptionError(f"{times!r} is not a list of times", "times", "give a list of times in s")
         if self.forward is not None:
-            return replace(
-                self, motion=_clock(read_times(list(times), "times"), self.motion, self.forward.since)
-            )
+            return replace(self, motion=_clock(read_times(list(times), "times"), self.motion, self.forward.since))
         return replace(self, motion=self.drive(read_times(list(times), "times")))
 
     def wording(self) -> Wording:
@@ -194,13 +192,9 @@ def _common(data: dict[str, Any], path: Path, file: Path, mechanism: Mechanism) 
         "springs": items("springs", read_spring),
         "motors": items("motors", read_motor),
         "engines": check_engines(data.get("engines", list(DEFAULT_ENGINES)), where),
-        "tolerances": {
-            key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()
-        },
+        "tolerances": {key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         "models": read_models(data.get("models", {}), path.parent, f"{where}, models"),
-        "figures": tuple(
-            read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)
-        ),
+        "figures": tuple(read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)),
     }
 
 
@@ -208,12 +202,9 @@ def _read_forward(data: dict[str, Any], path: Path, file: Path, mechanism: Mecha
     where = str(path)
     for key in ("motion", "rule"):
         if key in data:
-            raise DescriptionError(
-                f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}"
-            )
+            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
     observables = tuple(
-        read_observable(item, mechanism, f"{where}, observables")
-        for item in read_list(data, "observables", where)
+        read_observable(item, mechanism, f"{where}, observables") for item in read_list(data, "observables", where)
     )
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):
@@ -234,9 +225,7 @@ def _read_forward(data: dict[str, Any], path: Path, file: Path, mechanism: Mecha
         forward=forward,
         observables=observables,
         known=known,
-        published=tuple(
-            read_published(item, f"{where}, published") for item in read_list(data, "published", where)
-        ),
+        published=tuple(read_published(item, f"{where}, published") for item in read_list(data, "published", where)),
     )
     if not _driven(scene):
         raise DescriptionError(

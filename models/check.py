@@ -95,10 +95,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
         verdict = "ok" if all(row.ok for row in group) else "DIFFERS"
         lines.append((file, reading, what, str(len(group)), *figures, verdict))
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    text = [
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
+    text = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     text += [
         f"{row.file} as read by {row.reading}: {row.what} of {row.item or 'the model'}: "
         f"expected {row.expected}, found {row.found}"

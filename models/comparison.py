@@ -66,9 +66,7 @@ class Comparison:
     def _add(
         self, item: str, what: str, expected: str, found: str, difference: float, tolerance: float, ok: bool
     ) -> None:
-        self.rows.append(
-            CheckRow(self.file, self.reading, item, what, expected, found, difference, tolerance, ok)
-        )
+        self.rows.append(CheckRow(self.file, self.reading, item, what, expected, found, difference, tolerance, ok))
 
 
 def _short(values: Array) -> str:

@@ -28,8 +28,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, pose)
         screws.update(_screws(link, poses))
     actuators = {
-        name: joint.coordinates[0]
-        for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+        name: joint.coordinates[0] for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     }
     closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
     return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))

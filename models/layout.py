@@ -143,9 +143,7 @@ def length_scale(mechanism: Mechanism) -> float:
     lengths = [1e-300]
     for joint in mechanism.joints:
         lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
-        lengths += [
-            abs(float(home)) for (turns, _), home in zip(joint.freedoms, joint.home, strict=True) if not turns
-        ]
+        lengths += [abs(float(home)) for (turns, _), home in zip(joint.freedoms, joint.home, strict=True) if not turns]
     return max(lengths) if max(lengths) > 1e-300 else 1.0
 
 

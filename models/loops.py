@@ -127,9 +127,7 @@ def _closure_lines(closure: Closure) -> list[str]:
 
 
 def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # JSON strings are TOML strings but for DEL
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON strings are TOML strings but for DEL
 
 
 def _key(name: str) -> str:
@@ -190,9 +188,7 @@ def read_loops(path: Path) -> LoopsFile:
 def _typed(table: Any, key: str, kind: type, where: str, default: Any = None) -> Any:
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
-        raise ModelFileError(
-            f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again"
-        )
+        raise ModelFileError(f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
     return value
 
 
@@ -222,9 +218,7 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
         for side in ("parent", "child")
     ]
     if len(points[0]) != len(points[1]) or len(points[0]) != (1 if kind == "point" else 2):
-        raise ModelFileError(
-            f"a closure of type {kind} has another number of points", where, "mend the lists"
-        )
+        raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")
     return Closure(name, kind, parent, child, points[0], points[1], joint.parent_frame, joint.child_frame)
 
 

@@ -93,8 +93,7 @@ def read_yourdfpy(path: Path, home: Mapping[str, float]) -> Reading:
     robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
     moving = {"revolute", "prismatic", "continuous"}
     above = {
-        joint.child: (joint.parent, (joint.name,) if joint.type in moving else ())
-        for joint in robot.joint_map.values()
+        joint.child: (joint.parent, (joint.name,) if joint.type in moving else ()) for joint in robot.joint_map.values()
     }
     solid = {name: link for name, link in robot.link_map.items() if link.inertial and link.inertial.mass}
     bodies = {}
@@ -152,11 +151,7 @@ def _pinocchio_inertias(model: Any) -> dict[int, Any]:
     """
     import pinocchio
 
-    fixed = {
-        i: f
-        for i, f in enumerate(model.frames)
-        if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass
-    }
+    fixed = {i: f for i, f in enumerate(model.frames) if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass}
     inertias = {}
     for i, frame in enumerate(model.frames):
         if frame.type != pinocchio.FrameType.BODY or not frame.parentJoint:
@@ -165,9 +160,7 @@ def _pinocchio_inertias(model: Any) -> dict[int, Any]:
             Y = model.frames[frame.parentFrame].inertia
         else:
             Y = model.inertias[frame.parentJoint]
-            merged = [
-                f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint
-            ]
+            merged = [f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint]
             # What rounding leaves of a massless link must not pass for a body.
             if merged and Y.mass - sum(part.mass for part in merged) <= 1e-12 * Y.mass:
                 continue

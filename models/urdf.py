@@ -58,9 +58,7 @@ def frame_link(link: Link) -> str:
     return f"{link.original}@{link.joint.name}.frame"
 
 
-def _elementary(
-    robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool
-) -> None:
+def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
     kind = "revolute" if freedom.turns else "prismatic"
     joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
     _placement(joint, frame)

@@ -71,9 +71,7 @@ class Branch:
             way = way * min(1.0, largest / length)
             step = self.K @ way
             goal = y if largest >= length else self.y + way * unit
-            if self._try(
-                self.q + step * self.size, goal, BEND * float(np.abs(step[self.system.unknown]).max()) + 1e-9
-            ):
+            if self._try(self.q + step * self.size, goal, BEND * float(np.abs(step[self.system.unknown]).max()) + 1e-9):
                 continue
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:

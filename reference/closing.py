@@ -83,9 +83,7 @@ class Closing:
         owner = list(self.components.joints)
         kind = [self.lay.tree.cuts[c].kind for c in owner]
         force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
-        carried = np.array(
-            [k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool
-        )
+        carried = np.array([k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool)
         normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
         return owner, force, carried, normal
 
@@ -101,8 +99,7 @@ class Closing:
         owner, _, carried, normal = self._kinds
         direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
         direction[:, carried] = (
-            R_child[:, [c for c, own in zip(owner, carried, strict=True) if own]]
-            @ direction[:, carried][..., None]
+            R_child[:, [c for c, own in zip(owner, carried, strict=True) if own]] @ direction[:, carried][..., None]
         )[..., 0]
         by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
         if by_axis:

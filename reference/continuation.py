@@ -99,9 +99,7 @@ def partial_rates(A: Array, k: int) -> Array:
     return linear.solve(A, right)
 
 
-def follow(
-    correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array, *, size: Array | float = 1.0
-) -> Array:
+def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array, *, size: Array | float = 1.0) -> Array:
     """Starting values for all samples: each is predicted from a corrected pose at most `STEP` away.
 
     Args:

@@ -165,19 +165,13 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     raw_axes = required(table, "axes", where)
     n_axes = 1 if kind == "C" else n
     if not isinstance(raw_axes, list) or len(raw_axes) != n_axes:
-        raise DescriptionError(
-            f"a {kind} joint has {n_axes} axes", f"{where}.axes", "write a list of unit vectors"
-        )
+        raise DescriptionError(f"a {kind} joint has {n_axes} axes", f"{where}.axes", "write a list of unit vectors")
     coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.q{i + 1}" for i in range(n)])
     if not isinstance(coordinates, list) or len(coordinates) != n:
-        raise DescriptionError(
-            f"a {kind} joint has {n} coordinates", f"{where}.coordinates", f"write {n} names"
-        )
+        raise DescriptionError(f"a {kind} joint has {n} coordinates", f"{where}.coordinates", f"write {n} names")
     actuated = table.get("actuated", False)
     if not isinstance(actuated, bool):
-        raise DescriptionError(
-            f"'{actuated}' is not true or false", f"{where}.actuated", "write true or false"
-        )
+        raise DescriptionError(f"'{actuated}' is not true or false", f"{where}.actuated", "write true or false")
     return Joint(
         name=name,
         kind=kind,
@@ -241,10 +235,6 @@ def _check_names(mechanism: Mechanism, where: str) -> None:
     for label, name in mechanism.independent.items():
         _name(label, f"{where}, independent")
         if name not in mechanism.coordinates:
-            raise UnknownNameError(
-                "coordinate", str(name), mechanism.coordinates, f"{where}, independent.{label}"
-            )
+            raise UnknownNameError("coordinate", str(name), mechanism.coordinates, f"{where}, independent.{label}")
     if len(set(mechanism.independent.values())) < len(mechanism.independent):
-        raise DescriptionError(
-            "one coordinate is named twice", f"{where}, independent", "name different ones"
-        )
+        raise DescriptionError("one coordinate is named twice", f"{where}, independent", "name different ones")

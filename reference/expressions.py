@@ -67,9 +67,7 @@ def number(value: Any, where: str) -> float:
         if abs(result) > LARGEST:
             raise ValueError(f"larger than {LARGEST:g}")
     except (ValueError, SyntaxError, ArithmeticError, TypeError, RecursionError, MemoryError) as error:
-        reason = (
-            error.args[0] if type(error) is ValueError else _REASONS.get(type(error), "not an expression")
-        )
+        reason = error.args[0] if type(error) is ValueError else _REASONS.get(type(error), "not an expression")
         raise DescriptionError(
             f"'{value}' cannot be read as a number ({reason})", where, 'write 0.5 or "3*sqrt(3)/10"'
         ) from None
@@ -92,9 +90,7 @@ def unit_vector(value: Any, where: str) -> Array:
     axis = vector(value, where)
     norm = float(np.linalg.norm(axis))
     if abs(norm - 1.0) > 1e-12:
-        raise DescriptionError(
-            f"axis {axis.tolist()} has norm {norm:.15g}, not 1", where, "divide by its norm"
-        )
+        raise DescriptionError(f"axis {axis.tolist()} has norm {norm:.15g}, not 1", where, "divide by its norm")
     return axis / norm
 
 
@@ -120,7 +116,5 @@ def _orthonormal(rows: Any, where: str) -> Array:
         raise DescriptionError(f"{rows!r} is not a matrix", where, "write three rows of three numbers")
     R = np.array([vector(row, where) for row in rows])
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-12 or np.linalg.det(R) < 0.0:
-        raise DescriptionError(
-            f"{R.tolist()} is not a rotation", where, "write orthonormal right-handed rows"
-        )
+        raise DescriptionError(f"{R.tolist()} is not a rotation", where, "write orthonormal right-handed rows")
     return R

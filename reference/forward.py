@@ -149,8 +149,7 @@ def _check_poses(lay: Layout, q: Array, condition: Array) -> None:
     if bad.size:
         y = q[bad[0], lay.mechanism.independent_columns]
         raise SingularPoseError(
-            "the independent coordinates do not determine the motion there "
-            f"(condition number {condition[bad[0]]:.2g})",
+            f"the independent coordinates do not determine the motion there (condition number {condition[bad[0]]:.2g})",
             f"{lay.mechanism.name} at {lay.mechanism.described(y, 9)}",
             "choose other coordinates or step over the pose",
         )

@@ -49,9 +49,7 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
         return name
 
     kept = []
-    for joint in sorted(
-        mechanism.joints, key=lambda j: (j.name not in keep, not j.actuated, len(j.coordinates))
-    ):
+    for joint in sorted(mechanism.joints, key=lambda j: (j.name not in keep, not j.actuated, len(j.coordinates))):
         a, b = root(joint.parent), root(joint.child)
         if a != b:
             group[a] = b

@@ -153,9 +153,7 @@ def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
     for edge in lay.tree.edges:
         sign = -1.0 if edge.reverse else 1.0
         columns = lay.columns[edge.joint.name]
-        far = _bias_across(
-            terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign
-        )
+        far = _bias_across(terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign)
         body[:, index[edge.far]] = body[:, index[edge.near]] + far
     loop = np.zeros((len(terms), len(lay.tree.cuts), 6), dtype=terms.dtype)
     for c, joint in enumerate(lay.tree.cuts):

@@ -117,9 +117,7 @@ class Joint:
     def __post_init__(self) -> None:
         where = self.where or self.name
         if self.actuated and len(self.coordinates) != 1:
-            raise DescriptionError(
-                f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint"
-            )
+            raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if self.kind in "US":
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
@@ -132,9 +130,7 @@ def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
     """Names of the actuators: ``leg1`` for ``leg1.slide`` where that is unique, else the joint's name."""
     driven = [joint.name for joint in joints if joint.actuated]
     groups = [name.rsplit(".", 1)[0] for name in driven]
-    return tuple(
-        group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True)
-    )
+    return tuple(group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +169,7 @@ class Mechanism:
 
     def described(self, y: Array, figures: int = 6) -> str:
         """Independent coordinates by name, for messages: ``a = 0.1, b = 0.2``. Shape (k,)."""
-        return ", ".join(
-            f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True)
-        )
+        return ", ".join(f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True))
 
     @cached_property
     def limits(self) -> Array:

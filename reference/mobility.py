@@ -130,6 +130,4 @@ def check_independent(lay: Layout, at: Pose) -> None:
             f"name {freedoms}",
         )
     if linear.rank(A) < A.shape[1]:
-        raise DescriptionError(
-            f"the coordinates {names} are not independent at the home pose", where, "choose others"
-        )
+        raise DescriptionError(f"the coordinates {names} are not independent at the home pose", where, "choose others")

@@ -127,15 +127,11 @@ def chains(lay: Layout) -> Chains:
             "the paper's scheme needs that",
         )
     if any(edge.reverse for chain in found for edge in chain):
-        raise DescriptionError(
-            "a joint is declared from the platform to ground", where, "swap parent and child"
-        )
+        raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
     parts = [_parts(lay, chain) for chain in found]
     m = max(len(part) for part in parts)
     rows = [[*part, *[_NOTHING] * (m - len(part))] for part in parts]
-    columns, used, turns, axis, R, p = (
-        np.array([[item[k] for item in row] for row in rows]) for k in range(6)
-    )
+    columns, used, turns, axis, R, p = (np.array([[item[k] for item in row] for row in rows]) for k in range(6))
     turns = turns[..., None].astype(float)
     K = skew(axis) * turns[..., None]
     first = [chain[0].joint.parent_frame for chain in found]
@@ -239,9 +235,7 @@ def _check(step: float, duration: float, method: str) -> None:
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)
     if not 0.0 < step <= duration:
-        raise DescriptionError(
-            f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration"
-        )
+        raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
 
 
 def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:

@@ -92,9 +92,7 @@ def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Arra
     angles = triad_angles(R_from.swapaxes(-1, -2) @ (R[:, j] @ R_j), cut.triads)
     q[:, columns[place]] = _nearest(angles, near)[:, owner, number]
     if cut.slides[0]:
-        apart = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (
-            p[:, i] + (R[:, i] @ p_i[..., None])[..., 0]
-        )
+        apart = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
         place, owner = cut.slides
         along = (R_from[:, owner] @ cut.slide_axes[..., None])[..., 0]
         q[:, columns[place]] = np.sum(along * apart[:, owner], axis=-1)

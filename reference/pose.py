@@ -150,9 +150,7 @@ def across(
     Returns:
         Pose of the other body; direction and point of each freedom's axis in the joint's own order, (n, f, 3) each.
     """
-    start, end = (
-        (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
-    )
+    start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
     R, p = place(R, p, start)
     directions, points = np.empty((2, len(R), q.shape[1], 3), dtype=q.dtype)
     steps = list(enumerate(joint.freedoms))

@@ -25,8 +25,7 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
     The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
     """
     bodies = tuple(
-        _with(body, com=body.com.astype(dtype), inertia=body.inertia.astype(dtype))
-        for body in mechanism.bodies
+        _with(body, com=body.com.astype(dtype), inertia=body.inertia.astype(dtype)) for body in mechanism.bodies
     )
     joints = tuple(_joint(joint, dtype) for joint in mechanism.joints)
     axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
@@ -53,9 +52,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     at = pose(lay, q)
     if not np.abs(at.gap).max(initial=0.0) < 64 * wider.eps:
         return None
-    com = (
-        at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in lay.mechanism.bodies])[..., None])[..., 0]
-    )
+    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in lay.mechanism.bodies])[..., None])[..., 0]
     return force_matrix(lay, at, com, joint_reactions(lay, at))
 
 

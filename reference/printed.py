@@ -145,9 +145,7 @@ def body_moment(arms: Array, F: Array, T: Array, side: Side, reading: Reading) -
     return np.asarray(moment if side == "child" else -moment)
 
 
-def accelerations(
-    side: Chains, S: Array, w: Array, A: Array, bracket: Bracket | None = None
-) -> tuple[Array, Array]:
+def accelerations(side: Chains, S: Array, w: Array, A: Array, bracket: Bracket | None = None) -> tuple[Array, Array]:
     """Joint accelerations of every chain by eqs. (44), (26), and the acceleration screws after each freedom.
 
     Args:

@@ -129,10 +129,7 @@ def spring_forces(lay: Layout, rate: Rates, springs: Sequence[Spring]) -> tuple[
                 "move its points or shorten the motion",
             )
         along = (b - a) / length
-        v = [
-            screws.velocity_at(rate.V[:, index[body]], r)
-            for body, r in ((spring.first, a), (spring.second, b))
-        ]
+        v = [screws.velocity_at(rate.V[:, index[body]], r) for body, r in ((spring.first, a), (spring.second, b))]
         speed = np.sum(along * (v[1] - v[0]), axis=1, keepdims=True)
         pull = (spring.stiffness * (length - spring.rest) + spring.damping * speed) * along
         for body, point, force in (

@@ -95,9 +95,7 @@ def test_bad_forward_scene_is_refused(case, write, refused):
 
 def test_observables_belong_to_a_forward_scene(write, refused):
     entries = {key: GOOD[key] for key in ("mechanism", "time", "observable")} | {"motion": MOTION}
-    path = write(
-        "scene.toml", "\n".join(entries[key] for key in ("mechanism", "time", "motion", "observable"))
-    )
+    path = write("scene.toml", "\n".join(entries[key] for key in ("mechanism", "time", "motion", "observable")))
     assert "'observables' belongs to a forward scene" in refused("run", path)
 
 

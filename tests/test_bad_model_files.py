@@ -40,9 +40,7 @@ def test_a_model_file_that_does_not_exist_is_refused(engine, name, paper_scene, 
 @pytest.mark.parametrize("engine", ["screw", *SUFFIX])
 @pytest.mark.parametrize("text", ["", "not a model", "<robot", "<html></html>", "\0\1", "[1, 2]"])
 def test_a_file_that_is_no_model_is_refused(engine, text, own_model, refused):
-    said = refused(
-        "run", own_model(engine, text, "own.toml" if engine == "screw" else "own"), "--engines", engine
-    )
+    said = refused("run", own_model(engine, text, "own.toml" if engine == "screw" else "own"), "--engines", engine)
     assert "own" in said or f"model of {engine}" in said
 
 
@@ -110,12 +108,8 @@ def test_the_generated_files_themselves_are_accepted(write, paper_scene, texts):
 
 
 def test_a_model_that_does_not_close_is_a_failed_engine_and_no_bad_input(own_model):
-    lengthened = (
-        'extends = "3ups-upu-s"\nname = "own"\njoints."leg1.wrist".child_frame.position = [2.5, 0, 5]\n'
-    )
-    results = screwgauge.run(
-        load_scene(own_model("screw", lengthened, "own.toml")), quantities=["joint_position"]
-    )
+    lengthened = 'extends = "3ups-upu-s"\nname = "own"\njoints."leg1.wrist".child_frame.position = [2.5, 0, 5]\n'
+    results = screwgauge.run(load_scene(own_model("screw", lengthened, "own.toml")), quantities=["joint_position"])
     assert results.exit_status in (1, 3)
 
 

@@ -29,9 +29,7 @@ def b_over_time(*coefficients: float) -> str:
 def test_a_joint_limit_is_enforced_with_time_pose_and_limits(changed_scene, refused):
     times = "time = { times = [0, 1, 2, 3] }"
     said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time=times))
-    found = re.search(
-        r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said
-    )
+    found = re.search(r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said)
     assert found, said
     assert not 0.55 <= float(found[2]) <= 0.62
     assert int(found[1]) == 2  # the first sample beyond
@@ -39,9 +37,7 @@ def test_a_joint_limit_is_enforced_with_time_pose_and_limits(changed_scene, refu
 
 
 def test_the_limit_message_tells_the_pose(changed_scene, refused):
-    said = refused(
-        "run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time="time = { times = [0, 2] }")
-    )
+    said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time="time = { times = [0, 2] }"))
     assert "a = 0, b = 0.1" in said
 
 
@@ -58,9 +54,7 @@ def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, re
 def test_a_motion_to_where_the_loops_cannot_close_is_refused(changed_scene, refused):
     motion = "motion = { a = { polynomial = [0.6, 2] }, b = { offset = 0.6 } }"
     said = refused("run", changed_scene(LENGTHS, motion=motion, time="time = { times = [0, 0.01, 1] }"))
-    assert (
-        said.startswith("screwgauge: t = 1 s: the loops cannot close beyond y = [") or "stay open by" in said
-    )
+    assert said.startswith("screwgauge: t = 1 s: the loops cannot close beyond y = [") or "stay open by" in said
     assert re.search(r"y = \[ *\d\.\d+ +0\.6", said), said
     assert "shorten the motion or check the geometry" in said
 
@@ -77,9 +71,7 @@ def test_a_far_pose_that_can_be_reached_is_not_refused(paper_scene):
 
 
 def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused):
-    said = refused(
-        "run", paper_scene(motion=b_over_time(0.3, 0.02), time="time = { duration = 5, step = 0.5 }")
-    )
+    said = refused("run", paper_scene(motion=b_over_time(0.3, 0.02), time="time = { duration = 5, step = 0.5 }"))
     assert "between t = 2.5 s and 3 s: the motion passes through a singular pose near a = 0, b = 0.36" in said
     assert "keep the motion away from it" in said
 
@@ -142,9 +134,7 @@ def test_enormous_numbers_are_refused_without_warnings(motion, paper_scene, refu
 
 
 def test_a_motion_that_overflows_is_refused_with_the_time(paper_scene, refused):
-    said = refused(
-        "run", paper_scene(motion=b_over_time(0, 0, 0, 0, 1), time='time = { times = [0, "1e99"] }')
-    )
+    said = refused("run", paper_scene(motion=b_over_time(0, 0, 0, 0, 1), time='time = { times = [0, "1e99"] }'))
     assert "scene.toml, motion: grows beyond all numbers at t = 1e+99 s" in said
 
 
@@ -178,9 +168,7 @@ def test_a_missing_column_is_named(column, csv_scene, refused):
     assert "t, a, ad, add, b, bd, bdd (derivatives are required)" in said
 
 
-@pytest.mark.parametrize(
-    "value", ["nan", "NaN", "", "inf", "-inf", "x", "0;1", "1e400", "1e101", "__import__('os')"]
-)
+@pytest.mark.parametrize("value", ["nan", "NaN", "", "inf", "-inf", "x", "0;1", "1e400", "1e101", "__import__('os')"])
 def test_a_sample_that_is_no_finite_number_is_named_by_column_and_row(value, csv_scene, refused):
     lines = GOOD_CSV.splitlines()
     lines[2] = f"0.1,0.01,0,{value},0,0,0"
@@ -236,9 +224,7 @@ def test_labels_whose_derivatives_collide_are_refused_in_a_csv(write, changed_sc
 @pytest.mark.parametrize("times", [[0.05], [0, 0.2], [-1], [0.3, 0.4], [1e300]])
 def test_times_that_a_csv_does_not_have_are_refused(times, csv_scene):
     scene = load_scene(csv_scene(GOOD_CSV))
-    with pytest.raises(
-        ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"
-    ):
+    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"):
         scene.at(times)
 
 

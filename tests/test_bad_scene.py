@@ -38,9 +38,7 @@ def test_toml_syntax_error_names_file_and_line(line, paper_scene, refused):
 
 
 @pytest.mark.parametrize(("option", "kind"), [("--engines", "engine"), ("--quantities", "quantity")])
-@pytest.mark.parametrize(
-    "names", ["nothing", "screw,joint_position,nothing", "Screw", "screw joint_position"]
-)
+@pytest.mark.parametrize("names", ["nothing", "screw,joint_position,nothing", "Screw", "screw joint_position"])
 def test_unknown_engine_or_quantity_on_the_command_line_is_refused(option, kind, names, paper_scene, refused):
     said = refused("run", paper_scene(), option, names)
     assert f"screwgauge: unknown {kind} '" in said
@@ -231,9 +229,7 @@ def test_python_refuses_times_that_are_none(times):
         load_scene("3ups-upu-s").at(times)
 
 
-@pytest.mark.parametrize(
-    "times", [[0, 0.5], (0.0,), np.array([0.0, 0.5]), np.array([1, 2]), ["1/3"], [np.float64(1)]]
-)
+@pytest.mark.parametrize("times", [[0, 0.5], (0.0,), np.array([0.0, 0.5]), np.array([1, 2]), ["1/3"], [np.float64(1)]])
 def test_python_takes_times_of_any_number_type(times):
     assert len(load_scene("3ups-upu-s").at(times).motion) == len(times)
 
@@ -330,9 +326,7 @@ def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene,
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]])
 def test_wrong_usage_exits_with_2(arguments, capfd):
     with pytest.raises(SystemExit) as caught:
         main(arguments)

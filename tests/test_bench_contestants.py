@@ -84,9 +84,7 @@ def test_projection_is_exact_and_the_naive_reading_is_not(found):
 
 def test_the_paper_as_printed_does_not_get_better_with_smaller_steps(found):
     errors = [
-        r.max_scaled
-        for r in found.rows
-        if r.contestant.name == "paper-printed" and r.quantity == "joint_position"
+        r.max_scaled for r in found.rows if r.contestant.name == "paper-printed" and r.quantity == "joint_position"
     ]
     assert min(errors) > 0.1
     assert worst(found, "paper-corrected", "joint_position", "RK4, step = 0.001") < 1e-9
@@ -106,9 +104,7 @@ def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
 
 
 def test_single_precision_closes_loops_that_closed_form_leaves_open():
-    rows = bench(
-        screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]
-    ).rows
+    rows = bench(screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]).rows
     errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
     assert errors["closed-form", "joint_position"] > 1e-3
     assert errors["float32", "joint_position"] < 1e-5
@@ -140,9 +136,7 @@ def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatc
         registry.Entry("broken", "broken", f"{__name__}:broken"),
     )
     monkeypatch.setattr(registry, "REGISTRY", entries)
-    monkeypatch.setattr(
-        registry, "import_module", lambda name: __import__(name) if "such" in name else _Module
-    )
+    monkeypatch.setattr(registry, "import_module", lambda name: __import__(name) if "such" in name else _Module)
     names = [entry.name for entry in entries]
     rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names).rows
     assert [row.status for row in rows] == ["failed", "failed"]
@@ -172,9 +166,7 @@ def values(array: list[list[float]], units: tuple[str, ...] = ("rad", "m")) -> V
 
 
 def test_errors_are_scaled_by_unit():
-    found = score(
-        Outcome(values([[1.0, 5.0], [1.0, 3.0]])), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0}
-    )
+    found = score(Outcome(values([[1.0, 5.0], [1.0, 3.0]])), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0})
     assert found.max_scaled == 0.5
     assert found.rms_scaled == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
 

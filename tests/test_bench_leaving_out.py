@@ -132,8 +132,6 @@ def test_what_is_left_is_the_same_to_the_last_bit(table):
 
 
 def test_cut_and_model_parts_change_nothing_but_rounding(table):
-    rest = table[
-        table["group"].isin(["cut", "in the model"]) & ~table["setting"].isin(["contacts", "all of them"])
-    ]
+    rest = table[table["group"].isin(["cut", "in the model"]) & ~table["setting"].isin(["contacts", "all of them"])]
     assert len(rest) == 6
     assert rest["unchanged"].all(), rest.to_string()

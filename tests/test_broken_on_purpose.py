@@ -127,9 +127,7 @@ def turn_motor_round(root) -> None:
     root.find("./actuator/motor").set("gear", "-1")
 
 
-@pytest.mark.parametrize(
-    ("change", "said"), [(switch_off, "switched off"), (turn_motor_round, "no motor of gear 1")]
-)
+@pytest.mark.parametrize(("change", "said"), [(switch_off, "switched off"), (turn_motor_round, "no motor of gear 1")])
 def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene, tmp_path, change, said):
     path = edited(scene, tmp_path, ".xml", change)
     with pytest.raises(screwgauge.ScrewgaugeError, match=said):
@@ -141,7 +139,5 @@ def test_a_loops_file_with_another_actuation_is_refused(scene, tmp_path):
     loops = path.with_suffix(".loops.toml")
     head, _, tail = loops.read_text().rpartition("actuated = true\n")
     loops.write_text(head + tail)
-    with pytest.raises(
-        screwgauge.ScrewgaugeError, match="actuator_force and that of the description differ in 'leg4'"
-    ):
+    with pytest.raises(screwgauge.ScrewgaugeError, match="actuator_force and that of the description differ in 'leg4'"):
         screwgauge.run(replace(scene, models={"pinocchio": path}), engines=["pinocchio"])

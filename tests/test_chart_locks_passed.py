@@ -53,9 +53,7 @@ def turned(axes, angles):
 
 def read(joint, R):
     """The chart for a given rotation of its child side against its parent side, the parent at rest in the world."""
-    return read_chart(
-        joint, np.tile(np.eye(3), (len(R), 1, 1)), joint.parent_frame.R @ R @ joint.child_frame.R.T
-    )
+    return read_chart(joint, np.tile(np.eye(3), (len(R), 1, 1)), joint.parent_frame.R @ R @ joint.child_frame.R.T)
 
 
 #: Name -> start, rates, end [s] and torque [N m].

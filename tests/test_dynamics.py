@@ -88,9 +88,7 @@ def test_actuators_deliver_the_power_of_the_generalized_forces():
     results = solve(scene, quantities=["joint_velocity", "generalized_force", "actuator_force"])
     power = np.sum(results.values("generalized_force") * scene.motion.yd, axis=1)
     driven = scene.mechanism.actuated_columns
-    of_actuators = np.sum(
-        results.values("actuator_force") * results.values("joint_velocity")[:, driven], axis=1
-    )
+    of_actuators = np.sum(results.values("actuator_force") * results.values("joint_velocity")[:, driven], axis=1)
     assert np.abs(power - of_actuators).max() < 1e-11 * np.abs(power).max()
 
 
@@ -100,9 +98,7 @@ def test_spherical_axial_gives_the_known_forces():
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([1.0]), rule="spherical_axial")
     for engine in ("screw", "pinocchio", "mujoco"):
         results = screwgauge.run(scene, engines=[engine], quantities=["actuator_force"])
-        assert results.values("actuator_force")[0] == pytest.approx(
-            [-619.6, -9437.5, -580.8, -7758.9], abs=0.0501
-        )
+        assert results.values("actuator_force")[0] == pytest.approx([-619.6, -9437.5, -580.8, -7758.9], abs=0.0501)
 
 
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])

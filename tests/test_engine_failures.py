@@ -96,9 +96,7 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
     assert results.failures[name].reason.endswith(f"pip install {package}")
 
 
-@pytest.mark.parametrize(
-    "target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"]
-)
+@pytest.mark.parametrize("target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"])
 def test_an_engine_that_is_registered_wrongly_is_a_row(target, monkeypatch, scene):
     monkeypatch.setitem(ENGINES, "mujoco", target)
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")
@@ -146,9 +144,7 @@ def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, s
         array = found.values["joint_position"].array.copy()
         array[1, 2] = np.nan
         values = found.values["joint_position"]
-        return replace(
-            found, values={**found.values, "joint_position": Values(values.components, values.units, array)}
-        )
+        return replace(found, values={**found.values, "joint_position": Values(values.components, values.units, array)})
 
     engine(with_nan)
     results = screwgauge.run(scene, quantities=QUANTITIES)

@@ -13,9 +13,7 @@ ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 AGREE, RECURSIVE = 1e-11, 1e-12
 
 
-@pytest.fixture(
-    scope="module", params=["3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"]
-)
+@pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def results(request):
     scene = screwgauge.load_scene(request.param)
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, 101).astype(int))
@@ -51,9 +49,7 @@ def test_soft_equality_stays_within_its_derived_tolerance(results):
 
 def test_every_engine_satisfies_the_judge(results):
     assert set(results.judge["engine"]) == set(ENGINES)
-    assert results.judge["max_scaled"].max() < AGREE, results.judge.loc[
-        results.judge["max_scaled"].idxmax()
-    ].to_dict()
+    assert results.judge["max_scaled"].max() < AGREE, results.judge.loc[results.judge["max_scaled"].idxmax()].to_dict()
 
 
 def test_components_are_those_of_the_contract(results):

@@ -65,8 +65,7 @@ def test_a_batch_is_its_samples_one_by_one():
     y, yd = rate.pose.q[:, lay.mechanism.independent_columns], rate.w[:, lay.mechanism.independent_columns]
     t = np.zeros(1)
     alone = [
-        forward(lay, rates(lay, positions(lay, a[None], t), b[None]), forces).ydd[0]
-        for a, b in zip(y, yd, strict=True)
+        forward(lay, rates(lay, positions(lay, a[None], t), b[None]), forces).ydd[0] for a, b in zip(y, yd, strict=True)
     ]
     assert np.abs(together - alone).max() < 1e-12 * np.abs(together).max()
 
@@ -110,9 +109,7 @@ def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
     """dE/dt = tau w - c (q')^2 - c (l')^2, E by central differences along the motion."""
     lay, rate = pendulum
     columns = [0, 1]
-    damper = PointSpring(
-        "ground", np.array([1.0, 0.5, 0.0]), "bob", np.array([0.0, 0.0, -1.0]), 7.0, 0.3, 5.0
-    )
+    damper = PointSpring("ground", np.array([1.0, 0.5, 0.0]), "bob", np.array([0.0, 0.0, -1.0]), 7.0, 0.3, 5.0)
     springs = [JointSpring("a", 10.0, 0.2, 3.0), damper]
     forces = Forces(joints=np.array([0.7, -1.3]), springs=springs)
     y, yd = rate.pose.q[:, columns], rate.w

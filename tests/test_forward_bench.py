@@ -104,9 +104,7 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
 
 
 def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
-    assert (
-        len([e for e in entrants("Radau", 1.0, stiff=True, quick=False) if e.family == "screw-DOP853"]) == 1
-    )
+    assert len([e for e in entrants("Radau", 1.0, stiff=True, quick=False) if e.family == "screw-DOP853"]) == 1
     everyone = entrants("Radau", 1.0, stiff=True, quick=False)
     implicit = [e.setting for e in everyone if e.family == "mujoco"]
     assert implicit == [f"Radau, rtol = atol = {rtol}" for rtol in ("1e-04", "1e-06", "1e-08")]

@@ -23,9 +23,7 @@ from screwgauge.reference.springs import JointSpring, PointSpring
 
 DATA = Path(__file__).parent / "data"
 ENDINGS = {"pinocchio": ".urdf", "mujoco": ".xml"}
-ROUND_TRIP = (
-    1e-11  # two dense solutions, conditions of a few hundred: 1e-13 of the largest acceleration is seen
-)
+ROUND_TRIP = 1e-11  # two dense solutions, conditions of a few hundred: 1e-13 of the largest acceleration is seen
 
 
 def integrator(engine):
@@ -83,9 +81,7 @@ def problem_of(name, engine, until=1.0, **changes):
     rows = np.flatnonzero(scene.known.t <= until)[::10]
     scene = scene.at(scene.known.t[rows])
     folder, model = mechanism_path(scene.mechanism.name).parent, scene.mechanism.name
-    problem = make_problem(
-        scene, scene.forward, folder / f"{model}{ENDINGS[engine]}", folder / f"{model}.loops.toml"
-    )
+    problem = make_problem(scene, scene.forward, folder / f"{model}{ENDINGS[engine]}", folder / f"{model}.loops.toml")
     return replace(problem, **changes), scene, scene.known.values[rows]
 
 

@@ -134,9 +134,7 @@ def test_an_engine_that_stops_is_not_said_to_have_run(scene, monkeypatch):
     monkeypatch.setattr("screwgauge.forward.run.load_integrator", lambda name: half)
     results = run(scene())
     assert "✗ stopped after t = 0.1 s" in engines_section(results)
-    assert verdict(results).sentence.startswith(
-        "screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on"
-    )
+    assert verdict(results).sentence.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")
     assert np.isinf(results.solutions["screw"].estimate["joint_position"][2:]).all()
 
 

@@ -122,10 +122,7 @@ def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
     if integrator == "discrete" and not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
         pytest.skip("this MuJoCo has no discrete integrator")
     problem = held("mujoco")
-    gaps = [
-        opening(problem, integrate_steps(problem, Stepper("mujoco", integrator, dt)))[-1]
-        for dt in (2e-3, 1e-3)
-    ]
+    gaps = [opening(problem, integrate_steps(problem, Stepper("mujoco", integrator, dt)))[-1] for dt in (2e-3, 1e-3)]
     assert gaps == pytest.approx([7.2e-3, 7.2e-3], rel=0.02)
     hard = integrate_steps(problem, Stepper("mujoco", integrator, 1e-3, solimp=0.9999))
     assert opening(problem, hard)[-1] == pytest.approx(1.5e-5, rel=0.1)
@@ -143,9 +140,7 @@ def test_refined_steps_keep_the_loops_of_the_held_mechanism_closed(held, integra
 
 def springs_of_the_governor():
     """One along a joint, one between points, one beside it."""
-    pull = PointSpring(
-        "ground", np.array([0.3, 0.1, 0.2]), "right", np.array([0.4, 0.0, 0.1]), 800.0, 0.3, 25.0
-    )
+    pull = PointSpring("ground", np.array([0.3, 0.1, 0.2]), "right", np.array([0.4, 0.0, 0.1]), 800.0, 0.3, 25.0)
     between = PointSpring("slider", np.array([0.05, 0, 0]), "left", np.array([-0.5, 0, 0]), 900.0, 0.0, 3.0)
     return (JointSpring("right", 30.0, 0.4, 2.0), pull, between)
 

@@ -103,9 +103,7 @@ def _disturbed(solution: Solution, quantity: str, component: str, row: int) -> S
     values = solution.values[quantity]
     array = values.array.copy()
     array[row, values.components.index(component)] += 1e-6 * np.abs(array).max()
-    return replace(
-        solution, values={**solution.values, quantity: Values(values.components, values.units, array)}
-    )
+    return replace(solution, values={**solution.values, quantity: Values(values.components, values.units, array)})
 
 
 def test_what_is_not_a_number_fails(scene):
@@ -113,9 +111,7 @@ def test_what_is_not_a_number_fails(scene):
     values = solution.values["reaction"]
     array = values.array.copy()
     array[3, 5] = np.nan
-    lost = replace(
-        solution, values={**solution.values, "reaction": Values(values.components, values.units, array)}
-    )
+    lost = replace(solution, values={**solution.values, "reaction": Values(values.components, values.units, array)})
     rows = judge(scene, lost).set_index(["residual", "unit"])
     assert not rows.loc[("newton_euler", "N"), "ok"]
     assert "not a number" in rows.loc[("newton_euler", "N"), "reason"]

@@ -41,9 +41,7 @@ def test_help_imports_not_even_numpy():
 
 
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
-@pytest.mark.parametrize(
-    "quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"]
-)
+@pytest.mark.parametrize("quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"])
 def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
     scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.0, 0.1])
     alone = screwgauge.run(scene, engines=[engine], quantities=[quantity]).solutions[engine]

@@ -22,9 +22,7 @@ from screwgauge.reference.mechanism import Mechanism
 
 READERS = [
     "loops",
-    pytest.param(
-        "yourdfpy", marks=pytest.mark.skipif("not __import__('importlib.util').util.find_spec('yourdfpy')")
-    ),
+    pytest.param("yourdfpy", marks=pytest.mark.skipif("not __import__('importlib.util').util.find_spec('yourdfpy')")),
     "pinocchio",
     "mujoco",
 ]
@@ -73,9 +71,7 @@ def test_every_property_is_compared(paper: Mechanism, tmp_path: Path) -> None:
     for what in ("mass", "centre of mass", "inertia tensor", "pose at home", "parent and joints"):
         assert len([row for row in full if row.what == what]) == 13
     assert len([row for row in full if row.what == "joint axis at home"]) == 26
-    assert {"body names", "coordinate names", "total mass", "gravity", "actuators"} < {
-        row.what for row in full
-    }
+    assert {"body names", "coordinate names", "total mass", "gravity", "actuators"} < {row.what for row in full}
 
 
 def test_fullinertia_has_mujocos_order(asymmetric: Mechanism) -> None:
@@ -99,9 +95,7 @@ def test_fullinertia_has_mujocos_order(asymmetric: Mechanism) -> None:
 
 
 @pytest.mark.parametrize("swap", [(0, 1), (3, 4), (4, 5)])
-def test_swapped_inertia_entries_are_named(
-    asymmetric: Mechanism, tmp_path: Path, swap: tuple[int, int]
-) -> None:
+def test_swapped_inertia_entries_are_named(asymmetric: Mechanism, tmp_path: Path, swap: tuple[int, int]) -> None:
     def change(root: ET.Element) -> None:
         inertial = element(root, ".//body[@name='leg2.upper']/inertial")
         entries = inertial.get("fullinertia", "").split()
@@ -112,9 +106,7 @@ def test_swapped_inertia_entries_are_named(
     path = edited(tmp_path / "edited.xml", write_mjcf(asymmetric, "minimal"), change)
     rows = wrong(check_file(asymmetric, "minimal", path, "mujoco"))
     assert list(rows) == [("inertia tensor", "leg2.upper")]
-    assert "edited.xml as read by mujoco: inertia tensor of leg2.upper: expected" in check_table(
-        list(rows.values())
-    )
+    assert "edited.xml as read by mujoco: inertia tensor of leg2.upper: expected" in check_table(list(rows.values()))
 
 
 @pytest.mark.parametrize("reader", READERS[1:3])
@@ -182,9 +174,7 @@ def test_an_edited_loops_file_is_named(paper: Mechanism, tmp_path: Path) -> None
     path = tmp_path / "3ups-upu-s.loops.toml"
     text = path.read_text(encoding="utf-8").replace("child_points = [[0, 0.5,", "child_points = [[0, 0.51,")
     path.write_text(text, encoding="utf-8")
-    assert list(wrong(check_file(paper, "minimal", path, "loops"))) == [
-        ("closure points and frames", "leg2.wrist")
-    ]
+    assert list(wrong(check_file(paper, "minimal", path, "loops"))) == [("closure points and frames", "leg2.wrist")]
 
 
 def test_a_file_that_cannot_be_read_is_a_row(paper: Mechanism, write) -> None:

@@ -28,12 +28,8 @@ def test_kept_files_are_those_written_now(name: str) -> None:
         assert (FOLDER / name / file).read_text(encoding="utf-8") == text, f"write {file} again"
 
 
-@pytest.mark.parametrize(
-    ("cut", "coordinates", "closures", "rows"), [("minimal", 14, 4, 12), ("full", 26, 4, 24)]
-)
-def test_both_cuts_have_their_counts(
-    paper: Mechanism, cut: str, coordinates: int, closures: int, rows: int
-) -> None:
+@pytest.mark.parametrize(("cut", "coordinates", "closures", "rows"), [("minimal", 14, 4, 12), ("full", 26, 4, 24)])
+def test_both_cuts_have_their_counts(paper: Mechanism, cut: str, coordinates: int, closures: int, rows: int) -> None:
     mujoco = pytest.importorskip("mujoco")
     pinocchio = pytest.importorskip("pinocchio")
     tree = lay_out(paper, cut)

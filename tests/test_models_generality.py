@@ -147,9 +147,7 @@ def closing_errors(mechanism: Mechanism) -> dict[str, float]:
     """How far each joint's two bodies are from where it wants them at home."""
     poses = home_poses(mechanism)
     return {
-        joint.name: float(
-            np.abs(poses[joint.parent] @ joint_transform(joint, joint.home) - poses[joint.child]).max()
-        )
+        joint.name: float(np.abs(poses[joint.parent] @ joint_transform(joint, joint.home) - poses[joint.child]).max())
         for joint in mechanism.joints
     }
 
@@ -177,9 +175,7 @@ def test_four_bar_is_cut_at_a_hinge_as_two_points(four_bar: Mechanism, tmp_path:
         "rocker",
         GROUND,
     )
-    np.testing.assert_array_equal(
-        closure.parent_points, [[0, 0.25, 0], [0, -0.25, 0]]
-    )  # half the longest length
+    np.testing.assert_array_equal(closure.parent_points, [[0, 0.25, 0], [0, -0.25, 0]])  # half the longest length
     np.testing.assert_array_equal(closure.child_points, [[0.5, 0.25, 0], [0.5, -0.25, 0]])
 
 
@@ -219,9 +215,7 @@ def test_reversed_cut_joint(reversed_loop: Mechanism, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", ["minimal", "full"])
-def test_engines_agree_on_a_reversed_chain_away_from_home(
-    reversed_loop: Mechanism, tmp_path: Path, cut: str
-) -> None:
+def test_engines_agree_on_a_reversed_chain_away_from_home(reversed_loop: Mechanism, tmp_path: Path, cut: str) -> None:
     """The coordinates mean the same in URDF, MJCF and description at any value."""
     write_models(reversed_loop, tmp_path)
     stem = "reversed" if cut == "minimal" else "reversed-full"
@@ -249,9 +243,7 @@ def test_a_joint_that_points_cannot_hold_is_refused(write) -> None:
     """With one more slide to ground, the C joint is what the smallest tree leaves out."""
     rail = '[joints.rail]\nkind = "P"\nparent = "ground"\nchild = "tip"\naxes = [[1, 0, 0]]\n'
     mechanism = load_mechanism(write("rail.toml", REVERSED + rail))
-    with pytest.raises(
-        DescriptionError, match=r"joints\.c: a C joint .* cannot be cut as points; .* the full cut"
-    ):
+    with pytest.raises(DescriptionError, match=r"joints\.c: a C joint .* cannot be cut as points; .* the full cut"):
         lay_out(mechanism, "minimal")
     assert [closure.joint for closure in lay_out(mechanism, "full").closures] == ["c"]
 
@@ -279,9 +271,7 @@ def _chain_pose(joints: list[Joint], q: Array) -> Array:
     return T
 
 
-@pytest.mark.parametrize(
-    ("name", "least", "most"), [("3ups-upu-s", 0.0, 1e-14), ("3ups-upu-s-offset", 1e-3, 0.1)]
-)
+@pytest.mark.parametrize(("name", "least", "most"), [("3ups-upu-s", 0.0, 1e-14), ("3ups-upu-s-offset", 1e-3, 0.1)])
 def test_third_rotation_is_zero_only_without_offset(name: str, least: float, most: float) -> None:
     """Leg 1 and the S joint at O reach the same pose: Newton for leg 1 and c at given (a, b)."""
     mechanism = load_mechanism(name)

@@ -79,9 +79,7 @@ def test_size_does_not_matter(size):
     def forces(s: float) -> tuple[np.ndarray, np.ndarray]:
         loads = tuple(replace(x, force=s**4 * x.force, torque=s**5 * x.torque) for x in scene.loads)
         quantities = frozenset({"generalized_force", "actuator_force"})
-        problem = Problem(
-            scene.mechanism_file, None, s * scene.gravity, loads, "min_norm", motion, quantities
-        )
+        problem = Problem(scene.mechanism_file, None, s * scene.gravity, loads, "min_norm", motion, quantities)
         found = solve_layout(problem, layout(enlarged(scene.mechanism, s))).values
         return found["generalized_force"].array / s**5, found["actuator_force"].array / s**4
 
@@ -96,9 +94,7 @@ def enlarged(mechanism, s: float):
     def lengths(joint, values):
         return np.array(values) * (s if joint.kind == "P" else 1.0)
 
-    bodies = [
-        replace(b, mass=s**3 * b.mass, com=s * b.com, inertia=s**5 * b.inertia) for b in mechanism.bodies
-    ]
+    bodies = [replace(b, mass=s**3 * b.mass, com=s * b.com, inertia=s**5 * b.inertia) for b in mechanism.bodies]
     joints = [
         replace(
             j,

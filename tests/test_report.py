@@ -213,9 +213,7 @@ def test_not_a_number_is_valid_json_and_a_failure(make: Make, tmp_path: Path) ->
     assert found["quantities"][1]["max_abs"] is None
     assert found["quantities"][1]["ok"] is False
     assert found["first_difference"]["size"] is None
-    assert (
-        "cannot be compared: first in joint_velocity at leg1.q2 (not a number)" in verdict(results).sentence
-    )
+    assert "cannot be compared: first in joint_velocity at leg1.q2 (not a number)" in verdict(results).sentence
     pictures = " ".join(path.read_text(encoding="utf-8") for path in out.glob("plots/*.svg"))
     assert f"Gap: beta has no number at {N // 3} of {N} samples" in pictures
 
@@ -355,9 +353,7 @@ def test_checking_a_folder_leaves_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_samples_without_pyarrow_are_refused_first(
-    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_without_pyarrow_are_refused_first(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writing, "find_spec", lambda name: None)
     with pytest.raises(OutputError, match="pyarrow"):
         make().write(tmp_path / "out", samples=True)
@@ -369,9 +365,7 @@ def test_samples_hold_every_value(make: Make, tmp_path: Path) -> None:
     results = make(1e-8)
     frame = pd.read_parquet(results.write(tmp_path / "out", samples=True) / "samples.parquet")
     assert len(frame.columns) == 1 + 2 * 2 * len(NAMES)
-    np.testing.assert_array_equal(
-        frame["beta/joint_velocity/leg2.q1"], results.values("joint_velocity", "beta")[:, 2]
-    )
+    np.testing.assert_array_equal(frame["beta/joint_velocity/leg2.q1"], results.values("joint_velocity", "beta")[:, 2])
 
 
 def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Make, tmp_path: Path) -> None:
@@ -484,9 +478,7 @@ def test_environment_names_no_place_or_person() -> None:
 
 
 def test_environment_imports_no_engine() -> None:
-    code = (
-        "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
-    )
+    code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
     code = "names = ['pinocchio', 'mujoco', 'matplotlib']; " + code
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[False, False, False]"

@@ -30,9 +30,7 @@ def slope(x, y) -> float:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_the_loop_opens_by_seven_millimetres_whatever_step_and_integrator(
-    held: Held, integrator: str
-) -> None:
+def test_the_loop_opens_by_seven_millimetres_whatever_step_and_integrator(held: Held, integrator: str) -> None:
     gaps = [step(held, Setting(integrator), dt).gap.max() for dt in STEPS]
     assert abs(slope(STEPS, gaps)) < FLAT
     assert min(gaps) > 6.5e-3
@@ -77,9 +75,7 @@ def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
     found = list(softness.climb(1e-3, 0.05))
     labels = dict.fromkeys(finding.engine for finding in found)
     assert list(labels) == ["screw", *softness.settings()]
-    assert {finding.quantity for finding in found} == {
-        *("loop_gap", "constraint_force", "energy", "joint_position")
-    }
+    assert {finding.quantity for finding in found} == {*("loop_gap", "constraint_force", "energy", "joint_position")}
     assert all(finding.error < GOOD for finding in found if finding.engine == "screw")
     silent = [finding for finding in found if finding.verdict == SILENT]
     assert silent

@@ -63,9 +63,7 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_the_guard_admits() -
         assert slope == pytest.approx(1.0, abs=0.3)  # rounding errors scatter
         assert all(row.verdict in (OK, DEGRADED) for row in rows)
     admitted = [found[k][0].admitted for k in stiffness]
-    assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(
-        1.0, abs=1e-3
-    )  # dampers: root
+    assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(1.0, abs=1e-3)  # dampers: root
 
 
 def test_a_rung_holds_every_engine_and_only_fixed_steps_are_silent() -> None:

@@ -55,9 +55,7 @@ def test_a_raw_error_is_silent_and_has_its_cause(found) -> None:
 
 def test_stiff_constraints_amplify_the_gap(found) -> None:
     """Harder constraints: the same gap makes (1 - d) / d times less yielding, so that much more force."""
-    soft, hard = (
-        found[1e-9, engine, "tree_force"].error for engine in ("mujoco raw", f"mujoco raw d={HARD:g}")
-    )
+    soft, hard = (found[1e-9, engine, "tree_force"].error for engine in ("mujoco raw", f"mujoco raw d={HARD:g}"))
     assert soft > 100 * found[1e-9, "mujoco raw", "actuator_force"].error
     assert hard > 100 * soft
 

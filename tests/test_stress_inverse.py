@@ -145,9 +145,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
     base = load_scene("3ups-upu-s")
     scene = replace(base, mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     y = np.array([lock, 0.0]) + np.array([[0.1], [1e-12]]) * np.array([-np.sign(lock), -0.5])
-    solutions, failures = solve(
-        still(scene, y, np.ones_like(y)), ("truth",), ("com_acceleration", "reaction")
-    )
+    solutions, failures = solve(still(scene, y, np.ones_like(y)), ("truth",), ("com_acceleration", "reaction"))
     assert not failures
     assert solutions["truth"].rows is None
     for quantity, radius in solutions["truth"].radius.items():

@@ -32,9 +32,7 @@ def found() -> Stress:
         kind = ENGINES.index(engine)
         error = (1e-15, severity * 1e-10, math.nan, severity * 1e-9, severity * 1e-8)[kind]
         admitted = 1.0 if kind == 1 else GOOD
-        return Row(
-            name, severity, Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else "")
-        )
+        return Row(name, severity, Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else ""))
 
     rows = [
         row(name, severity, engine, quantity)
@@ -48,11 +46,7 @@ def found() -> Stress:
 
 def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> None:
     (plot,) = make_plots(found)
-    texts = [
-        "".join(node.itertext()).strip()
-        for node in ET.fromstring(plot.svg).iter()
-        if node.tag.endswith("text")
-    ]
+    texts = ["".join(node.itertext()).strip() for node in ET.fromstring(plot.svg).iter() if node.tag.endswith("text")]
     for name in (
         "Title of rising",
         "Title of falling",

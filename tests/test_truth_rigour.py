@@ -41,9 +41,7 @@ def balls(scene, bits):
     mechanism = load_mechanism(scene.mechanism_file)
     start = positions(layout(mechanism), scene.motion.y, scene.motion.t).q[0].tolist()
     with ctx.workprec(bits):
-        sampler = Sampler(
-            Linkage(mechanism, mechanism_tables(scene.mechanism_file)), problem_of(scene), "f", Clock()
-        )
+        sampler = Sampler(Linkage(mechanism, mechanism_tables(scene.mechanism_file)), problem_of(scene), "f", Clock())
         terms = read_terms(scene.wording().motion, list(mechanism.independent))
         return sampler.sample(drive(terms, float(scene.motion.t[0])), start)
 
@@ -113,9 +111,7 @@ def test_csv_motion_has_a_truth(write):
         t, y, yd, ydd = row
         lines.append(",".join(repr(float(x)) for x in (t, y[0], yd[0], ydd[0], y[1], yd[1], ydd[1])))
     write("motion.csv", "\n".join(lines) + "\n")
-    sampled = screwgauge.load_scene(
-        write("s.toml", 'mechanism = "3ups-upu-s"\n[motion]\ncsv = "motion.csv"\n')
-    )
+    sampled = screwgauge.load_scene(write("s.toml", 'mechanism = "3ups-upu-s"\n[motion]\ncsv = "motion.csv"\n'))
     assert sampled.wording().motion is None
     results = screwgauge.run(sampled, engines=["screw", "truth"])
     assert results.ok
@@ -185,9 +181,7 @@ child_frame = { position = [1e-13, 0, 0.1] }
     results = screwgauge.run(screwgauge.load_scene(write("s.toml", scene)), engines=["truth"])
     assert results.exit_status == 3
     reason = results.failures["truth"].reason
-    assert reason.startswith(
-        "NotCertified: t = 0.1 s, a = 0.1: no sample can be certified: the redundant loops"
-    )
+    assert reason.startswith("NotCertified: t = 0.1 s, a = 0.1: no sample can be certified: the redundant loops")
 
 
 def test_missing_python_flint_is_one_sentence(monkeypatch):

@@ -58,10 +58,7 @@ def test_report_is_written_with_its_plots(results, tmp_path):
 
 def test_short_scene_is_solved_at_every_sample():
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.1])
-    assert (
-        screwgauge.run(scene, engines=["truth"], quantities=["joint_position"]).solutions["truth"].rows
-        is None
-    )
+    assert screwgauge.run(scene, engines=["truth"], quantities=["joint_position"]).solutions["truth"].rows is None
 
 
 def test_only_what_is_asked_for_is_computed(monkeypatch):
@@ -84,9 +81,7 @@ def test_samples_without_a_proof_are_left_out_and_named(monkeypatch):
 
     monkeypatch.setattr(Sampler, "sample", sometimes)
     scene = screwgauge.load_scene("3ups-upu-s").at([0.1, 0.2, 0.3])
-    results = screwgauge.run(
-        replace(scene, name="x"), engines=["screw", "truth"], quantities=["joint_velocity"]
-    )
+    results = screwgauge.run(replace(scene, name="x"), engines=["screw", "truth"], quantities=["joint_velocity"])
     truth = results.solutions["truth"]
     assert results.ok
     assert truth.rows.tolist() == [0, 2]

@@ -24,9 +24,7 @@ def results(request):
 
 def test_radius_of_every_quantity_is_below_the_promise(results):
     truth = results.solutions["truth"]
-    assert {"joint_acceleration", "body_angular_acceleration", "generalized_force", "reaction"} <= set(
-        truth.radius
-    )
+    assert {"joint_acceleration", "body_angular_acceleration", "generalized_force", "reaction"} <= set(truth.radius)
     for quantity, values in truth.values.items():
         radius = results.radius(quantity)
         assert radius.shape == values.array.shape
@@ -73,9 +71,7 @@ def test_any_mechanism_has_a_truth(name):
     assert results.pairs["max_scaled"].max() < 1e-12
 
 
-@pytest.mark.parametrize(
-    "name", ["3ups-upu-s", *(DATA / f"{x}.toml" for x in ("slider-crank", "rscr", "pendulum"))]
-)
+@pytest.mark.parametrize("name", ["3ups-upu-s", *(DATA / f"{x}.toml" for x in ("slider-crank", "rscr", "pendulum"))])
 def test_reactions_have_the_names_of_the_other_engines(name):
     from flint import ctx
 

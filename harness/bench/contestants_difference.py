@@ -54,9 +54,7 @@ def _grid(case: Case, part: float) -> tuple[Array, Array, float]:
     """Times in steps of about that part of the duration, the rows of the compared times among them, and the step."""
     t = case.times
     if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
-        raise DescriptionError(
-            "the compared times are not evenly spread", "finite differences", "give an even grid"
-        )
+        raise DescriptionError("the compared times are not evenly spread", "finite differences", "give an even grid")
     duration = float(t[-1] - t[0])
     fine = max(1, round((t[1] - t[0]) / (part * duration)))
     n = fine * (len(t) - 1)

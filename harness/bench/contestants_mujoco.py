@@ -64,11 +64,7 @@ def naive(quick: bool) -> list[Contestant]:
 
     covers = "from given joint motion: mj_inverse sample by sample, equality constraints on, loads taken off"
     setting = "qfrc_inverse of the actuated joints read as actuator forces"
-    return [
-        Contestant(
-            setting, ("actuator_force",), covers, prepare, given=True, label="mj_inverse, read naively"
-        )
-    ]
+    return [Contestant(setting, ("actuator_force",), covers, prepare, given=True, label="mj_inverse, read naively")]
 
 
 def forward(quick: bool) -> list[Contestant]:
@@ -146,9 +142,7 @@ def _forward(setting: str, tune: Callable[[MujocoTree], None], *, passes: int = 
         return Task(call, read, len(start.q))
 
     more_passes = ", then mj_forwardSkip for each pass" if passes else ""
-    covers = (
-        f"from given q, v and true forces: mj_forward sample by sample{more_passes}; tree accelerations only"
-    )
+    covers = f"from given q, v and true forces: mj_forward sample by sample{more_passes}; tree accelerations only"
     return Contestant(setting, (_NAME,), covers, prepare, given=True, **more)
 
 

@@ -52,9 +52,7 @@ def _task(case: Case, twist: str, method: str, part: float) -> Task:
     start, duration = float(t[0]), float(t[-1] - t[0])
 
     def call() -> Trajectory:
-        return integrate(
-            lay, case.whole.drive, part * duration, duration, start=start, twist=twist, method=method
-        )
+        return integrate(lay, case.whole.drive, part * duration, duration, start=start, twist=twist, method=method)
 
     def read(found: Trajectory) -> dict[str, Outcome]:
         mine, theirs = found.rows(t)

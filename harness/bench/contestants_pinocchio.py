@@ -78,15 +78,11 @@ def _contestant(setting: str, settings: Callable[[], Any], **more: Any) -> Conte
 
         return Task(call, read, len(start.q), hint)
 
-    covers = (
-        "from given q, v and true forces: pin.constraintDynamics sample by sample; tree accelerations only"
-    )
+    covers = "from given q, v and true forces: pin.constraintDynamics sample by sample; tree accelerations only"
     return Contestant(setting, (_NAME,), covers, prepare, given=True, **more)
 
 
-def forward(
-    start: Given, model: Any, data: Any, models: Any, datas: Any, settings: Any
-) -> Callable[[], Array]:
+def forward(start: Given, model: Any, data: Any, models: Any, datas: Any, settings: Any) -> Callable[[], Array]:
     """A call that finds all accelerations. Returns shape (n, n_v)."""
     q, v, tau = start.q, start.v, start.applied()
     out = np.empty_like(q)
@@ -108,9 +104,7 @@ def contacts(start: Given) -> tuple[Any, Any, Any, Any]:
         for here, there in zip(closure.parent_points, closure.child_points, strict=True):
             sides = (*place(tree, closure.parent, here), *place(tree, closure.child, there))
             models.append(
-                pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_3D, tree.model, *sides, pin.ReferenceFrame.LOCAL
-                )
+                pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, tree.model, *sides, pin.ReferenceFrame.LOCAL)
             )
     for model in models:
         datas.append(model.createData())

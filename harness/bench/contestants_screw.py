@@ -36,9 +36,7 @@ def floor(quick: bool) -> list[Contestant]:
         return Task(call, lambda _: {}, n)
 
     return [
-        Contestant(
-            "empty loop", (NOTHING,), "a Python loop over the samples that does nothing", prepare, drawn=False
-        )
+        Contestant("empty loop", (NOTHING,), "a Python loop over the samples that does nothing", prepare, drawn=False)
     ]
 
 
@@ -81,9 +79,7 @@ def newton_closed(quick: bool) -> list[Contestant]:
             f"whole trajectory, {name} after the prediction",
             (quantity,),
             f"{_FROM_Y}: path from home, Newton, then all samples at once",
-            lambda case: _pipeline(
-                case, quantity, np.float64, lambda lay, motion: _newton(lay, motion, steps)
-            ),
+            lambda case: _pipeline(case, quantity, np.float64, lambda lay, motion: _newton(lay, motion, steps)),
             label="converged" if steps == 60 else count(steps, "step"),
         )
 
@@ -109,9 +105,7 @@ def trajectory(quick: bool) -> list[Contestant]:
         label = "all samples" if whole else "trajectory"
         return Contestant(f"whole trajectory, {times}", (quantity,), covers, prepare, label=label)
 
-    return [
-        make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))
-    ]
+    return [make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))]
 
 
 def per_sample(quick: bool) -> list[Contestant]:
@@ -120,9 +114,7 @@ def per_sample(quick: bool) -> list[Contestant]:
     def make(quantity: str) -> Contestant:
         def prepare(case: Case) -> Task:
             lay, motion = layout(case.scene.mechanism), case.scene.motion
-            problems = [
-                case.problem("screw", (quantity,), motion.part(slice(i, i + 1))) for i in range(len(motion))
-            ]
+            problems = [case.problem("screw", (quantity,), motion.part(slice(i, i + 1))) for i in range(len(motion))]
 
             def call() -> list[Array]:
                 return [solve_layout(problem, lay).values[quantity].array[0] for problem in problems]
@@ -141,9 +133,7 @@ Positions = Callable[[Layout, Motion], Array]
 def _closed(lay: Layout, motion: Motion) -> Array:
     q = closed_form(lay, motion.y)
     if q is None:
-        raise ClosureError(
-            "no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S"
-        )
+        raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
     return q
 
 
@@ -166,9 +156,7 @@ def _closing(lay: Layout) -> Evaluation:
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(
-            lay, at
-        )
+        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
 
     return evaluate
 

@@ -30,9 +30,7 @@ def engine_paths(engine: str, loader: Load, what: str) -> list[Contestant]:
             return Task(lambda: solve_tree(problem, tree, file).values[quantity].array, read, len(case.times))
 
         covers = f"from y and its derivatives: {what}, as far as needed; model loaded"
-        return Contestant(
-            "closes its own loops, minimal cut", (quantity,), covers, prepare, label="closes its loops"
-        )
+        return Contestant("closes its own loops, minimal cut", (quantity,), covers, prepare, label="closes its loops")
 
     return [make(quantity) for quantity in QUANTITIES]
 

@@ -54,9 +54,7 @@ def _drawable(row: Row) -> bool:
     return row.contestant.drawn and np.isfinite(row.max_scaled) and bool(row.per_sample > 0)
 
 
-def _work_precision(
-    title: str, rows: Sequence[Row], look: dict[tuple[str, bool], Look], reference: str
-) -> str:
+def _work_precision(title: str, rows: Sequence[Row], look: dict[tuple[str, bool], Look], reference: str) -> str:
     canvas = Canvas(figsize=(WIDTH, HEIGHT))
     ax: Any = canvas.add_axes((0.75 / WIDTH, 0.55 / HEIGHT, 7.3 / WIDTH, (HEIGHT - 1.35) / HEIGHT))
     _heading(
@@ -162,9 +160,7 @@ def _slopes(title: str, fits: Sequence[Fit], look: dict[tuple[str, bool], Look])
     for i, fit in enumerate(fits):
         row, column = divmod(i, columns)
         left, top = 0.75 + column * (wide - 0.2) / columns, 0.98 + 3.0 * row
-        ax = canvas.add_axes(
-            (left / wide, 1 - (top + 2.1) / tall, ((wide - 0.2) / columns - 0.95) / wide, 2.1 / tall)
-        )
+        ax = canvas.add_axes((left / wide, 1 - (top + 2.1) / tall, ((wide - 0.2) / columns - 0.95) / wide, 2.1 / tall))
         _slope(ax, fit, next(value.colour for (name, _), value in look.items() if name == fit.rule.line))
     return _svg(canvas)
 
@@ -172,9 +168,7 @@ def _slopes(title: str, fits: Sequence[Fit], look: dict[tuple[str, bool], Look])
 def _slope(ax: Any, fit: Fit, colour: str) -> None:
     ax.set_xscale("log")
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.plot(
-        fit.x, fit.error, "o", markersize=5, markerfacecolor="white", markeredgecolor=colour, linestyle="none"
-    )
+    ax.plot(fit.x, fit.error, "o", markersize=5, markerfacecolor="white", markeredgecolor=colour, linestyle="none")
     ax.plot(fit.x[fit.used], fit.error[fit.used], "o", markersize=5, color=colour, linestyle="none")
     if fit.used.any():
         x = fit.x[fit.used]

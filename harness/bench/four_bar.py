@@ -38,10 +38,7 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
 
         def call() -> Array:
             return np.array(
-                [
-                    pin.constraintDynamics(model, data, q[i], v[i], tau, models, datas, settings)
-                    for i in range(n)
-                ]
+                [pin.constraintDynamics(model, data, q[i], v[i], tau, models, datas, settings) for i in range(n)]
             )
 
         def read(array: Array) -> dict[str, Outcome]:
@@ -51,9 +48,7 @@ def _contestant(mu: float, iterations: int, text: str) -> Contestant:
         return Task(call, read, n, hint)
 
     covers = "from given q, v and torque: pin.constraintDynamics sample by sample, on a planar four-bar"
-    return Contestant(
-        f"planar four-bar closed by a 3D contact, {text}", (_NAME,), covers, prepare, drawn=False
-    )
+    return Contestant(f"planar four-bar closed by a 3D contact, {text}", (_NAME,), covers, prepare, drawn=False)
 
 
 def make_model() -> tuple[Any, Any, Any, Any]:

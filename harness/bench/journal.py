@@ -42,9 +42,7 @@ class Journal:
             return False
         records = [record for record in map(_parse, lines) if record is not None]
         if not records or records[0].get("stamp") != stamp:
-            self.note = (
-                "Pieces of an earlier bench were not used: scene, settings or environment have changed."
-            )
+            self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
             return False
         for record in records[1:]:
             if "result" in record:
@@ -82,9 +80,7 @@ class Journal:
             with path.open(mode, encoding="utf-8") as file:
                 file.write("\n" if record is None else json.dumps(record) + "\n")
         except OSError as error:
-            raise OutputError(
-                f"cannot be written ({error.strerror})", str(path), "choose another --out"
-            ) from None
+            raise OutputError(f"cannot be written ({error.strerror})", str(path), "choose another --out") from None
 
 
 def _parse(line: str) -> dict[str, Any] | None:
@@ -105,7 +101,5 @@ def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool) -> str:
     for array in arrays:
         found.update(array.tobytes())
     texts = {**model_texts(scene.mechanism), "loads": ",".join(load.body for load in scene.loads)}
-    found.update(
-        json_text({"texts": texts, "environment": environment, "quick": quick, "v": VERSION}).encode()
-    )
+    found.update(json_text({"texts": texts, "environment": environment, "quick": quick, "v": VERSION}).encode())
     return found.hexdigest()

@@ -64,9 +64,7 @@ def trials(engines: Sequence[str]) -> list[Trial]:
             # joint forces of another tree are other forces
             same = everything - {"tree_force", "tree_force_soft"}
             found.append(
-                Trial(
-                    engine, "cut", "full cut instead of minimal", _problem(f"{engine}-full", everything), same
-                )
+                Trial(engine, "cut", "full cut instead of minimal", _problem(f"{engine}-full", everything), same)
             )
     return found
 
@@ -103,9 +101,7 @@ def _parts(engine: str) -> list[Trial]:
             write_models(case.scene.mechanism, folder, gravity=case.scene.gravity, include=whole)
             bare = case.problem(engine, tuple(QUANTITIES))
             name = stem(case.scene.mechanism.name, "minimal")
-            return replace(
-                bare, model=folder / f"{name}{bare.model.suffix}", loops=folder / f"{name}.loops.toml"
-            )
+            return replace(bare, model=folder / f"{name}{bare.model.suffix}", loops=folder / f"{name}.loops.toml")
 
         return make
 

@@ -85,7 +85,5 @@ def loads_on_joints(case: Case, tree: Tree, loops: Loops, q: Array) -> Array:
         i = loops.index[load.body]
         arm = at.R[:, i] @ (tree.com[i - 1] if load.point is None else load.point)
         moment = load.torque + np.cross(arm, load.force)
-        out += np.einsum("nxi,nx->ni", at.J[:, i, :3], moment) + np.einsum(
-            "nxi,x->ni", at.J[:, i, 3:], load.force
-        )
+        out += np.einsum("nxi,nx->ni", at.J[:, i, :3], moment) + np.einsum("nxi,x->ni", at.J[:, i, 3:], load.force)
     return out

@@ -59,9 +59,7 @@ def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> R
     return Reference(STANDIN, found, note)
 
 
-def _solve(
-    scene: Scene, times: Array, quantities: tuple[str, ...], engine: str
-) -> Mapping[str, Values] | Failure:
+def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str) -> Mapping[str, Values] | Failure:
     parts = []
     for first in range(0, len(times), MOST):
         results = run(scene.at(times[first : first + MOST]), engines=(engine,), quantities=quantities)

@@ -26,11 +26,7 @@ def report_markdown(bench: Bench, plots: Sequence[Plot]) -> str:
         "\n".join(f"- {note}" for note in bench.notes),
         READ,
         "## Error against run time",
-        *(
-            f"![{cell(plot.title)}](plots/{plot.name}.svg)"
-            for plot in plots
-            if not plot.name.endswith("slopes")
-        ),
+        *(f"![{cell(plot.title)}](plots/{plot.name}.svg)" for plot in plots if not plot.name.endswith("slopes")),
         "## Time to reach an error",
         "Quickest setting of each family, run time for each sample delivered; † starts from given joint motion.",
         *_reach(bench),
@@ -61,9 +57,7 @@ def headline(bench: Bench) -> str:
     parts = [f"{len(bench.rows)} rows in {len(families)} families on scene {bench.scene.name}."]
     table = reach(bench.rows)
     for quantity in ("joint_acceleration", "actuator_force"):
-        here = table[
-            (table["quantity"] == quantity) & (table["error"] == 1e-9) & ~table["given"].astype(bool)
-        ]
+        here = table[(table["quantity"] == quantity) & (table["error"] == 1e-9) & ~table["given"].astype(bool)]
         if len(here):
             best = here.iloc[0]
             seconds = duration(best["seconds_per_sample"])
@@ -74,9 +68,7 @@ def headline(bench: Bench) -> str:
     if bench.fits:
         parts.append(f"{good} of {len(bench.fits)} slopes are as expected.")
     if failed:
-        parts.append(
-            f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}."
-        )
+        parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(r.contestant.name for r in failed))}.")
     if cut or (bench.leaving_out["status"] == CUT).any():
         names = listed(dict.fromkeys(r.contestant.name for r in cut)) or "what leaving out buys"
         parts.append(f"The budget of {number(bench.plan.budget)} s cut short: {names}.")
@@ -138,18 +130,14 @@ def _slopes(bench: Bench) -> str:
 def _protocol(bench: Bench) -> str:
     threads = ONE_THREAD if bench.environment["one_thread"] else MORE_THREADS
     plan = bench.plan
-    return PROTOCOL.format(
-        samples=bench.n_compared, rounds=plan.rounds, budget=number(plan.budget), threads=threads
-    )
+    return PROTOCOL.format(samples=bench.n_compared, rounds=plan.rounds, budget=number(plan.budget), threads=threads)
 
 
 def _failures(bench: Bench) -> str:
     bad = [row for row in bench.rows if row.status in (FAILED, CUT)]
     if not bad:
         return "Nothing."
-    body = [
-        [r.contestant.name, r.contestant.setting, WORDS.get(r.quantity, ""), r.status, r.reason] for r in bad
-    ]
+    body = [[r.contestant.name, r.contestant.setting, WORDS.get(r.quantity, ""), r.status, r.reason] for r in bad]
     return markdown_table(["contestant", "setting", "quantity", "status", "reason"], body)
 
 

@@ -110,9 +110,7 @@ def reach(rows: Sequence[Row]) -> pd.DataFrame:
             best: dict[str, Row] = {}
             for row in here:
                 family = row.contestant.family
-                if row.max_scaled <= level and (
-                    family not in best or row.per_sample < best[family].per_sample
-                ):
+                if row.max_scaled <= level and (family not in best or row.per_sample < best[family].per_sample):
                     best[family] = row
             for family, row in sorted(best.items(), key=lambda item: item[1].per_sample):
                 c = row.contestant

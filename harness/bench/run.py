@@ -140,9 +140,7 @@ def _load(entry: Entry, quick: bool) -> list[Contestant]:
         def prepare(case: Case) -> Task:
             raise ImportError(reason)
 
-        return [
-            Contestant("all settings", (NOTHING,), "nothing", prepare, family=entry.family, name=entry.name)
-        ]
+        return [Contestant("all settings", (NOTHING,), "nothing", prepare, family=entry.family, name=entry.name)]
 
 
 class _Work:
@@ -231,9 +229,7 @@ def _failure(error: Exception) -> dict[str, Any]:
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
     """The rows of one contestant, whatever has become of it."""
-    result = kept.results.get(
-        contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"}
-    )
+    result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
     nan = float("nan")
     for quantity in contestant.quantities:

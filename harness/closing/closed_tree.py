@@ -150,15 +150,11 @@ class _Work:
             if name:
                 charts[name] = charts[name].agreeing(i, y[:, k])
         errors, rows = [self.loops.gaps(at)], [self.loops.jacobian(at)]
-        rate_rows = {
-            joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut
-        }
+        rate_rows = {joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut}
         for k, (column, joint, i) in enumerate(self.loops.independent):
             if column is None:
                 value, row = charts[joint].q[:, i], rate_rows[joint][:, i]
-                difference = (
-                    np.remainder(value - y[:, k] + np.pi, 2 * np.pi) - np.pi
-                )  # an angle, read within a turn
+                difference = np.remainder(value - y[:, k] + np.pi, 2 * np.pi) - np.pi  # an angle, read within a turn
             else:
                 difference, row = q[:, column] - y[:, k], np.tile(np.eye(q.shape[1])[column], (len(q), 1))
             errors.append(difference[:, None])
@@ -174,9 +170,7 @@ class _Work:
     def _positions(self, motion: Motion) -> tuple[Array, Array]:
         sizes = self.sizes
         goal = motion.y / sizes.y
-        start = follow(
-            corrector(self._scaled), self.q / sizes.q, self.y / sizes.y, goal, motion.t, size=sizes.y
-        )
+        start = follow(corrector(self._scaled), self.q / sizes.q, self.y / sizes.y, goal, motion.t, size=sizes.y)
         z, A, error = newton(self._scaled, start, goal)
         check_closed(error, motion.y, motion.t)
         turning = sizes.turning  # next to a chart lock Newton's method may turn a joint right round
@@ -212,9 +206,7 @@ class _Work:
         right = np.concatenate([-self.loops.bias(at, V, bias), motion.ydd], axis=1)
         for k, (column, name, i) in enumerate(self.loops.independent):
             if column is None:
-                right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[
-                    :, i
-                ]
+                right[:, k - motion.y.shape[1]] -= self._cut_bias(charts[name], name, cut_v[name], V, bias)[:, i]
         a = linear.solve(A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         wanted, bodies = self.problem.quantities, [self.loops.index[name] for name in self.file.bodies]
         if "com_acceleration" in wanted:

@@ -34,9 +34,7 @@ class Loops:
     anchors: tuple[Anchor, ...]
     cut: tuple[Joint, ...]  # joints that are in no tree
     index: dict[str, int]
-    independent: tuple[
-        tuple[int | None, str, int], ...
-    ]  # tree column, or None with cut joint and its coordinate
+    independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
 
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
@@ -47,8 +45,7 @@ class Loops:
                 rows.append(vee((Rc @ anchor.at_child) @ (Rp @ anchor.at_parent).swapaxes(1, 2)))
             else:
                 rows.append(
-                    (at.p[:, anchor.child] + Rc @ anchor.at_child)
-                    - (at.p[:, anchor.parent] + Rp @ anchor.at_parent)
+                    (at.p[:, anchor.child] + Rc @ anchor.at_child) - (at.p[:, anchor.parent] + Rp @ anchor.at_parent)
                 )
         return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
 
@@ -77,9 +74,7 @@ class Loops:
                     sides.append(A[:, body, :3])
                 else:
                     arm, w = at.R[:, body] @ where, V[:, body, :3]
-                    sides.append(
-                        A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm))
-                    )
+                    sides.append(A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm)))
             rows.append(sides[0] - sides[1])
         return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
 
@@ -156,9 +151,7 @@ def make_loops(tree: Tree, file: LoopsFile) -> Loops:
             continue
         owner = next((joint for joint in cut if name in joint.coordinates), None)
         if owner is None:
-            raise ModelFileError(
-                f"has no coordinate '{name}'", f"model of {tree.engine}", "keep the generated names"
-            )
+            raise ModelFileError(f"has no coordinate '{name}'", f"model of {tree.engine}", "keep the generated names")
         rows.append((None, owner.name, owner.coordinates.index(name)))
     return Loops(tuple(anchors), cut, index, tuple(rows))
 

@@ -143,9 +143,7 @@ def nearest_turn(angles: Array, near: Array) -> Array:
     return np.asarray(angles + _TURN * np.round((near - angles) / _TURN))
 
 
-def follow(
-    begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None
-) -> Array:
+def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
     """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
 
     Args:

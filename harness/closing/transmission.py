@@ -48,9 +48,7 @@ def joint_reactions(
 
 def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:
     """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
-    found = [
-        loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)
-    ]
+    found = [loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)]
     return found[0], found[1]
 
 

@@ -39,9 +39,7 @@ def solve(problem: Problem) -> Solution:
         solution = solve_tree(problem, MujocoTree(problem.model, file, problem.gravity), file)
     finally:
         mujoco.set_mju_user_warning(None)
-    return replace(
-        solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)))
-    )
+    return replace(solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))))
 
 
 class MujocoTree:
@@ -54,9 +52,7 @@ class MujocoTree:
             raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), "correct the MJCF") from None
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
-        self.model.opt.jacobian = (
-            mujoco.mjtJacobian.mjJAC_DENSE
-        )  # sparse ones are wrong in 4.0.0 (issue 3767)
+        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
         if gravity is not None:
             self.model.opt.gravity[:] = gravity
         self.data = mujoco.MjData(self.model)
@@ -76,9 +72,7 @@ class MujocoTree:
         """Refuses motors, where the file has any, that are not those of the description."""
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-        for k in range(
-            self.model.nu if wanted <= set(self.coordinates) else 0
-        ):  # a missing joint is said elsewhere
+        for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # a missing joint is said elsewhere
             name = self.model.joint(self.model.actuator_trnid[k, 0]).name
             plain = self.model.actuator_gear[k, 0] == 1.0 and not self.model.actuator_biastype[k]
             if self.model.actuator_trntype[k] != joint or name not in wanted or not plain:
@@ -125,9 +119,7 @@ class MujocoTree:
             R = np.empty(9)
             mujoco.mju_quat2Mat(R, model.site_quat[site])
             frames.append(Frame(model.site_pos[site].copy(), R.reshape(3, 3)))
-        return Closure(
-            joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames
-        )
+        return Closure(joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames)
 
     def _name(self, body: int) -> str:
         return str(self.model.body(body).name) if body and self.model.body(body).name else "ground"

@@ -74,9 +74,7 @@ class PinocchioTree:
         )
         self.closures = file.closures
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
-        frames = [
-            i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted
-        ]
+        frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
         self.frames = [i for i in frames if self.model.frames[i].name != "ground"]
         self.bodies = tuple(self.model.frames[i].name for i in self.frames)
         self.joints = [self.model.frames[i].parentJoint for i in self.frames]
@@ -124,9 +122,7 @@ class PinocchioTree:
         for i in range(len(q)):
             pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
             for k, (joint, at) in enumerate(zip(self.joints, placements, strict=True)):
-                out[i, k] = pin.getFrameClassicalAcceleration(
-                    self.model, self.data, joint, at, _ALIGNED
-                ).linear
+                out[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, joint, at, _ALIGNED).linear
         return out
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:

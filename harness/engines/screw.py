@@ -34,9 +34,7 @@ def solve(problem: Problem) -> Solution:
         )
     for load in problem.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(
-                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
-            )
+            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
     return solve_layout(problem, layout(mechanism))
 
 
@@ -177,9 +175,7 @@ class _Work:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)
-            unknown, condition = dynamics.solve_newton_euler(
-                c, F, T, rule, self.reactions, rate.system.length
-            )
+            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, self.reactions, rate.system.length)
             conditions["reaction"] = condition
             if axial:
                 conditions["actuator_force"] = condition

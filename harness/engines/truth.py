@@ -80,9 +80,7 @@ def _check(problem: Problem, mechanism: Mechanism) -> None:
         raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
     for load in problem.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(
-                f"has no body '{load.body}'", str(problem.model), "keep the names of the scene"
-            )
+            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
 
 
 def _folders() -> list[Path]:
@@ -115,18 +113,14 @@ def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> 
         try:
             found.append(enclosed(workshops, row, start[i]))
         except RoutesDisagree as error:
-            raise RoutesDisagree(
-                error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy
-            ) from None
+            raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:
             found.append(None)
             reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
         problem.progress((i + 1) / len(rows))
     if all(one is None for one in found):
         where, _, what = reasons[0].partition(": ")
-        raise NotCertified(
-            f"no sample can be certified: {what}", where, "keep the motion away from singular poses"
-        )
+        raise NotCertified(f"no sample can be certified: {what}", where, "keep the motion away from singular poses")
     return _Table(*_arrays(found), reasons, dict(clock.spent))
 
 
@@ -146,9 +140,7 @@ def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array],
         for name, balls in (one or {}).items():
             zero = [ball.contains(0) for ball in balls]
             mid[name][i] = [0.0 if at else float(ball.mid()) for ball, at in zip(balls, zero, strict=True)]
-            size = [
-                float(ball.abs_upper() if at else ball.rad()) for ball, at in zip(balls, zero, strict=True)
-            ]
+            size = [float(ball.abs_upper() if at else ball.rad()) for ball, at in zip(balls, zero, strict=True)]
             radius[name][i] = np.nextafter(size, np.inf)
     return mid, radius
 
@@ -197,9 +189,7 @@ def _solution(
             Timing("truth", how, stage, len(rows), seconds, seconds, covers.format(stage))
             for stage, seconds in table.spent.items()
         ),
-        notes=tuple(
-            note for note in [*_notes(table, names, mechanism, f"{len(solved)} of {n}"), *notes] if note
-        ),
+        notes=tuple(note for note in [*_notes(table, names, mechanism, f"{len(solved)} of {n}"), *notes] if note),
         radius={name: spread(table.radius[name]) for name in wanted},
         rows=None if len(solved) == n else solved,
     )
@@ -235,9 +225,7 @@ def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> 
             "which is no proof; reactions that they leave open are one choice that balances"
         )
     if table.reasons:
-        notes.append(
-            f"not certified at {len(table.reasons)} samples, left out; the first: {table.reasons[0]}"
-        )
+        notes.append(f"not certified at {len(table.reasons)} samples, left out; the first: {table.reasons[0]}")
     return notes
 
 

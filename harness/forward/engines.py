@@ -25,14 +25,10 @@ def check_integrators(names: Iterable[str], where: str = "") -> tuple[str, ...]:
         ScrewgaugeError: There is none, or one of them does not integrate.
     """
     known = {*INTEGRATORS, *GENERATED, "truth"}
-    wanted = dict.fromkeys(
-        check_choice("engine", names, [*INTEGRATORS, *sorted(known - {*INTEGRATORS})], where)
-    )
+    wanted = dict.fromkeys(check_choice("engine", names, [*INTEGRATORS, *sorted(known - {*INTEGRATORS})], where))
     odd = [name for name in wanted if name not in INTEGRATORS]
     if odd:
-        raise DescriptionError(
-            f"engine '{odd[0]}' does not integrate", where, f"choose from {', '.join(INTEGRATORS)}"
-        )
+        raise DescriptionError(f"engine '{odd[0]}' does not integrate", where, f"choose from {', '.join(INTEGRATORS)}")
     return tuple(wanted)
 
 

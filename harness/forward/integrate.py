@@ -230,9 +230,7 @@ def _keep(run: _Run, solver: OdeSolver, times: Array, kept: _Kept) -> None:
     run.branch.move(solver.y[: len(solver.y) // 2])
 
 
-def _checked(
-    lay: Layout, times: Array, start: Array | None, yd: Array | None, method: str
-) -> tuple[Array, Array]:
+def _checked(lay: Layout, times: Array, start: Array | None, yd: Array | None, method: str) -> tuple[Array, Array]:
     """Times, and the state at the start."""
     if method not in METHODS:
         raise UnknownNameError("method", method, METHODS)

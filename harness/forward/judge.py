@@ -49,9 +49,7 @@ def judge_motion(scene: Scene, solution: ForwardSolution, times: Array, method: 
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _loops(
-    scene: Scene, solution: ForwardSolution, bodies: list[Moving], closed: list[Moving]
-) -> list[Residual]:
+def _loops(scene: Scene, solution: ForwardSolution, bodies: list[Moving], closed: list[Moving]) -> list[Residual]:
     """Closure of every cut joint in position, rate and acceleration."""
     mechanism, found = scene.mechanism, []
     cuts = spanning_tree(mechanism).cuts
@@ -73,9 +71,7 @@ def _loops(
     return found
 
 
-def _virtual_work(
-    scene: Scene, solution: ForwardSolution, times: Array, bodies: list[Moving]
-) -> list[Residual]:
+def _virtual_work(scene: Scene, solution: ForwardSolution, times: Array, bodies: list[Moving]) -> list[Residual]:
     """What the forces of inertia and all that acts work on every allowed motion: nothing, whatever the reactions.
 
     It is measured by the largest term. At up to `MOST` samples, as it takes a walk for every joint coordinate.

@@ -42,9 +42,7 @@ def integrate(problem: ForwardProblem) -> ForwardSolution:
         found = integrate_tree(problem, lambda file: make(problem, file))
     finally:
         mujoco.set_mju_user_warning(None)
-    return replace(
-        found, notes=(*found.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)))
-    )
+    return replace(found, notes=(*found.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))))
 
 
 def make(problem: ForwardProblem, file: LoopsFile) -> MujocoMover:
@@ -55,9 +53,7 @@ def make(problem: ForwardProblem, file: LoopsFile) -> MujocoMover:
 class MujocoMover:
     """Accelerations of a closed tree. See `screwgauge.forward.tree.motion.Mover`."""
 
-    def __init__(
-        self, tree: MujocoTree, d: float = IMPEDANCE, passes: int = PASSES, harder: float = HARDER
-    ) -> None:
+    def __init__(self, tree: MujocoTree, d: float = IMPEDANCE, passes: int = PASSES, harder: float = HARDER) -> None:
         self._tree = tree
         self.model = copy.deepcopy(tree.model)  # the tree switches its equality constraints off
         harden(self.model, d, harder)

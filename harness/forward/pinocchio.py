@@ -34,9 +34,7 @@ def integrate(problem: ForwardProblem) -> ForwardSolution:
     Raises:
         ScrewgaugeError: A model, start, method or force that cannot be, or a start of unsafe accelerations.
     """
-    return integrate_tree(
-        problem, lambda file: PinocchioMover(PinocchioTree(problem.model, file, problem.gravity))
-    )
+    return integrate_tree(problem, lambda file: PinocchioMover(PinocchioTree(problem.model, file, problem.gravity)))
 
 
 class PinocchioMover:
@@ -51,9 +49,7 @@ class PinocchioMover:
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
         self.more = pin.ProximalSettings(0.0, 0.0, mu, MORE)
-        self.setting = (
-            f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.models) else "aba"
-        )
+        self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.models) else "aba"
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
 
@@ -86,9 +82,7 @@ class PinocchioMover:
         for model, data in zip(self.models, self.datas, strict=True):
             model.calc(self.model, self.kinematics, data)
             apart = data.c1Mc2
-            gaps.append(
-                apart.translation if model.type == pin.ContactType.CONTACT_3D else pin.log6(apart).vector
-            )
+            gaps.append(apart.translation if model.type == pin.ContactType.CONTACT_3D else pin.log6(apart).vector)
         G = pin.getConstraintsJacobian(self.model, self.kinematics, self.models, self.datas)
         # Pinocchio's rows are the velocity of the first side less that of the second
         return np.concatenate(gaps), -G
@@ -113,9 +107,7 @@ class PinocchioMover:
         """Accelerations, and what those of the loops are off by: the last change of the multipliers times mu."""
         if not len(self.models):
             return pin.aba(self.model, self.data, self.q, self.v, tau), 0.0
-        a = pin.constraintDynamics(
-            self.model, self.data, self.q, self.v, tau, self.models, self.datas, settings
-        )
+        a = pin.constraintDynamics(self.model, self.data, self.q, self.v, tau, self.models, self.datas, settings)
         return a, settings.mu * settings.relative_residual
 
     def notes(self) -> tuple[str, ...]:

@@ -109,16 +109,12 @@ def _wanted(scene: Scene, quantities: Iterable[str] | None) -> tuple[str, ...]:
     return tuple(name for name in wanted if name != "observable")
 
 
-def _integrate(
-    scene: Scene, start: Forward, name: str, folder: Path, progress: Report
-) -> ForwardSolution | Failure:
+def _integrate(scene: Scene, start: Forward, name: str, folder: Path, progress: Report) -> ForwardSolution | Failure:
     """One engine, on the scene's times as far as it came. Whatever it raises becomes a row."""
     progress(name, 0.0)
     try:
         integrate = load_integrator(name)
-        problem = make_problem(
-            scene, start, *model_files(scene, name, folder), lambda share: progress(name, share)
-        )
+        problem = make_problem(scene, start, *model_files(scene, name, folder), lambda share: progress(name, share))
         found = trimmed(integrate(problem), len(problem.times) - len(scene.motion))
     except Exception as error:
         return failed(scene, name, error, folder)
@@ -138,9 +134,7 @@ def trimmed(found: ForwardSolution, extra: int) -> ForwardSolution:
     return replace(found, **fields)
 
 
-def _solution(
-    scene: Scene, start: Forward, lay: Layout, found: ForwardSolution, wanted: Sequence[str]
-) -> Solution:
+def _solution(scene: Scene, start: Forward, lay: Layout, found: ForwardSolution, wanted: Sequence[str]) -> Solution:
     """The integrated motion in the terms of a comparison; NaN where it was not reached."""
     mechanism, n, m = scene.mechanism, len(scene.motion), len(found.q)
     names, units = tuple(mechanism.coordinates), tuple(mechanism.units)

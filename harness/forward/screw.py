@@ -88,9 +88,7 @@ def forces_over_time(problem: ForwardProblem, lay: Layout) -> Callable[[float], 
     return at
 
 
-def joint_accelerations(
-    lay: Layout, found: Trajectory, forces: Callable[[float], Forces]
-) -> tuple[Array, Array]:
+def joint_accelerations(lay: Layout, found: Trajectory, forces: Callable[[float], Forces]) -> tuple[Array, Array]:
     """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
     rate = found.rates
     condition = linear.condition(rate.A)

@@ -100,9 +100,7 @@ def read_forward(table: Any, mechanism: Mechanism, since: float, where: str) -> 
     name = read_text(table, "method", where, usual.name)
     if name not in METHODS:
         raise UnknownNameError("method", name, METHODS, where)
-    amounts = {
-        key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")
-    }
+    amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
     for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
         if not least < amounts[key] < most:
             raise DescriptionError(
@@ -179,9 +177,7 @@ def read_published(table: Any, where: str) -> Published:
     for key in ("accuracy", "cpu_s"):
         stated[key] = number(table[key], f"{where}.{key}") if key in table else float("nan")
         if stated[key] <= 0.0:
-            raise DescriptionError(
-                f"{stated[key]:g} is not positive", f"{where}.{key}", "give what was published"
-            )
+            raise DescriptionError(f"{stated[key]:g} is not positive", f"{where}.{key}", "give what was published")
     return Published(
         who=read_text(table, "who", where),
         source=read_text(table, "source", where),

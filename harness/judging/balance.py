@@ -53,9 +53,7 @@ def required_wrenches(
             terms_F.append(-wrench[:, :3])
             terms_T += [-wrench[:, 3:], np.cross(R @ body.com, wrench[:, :3])]
         F[:, i], T[:, i] = sum(terms_F), sum(terms_T)
-        sizes_F[i], sizes_T[i] = (
-            max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T)
-        )
+        sizes_F[i], sizes_T[i] = (max(float(np.nanmax(np.abs(x))) for x in terms) for terms in (terms_F, terms_T))
     return (F, T), (sizes_F, sizes_T)
 
 
@@ -123,24 +121,18 @@ def _exerted(
     found = []
     for k, name in enumerate(parts.names):
         value = reaction.array[:, [reaction.components.index(name)]]
-        found.append(
-            (parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k])
-        )
+        found.append((parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k]))
     for k, joint in enumerate(mechanism.actuators):
         moving = bodies[mechanism.body_index[joint.child]]
         direction = moving.R @ (joint.child_frame.R @ joint.axes[0])
         value, none = direction * driving.array[:, [k]], np.zeros_like(direction)
         point = moving.p + moving.R @ joint.child_frame.p
         turns = joint.kind == "R"
-        found.append(
-            (mechanism.joints.index(joint), none if turns else value, value if turns else none, point)
-        )
+        found.append((mechanism.joints.index(joint), none if turns else value, value if turns else none, point))
     return found
 
 
-def power_balance(
-    scene: Scene, solution: Solution, bodies: list[Moving], required: tuple[Array, Array]
-) -> Residual:
+def power_balance(scene: Scene, solution: Solution, bodies: list[Moving], required: tuple[Array, Array]) -> Residual:
     """Power of the actuators less what motion, gravity and loads take up."""
     mechanism = scene.mechanism
     columns = mechanism.actuated_columns
@@ -164,18 +156,14 @@ def virtual_work(scene: Scene, solution: Solution, required: tuple[Array, Array]
     """
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, MOST).astype(int))
     motions, of_bodies = allowed_motions(scene, solution.values["joint_position"].array[rows])
-    needed = np.einsum(
-        "nbx,nbxj->nj", np.concatenate([required[0][rows], required[1][rows]], axis=2), of_bodies
-    )
+    needed = np.einsum("nbx,nbxj->nj", np.concatenate([required[0][rows], required[1][rows]], axis=2), of_bodies)
     mechanism = scene.mechanism
     units = [mechanism.units[column] for column in mechanism.independent_columns]
     given = []
     if "generalized_force" in solution.values:
         given.append(("", solution.values["generalized_force"].array[rows]))
     driven = motions[:, mechanism.actuated_columns]
-    given.append(
-        (" by actuators", np.einsum("nkj,nk->nj", driven, solution.values["actuator_force"].array[rows]))
-    )
+    given.append((" by actuators", np.einsum("nkj,nk->nj", driven, solution.values["actuator_force"].array[rows])))
     found = []
     for unit in dict.fromkeys(units):
         columns = [k for k, own in enumerate(units) if own == unit]
@@ -200,10 +188,7 @@ def allowed_motions(scene: Scene, q: Array) -> tuple[Array, Array]:
         unit[:, i] = 1.0
         bodies, closed = walk(mechanism, tree, q, unit, zero)
         children = [bodies[mechanism.body_index[joint.child]] for joint in tree.cuts]
-        gap = [
-            np.concatenate([via.w - at.w, via.v - at.v], axis=1)
-            for at, via in zip(children, closed, strict=True)
-        ]
+        gap = [np.concatenate([via.w - at.w, via.v - at.v], axis=1) for at, via in zip(children, closed, strict=True)]
         gaps.append(np.concatenate([*gap, zero[:, :0]], axis=1))
         com = [at.R @ body.com for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
         speeds = [(at.v + np.cross(at.w, r), at.w) for at, r in zip(bodies[1:], com, strict=True)]

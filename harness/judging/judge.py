@@ -41,10 +41,7 @@ def judge(
         solution = replace(solution, rows=left)
     if solution.rows is not None:  # it solved some of the samples: these are judged
         scene, solution = replace(scene, motion=scene.motion.part(solution.rows)), _solved(solution)
-    rows = [
-        judged_row(solution.engine, residual, scene.motion.t, tolerance)
-        for residual in residuals(scene, solution)
-    ]
+    rows = [judged_row(solution.engine, residual, scene.motion.t, tolerance) for residual in residuals(scene, solution)]
     admitted = max((float(np.max(e, initial=0.0)) for e in solution.estimate.values()), default=0.0)
     for row in rows:
         if not row["ok"] and not row["reason"] and admitted >= float(str(row["max_scaled"])):
@@ -55,8 +52,7 @@ def judge(
 def _solved(solution: Solution) -> Solution:
     """The solution on its own samples only."""
     values = {
-        name: Values(has.components, has.units, has.array[solution.rows])
-        for name, has in solution.values.items()
+        name: Values(has.components, has.units, has.array[solution.rows]) for name, has in solution.values.items()
     }
     return replace(solution, values=values, rows=None)
 
@@ -102,9 +98,7 @@ def _loops(scene: Scene, solution: Solution, bodies: list[Moving], closed: list[
         values = solution.values[quantity]
         parts: dict[str, list[tuple[str, Array]]] = {unit: [] for unit in units}
         for joint, via in zip(cuts, closed, strict=True):
-            for unit, gap in zip(
-                units, difference(bodies[mechanism.body_index[joint.child]], via, order), strict=True
-            ):
+            for unit, gap in zip(units, difference(bodies[mechanism.body_index[joint.child]], via, order), strict=True):
                 parts[unit] += [(f"{joint.name}.{axis}", gap[:, k]) for k, axis in enumerate("xyz")]
         for k, (label, coordinate) in enumerate(mechanism.independent.items()):
             column = values.components.index(coordinate)

@@ -70,9 +70,7 @@ class Moving:
 
 def across(joint: Joint, near: Moving, q: Array, qd: Array, qdd: Array, *, reverse: bool) -> Moving:
     """The body on the other side of a joint. Coordinates and derivatives: shape (n, n_freedom)."""
-    start, end = (
-        (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
-    )
+    start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
     sign = -1.0 if reverse else 1.0
     at = near.frame(start)
     freedoms = list(enumerate(joint.freedoms))

@@ -149,6 +149,4 @@ def paper_section(scene: Scene) -> str:
         return ""
     paper = measured()
     lead = f"{paper.reach.sentence} `screwgauge paper` writes this table, its plots and how it was measured."
-    return (
-        f"{lead}\n\n{folded(f'All {len(paper.errata)} measurements', errata_table(paper), len(paper.errata))}"
-    )
+    return f"{lead}\n\n{folded(f'All {len(paper.errata)} measurements', errata_table(paper), len(paper.errata))}"

@@ -104,9 +104,7 @@ class Case:
         """Rates of the actuators per rate of y. Shape (n, 4, 2)."""
         return self.rate.K[:, self.lay.mechanism.actuated_columns]
 
-    def wrench(
-        self, gravity: Array, loads: Sequence[tuple[str, Array | None, Array, Array]]
-    ) -> tuple[Array, Array]:
+    def wrench(self, gravity: Array, loads: Sequence[tuple[str, Array | None, Array, Array]]) -> tuple[Array, Array]:
         """Required force and moment of each body. Shape (n, n_body, 3) each."""
         return dynamics.required_wrench(self.lay, self.rate.pose, self.bodies, gravity, loads)
 

@@ -29,12 +29,8 @@ def _trajectory(case: Case) -> list[Erratum]:
     D_P = longest(D[:, 3:] - P), longest(_turned(case) - P)
     as_printed = "0.2 cos t + 0.2, 0.1 sin t"
     return [
-        erratum(
-            17, "(60) V_P", "angular velocity off", ("(a', b', 0)", "(a', b' cos a, b' sin a)"), V_P, "rad/s"
-        ),
-        erratum(
-            17, "(60) A_P", "A_P less the derivative of V_P", (as_printed, "a'', b''"), derivative, "rad/s^2"
-        ),
+        erratum(17, "(60) V_P", "angular velocity off", ("(a', b', 0)", "(a', b' cos a, b' sin a)"), V_P, "rad/s"),
+        erratum(17, "(60) A_P", "A_P less the derivative of V_P", (as_printed, "a'', b''"), derivative, "rad/s^2"),
         erratum(
             17,
             "(60) A_P",

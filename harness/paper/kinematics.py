@@ -183,9 +183,7 @@ def _units(case: Case) -> list[Erratum]:
     right, _ = paper_twist.platform_screws(case.lay, case.motion, case.t)
     metres = side.solve(case.S, V[:, None])[:, 0, 0]
     longer = np.array([1.0] * 3 + [MILLIMETRES] * 3)
-    millimetres = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[
-        :, 0, 0
-    ]
+    millimetres = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[:, 0, 0]
     i = int(np.argmin(np.abs(case.t - MOMENT)))
     return [
         erratum(

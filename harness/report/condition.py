@@ -16,9 +16,7 @@ WIDE = 30.0  # ratio of largest to smallest from which the axis is logarithmic
 
 def draw_condition(title: str, results: Results) -> str:
     """One line an engine, the largest of each stretch of samples; markers keep lines apart that coincide."""
-    finite = {
-        e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()
-    }
+    finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
     looks = [_look(i, len(results.times)) for i in range(len(lines))]
     handles = [handle(engine, **look) for engine, look in zip(lines, looks, strict=True)]

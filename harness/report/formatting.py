@@ -98,8 +98,7 @@ def text_table(head: Sequence[str], body: Sequence[Sequence[str]], right: Iterab
 
     def line(row: Sequence[str]) -> str:
         parts = [
-            text.rjust(w) if i in ends else text.ljust(w)
-            for i, (text, w) in enumerate(zip(row, widths, strict=True))
+            text.rjust(w) if i in ends else text.ljust(w) for i, (text, w) in enumerate(zip(row, widths, strict=True))
         ]
         return "  ".join(parts).rstrip()
 

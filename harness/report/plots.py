@@ -99,9 +99,7 @@ def _compared(figure: Figure, results: Results) -> list[tuple[str, str]]:
     return list(dict.fromkeys(zip(here["a"], here["b"], strict=True)))
 
 
-def _drawn(
-    arrays: Mapping[str, Array], pairs: Sequence[tuple[str, str]]
-) -> tuple[dict[str, Array], list[str]]:
+def _drawn(arrays: Mapping[str, Array], pairs: Sequence[tuple[str, str]]) -> tuple[dict[str, Array], list[str]]:
     """Engines to draw over each other, and a note on those that mean something else by these names.
 
     Joint forces of an open tree, for one, differ from cut to cut.

@@ -162,11 +162,7 @@ def scene(results: Results) -> str:
         ("gravity", f"{_vector(here.gravity)} m/s²"),
         *(("load", _load(load)) for load in here.loads),
         *acting(here),
-        *(
-            [("rule for redundant forces", here.rule)]
-            if here.forward is None
-            else integrated(here, here.forward)
-        ),
+        *([("rule for redundant forces", here.rule)] if here.forward is None else integrated(here, here.forward)),
     ]
     table = markdown_table(["", ""], [fact for fact in facts if fact[1]])
     return f"{cell(here.description)}\n\n{table}" if here.description else table
@@ -191,9 +187,7 @@ def engines(results: Results) -> str:
     ]
     body += [[name, "", f"✗ {failure.reason}"] for name, failure in results.failures.items()]
     notes = [f"- {name}: {cell(note)}" for name, s in results.solutions.items() for note in s.notes]
-    return "\n\n".join(
-        [markdown_table(["engine", "version", "status"], body), *(["\n".join(notes)] if notes else [])]
-    )
+    return "\n\n".join([markdown_table(["engine", "version", "status"], body), *(["\n".join(notes)] if notes else [])])
 
 
 def _status(solution: Solution, t: Array) -> str:

@@ -70,9 +70,7 @@ def _difference(results: Results, *, beside: bool = False) -> str:
     if not bad:
         return ""
     row = bad[0]
-    more = (
-        f" {len(bad)} of {len(compared(results))} comparisons are out of tolerance." if len(bad) > 1 else ""
-    )
+    more = f" {len(bad)} of {len(compared(results))} comparisons are out of tolerance." if len(bad) > 1 else ""
     where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"

@@ -66,9 +66,7 @@ def make_plots(found: Stress) -> list[Plot]:
 
 
 def _points(found: Stress, case: Case) -> list[Row]:
-    return [
-        row for row in found.rows if row.case == case.name and row.finding.quantity in (case.drawn, "judge")
-    ]
+    return [row for row in found.rows if row.case == case.name and row.finding.quantity in (case.drawn, "judge")]
 
 
 def _engines(rows: Sequence[Row]) -> list[str]:

@@ -116,9 +116,7 @@ def _case(found: Stress, case: Case) -> list[str]:
     for quantity in dict.fromkeys(row.finding.quantity for row in rows):
         here = [row for row in rows if row.finding.quantity == quantity]
         table = _ladder(case, here)
-        parts.append(
-            f"**{quantity}**\n\n{table}" if quantity == case.drawn else folded(quantity, table, len(here))
-        )
+        parts.append(f"**{quantity}**\n\n{table}" if quantity == case.drawn else folded(quantity, table, len(here)))
     reasons = _reasons(rows)
     return [*parts, reasons] if reasons else parts
 

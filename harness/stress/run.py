@@ -54,9 +54,7 @@ class Stress:
     @property
     def ok(self) -> bool:
         """Our own solver is nowhere silently wrong."""
-        return not any(
-            row.finding.verdict == SILENT and row.finding.engine.startswith("screw") for row in self.rows
-        )
+        return not any(row.finding.verdict == SILENT and row.finding.engine.startswith("screw") for row in self.rows)
 
     @property
     def broken(self) -> tuple[str, ...]:

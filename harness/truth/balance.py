@@ -51,16 +51,12 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb]:
     """Solves for the coefficients of the columns; of dependent ones, those that are left out are zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
-        chosen = independent_rows(
-            np.array([[float(x.mid()) for x in column] for column in columns]), len(right)
-        )
+        chosen = independent_rows(np.array([[float(x.mid()) for x in column] for column in columns]), len(right))
     system = arb_mat([columns[i] for i in chosen]).transpose()
     try:
         x = solve(system, arb_mat([[value] for value in right])).entries()
     except (ZeroDivisionError, ValueError):  # singular, or fewer unknowns than balances
-        raise NotCertified(
-            "the force system may be singular", "", "keep the motion away from this pose"
-        ) from None
+        raise NotCertified("the force system may be singular", "", "keep the motion away from this pose") from None
     solution = [arb(0)] * len(columns)
     for i, value in zip(chosen, x, strict=True):
         solution[i] = value
@@ -80,6 +76,4 @@ def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict
     first = [x / size for x in first]
     child = now.bodies[linkage.mechanism.body_index[linkage.mechanism.joint(joint).child]][0]
     columns = [names.index(f"{joint}.f{axis}") for axis in "xyz"]
-    return [
-        dict(zip(columns, point(child, across, 0), strict=True)) for across in (first, cross(line, first))
-    ]
+    return [dict(zip(columns, point(child, across, 0), strict=True)) for across in (first, cross(line, first))]

@@ -39,9 +39,7 @@ def independent_rows(J: Array, n: int) -> list[int]:
         size[chosen] = -1.0
         best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
         if size[best] < 1e-9:
-            raise NotCertified(
-                "the closing equations are singular", "", "keep the motion away from this pose"
-            )
+            raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
         chosen.append(best)
         unit = left[best] / size[best]
         left = left - np.outer(left @ unit, unit)
@@ -79,9 +77,7 @@ class Certifier:
             raise reason
         raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
 
-    def _simplified(
-        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]
-    ) -> tuple[list[arb], arb_mat]:
+    def _simplified(self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         """Newton's method with the one Jacobian of the start, in doubles. Returns a pose and an approximate inverse."""
         m = [arb(x) for x in start]
         J = _floats(self.linkage.jacobian(m))
@@ -98,9 +94,7 @@ class Certifier:
                 break
         return m, Y
 
-    def _full(
-        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]
-    ) -> tuple[list[arb], arb_mat]:
+    def _full(self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         """Newton's method with a Jacobian of all digits at every step: near a singular pose doubles have too few."""
         m = [arb(x) for x in start]
         for _ in range(NEWTON):
@@ -131,9 +125,7 @@ class Certifier:
         found += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
         return arb_mat([[found[i]] for i in rows])
 
-    def _verify(
-        self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]
-    ) -> tuple[list[arb], arb_mat]:
+    def _verify(self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         d = Y * self._error(m, y, rows)
         r = max((x.abs_upper() for x in d.entries()), key=float) * 4 + arb(2) ** (8 - ctx.prec)
         for _ in range(3):

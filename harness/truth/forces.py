@@ -75,9 +75,7 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
     try:
         return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
     except ZeroDivisionError:
-        raise NotCertified(
-            "the actuators may not move every coordinate", "", "keep away from this pose"
-        ) from None
+        raise NotCertified("the actuators may not move every coordinate", "", "keep away from this pose") from None
 
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:

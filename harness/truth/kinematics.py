@@ -57,9 +57,7 @@ def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
     try:
         return solve(J, right)
     except ZeroDivisionError:
-        raise NotCertified(
-            "the closing equations may be singular", "", "keep the motion away from this pose"
-        ) from None
+        raise NotCertified("the closing equations may be singular", "", "keep the motion away from this pose") from None
 
 
 def _check(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:

@@ -171,9 +171,7 @@ def error(G: arb_mat) -> list[arb]:
     return [*turn, r[0][3], r[1][3], r[2][3]]
 
 
-def _walk(
-    T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int, arb_mat] | None
-) -> MatrixJet:
+def _walk(T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int, arb_mat] | None) -> MatrixJet:
     for step in steps:
         if isinstance(step, Move):
             if spots is not None:
@@ -210,9 +208,7 @@ def _frames(table: Mapping[str, Any]) -> Frames:
 
 def _mass(table: Mapping[str, Any]) -> Mass:
     mass, c = number(table["mass"]), vector(table.get("com", [0, 0, 0]))
-    xx, xy, xz, yy, yz, zz = (
-        number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
-    )
+    xx, xy, xz, yy, yz, zz = (number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
     J = arb_mat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if "inertia_rotation" in table:
         R = rotation_matrix(table["inertia_rotation"])

@@ -126,9 +126,7 @@ def _screw(own: str, *, stiff: bool, quick: bool) -> Iterator[Entrant]:
             yield from _ladder(f"screw-{method}", "screw", method, rungs)
 
 
-def _ladder(
-    family: str, engine: str, method: str, rungs: Sequence[float], late: bool = False
-) -> Iterator[Entrant]:
+def _ladder(family: str, engine: str, method: str, rungs: Sequence[float], late: bool = False) -> Iterator[Entrant]:
     for effort, rtol in enumerate(rungs):
         yield Entrant(
             family=family,

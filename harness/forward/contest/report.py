@@ -135,9 +135,7 @@ def _cpu(outcome: Outcome) -> float:
 
 def report_markdown(found: Contest, plots: Sequence[Plot]) -> str:
     """The text of ``report.md``."""
-    threads = (
-        "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited."
-    )
+    threads = "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited."
     how = HOW.format(
         rounds=found.plan.rounds,
         threads=threads,

@@ -78,9 +78,7 @@ def contest(
     begin = perf_counter()
     start = started(scene)
     if not scene.observables:
-        raise DescriptionError(
-            "there is no observable to measure errors of", scene.name, "add [[observables]]"
-        )
+        raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
     here = _shortened(scene, plan)
     lay, notes = check_start(here, start)
     if plan.share < 1.0:
@@ -151,9 +149,7 @@ def _shortened(scene: Scene, plan: Plan) -> Scene:
     return scene.at(t[rows])
 
 
-def _chosen(
-    scene: Scene, start: Forward, lay: Layout, names: Iterable[str] | None, *, quick: bool
-) -> list[Entrant]:
+def _chosen(scene: Scene, start: Forward, lay: Layout, names: Iterable[str] | None, *, quick: bool) -> list[Entrant]:
     problem = make_problem(scene, start, scene.mechanism_file, None)
     fast = stiffness(lay, forces_over_time(problem, lay), start)
     explicit = replace(start, method=replace(start.method, name=EXPLICIT[0]))

@@ -156,9 +156,7 @@ class Work:
         error = np.abs(has.array - self.known.array[:m])
         error = error[np.isfinite(self.known.array[:m]).all(axis=1)]
         lost = not np.isfinite(error).all()
-        short = found.stopped or (
-            f"only {m} of {len(self.scene.motion)} samples" if m < len(self.scene.motion) else ""
-        )
+        short = found.stopped or (f"only {m} of {len(self.scene.motion)} samples" if m < len(self.scene.motion) else "")
         tree = spanning_tree(self.scene.mechanism)
         bodies, _ = walk(self.scene.mechanism, tree, found.q, found.v, found.a)
         balance = energy_balance(self.scene, found, bodies)

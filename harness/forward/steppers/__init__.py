@@ -72,9 +72,7 @@ class Stepper:
             name = "semi-implicit Euler" if self.integrator == "Euler" else self.integrator
             return f"{name} with projection, dt {self.dt:g} s"
         parts = [f"{self.integrator}, dt {self.dt:g} s"]
-        parts.append(
-            "solref default" if self.solref is None else f"solref {self.solref[0]:g} {self.solref[1]:g}"
-        )
+        parts.append("solref default" if self.solref is None else f"solref {self.solref[0]:g} {self.solref[1]:g}")
         parts.append("solimp default" if self.solimp is None else f"solimp {self.solimp:g}")
         parts.append(f"at most {self.passes} refinements" if self.passes else "raw")
         return ", ".join(parts)

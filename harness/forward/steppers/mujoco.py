@@ -111,9 +111,7 @@ def _joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) 
 
 
 def _steady(motor: Motor, tree: MujocoTree) -> bool:
-    return (
-        motor.coordinate in tree.coordinates and not motor.polynomial[1:].any() and not len(motor.harmonics)
-    )
+    return motor.coordinate in tree.coordinates and not motor.polynomial[1:].any() and not len(motor.harmonics)
 
 
 def _constant(walker: MujocoWalker, problem: ForwardProblem, left: _Left) -> None:
@@ -144,9 +142,7 @@ def _set(model: mujoco.MjModel, stepper: Stepper) -> None:
         model.eq_solref[:] = stepper.solref
     if stepper.solimp is not None:
         if not 0.0 < stepper.solimp <= 0.9999:
-            raise DescriptionError(
-                f"solimp {stepper.solimp:g}", "stepper of mujoco", "give a number up to 0.9999"
-            )
+            raise DescriptionError(f"solimp {stepper.solimp:g}", "stepper of mujoco", "give a number up to 0.9999")
         model.eq_solimp[:, :2] = stepper.solimp
     if stepper.passes:
         model.opt.tolerance = 1e-15

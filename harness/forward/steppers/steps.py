@@ -55,9 +55,7 @@ class Walker(Protocol):
         ...
 
 
-def walk_through(
-    problem: ForwardProblem, file: LoopsFile, walker: Walker, stepper: Stepper
-) -> ForwardSolution:
+def walk_through(problem: ForwardProblem, file: LoopsFile, walker: Walker, stepper: Stepper) -> ForwardSolution:
     """Steps from the closed start through all wanted times.
 
     Returns:
@@ -87,9 +85,7 @@ def walk_through(
                 problem.progress(float(begin + done * h - times[0]) / float(times[-1] - times[0]))
                 q, v = walker.state()
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
-                    raise SingularPoseError(
-                        "the state is no longer finite", tree.engine, "take smaller steps"
-                    )
+                    raise SingularPoseError("the state is no longer finite", tree.engine, "take smaller steps")
                 if done < n:
                     path.add(float(begin) + done * h, q, v)
             with clock.aside():

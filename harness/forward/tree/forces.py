@@ -40,9 +40,7 @@ class Forces:
         return sum(element(t, q, v, body, tau) for element in self.elements)
 
 
-def tree_forces(
-    problem: ForwardProblem, tree: Tree, loops: Loops, springs: Sequence[Spring] | None = None
-) -> Forces:
+def tree_forces(problem: ForwardProblem, tree: Tree, loops: Loops, springs: Sequence[Spring] | None = None) -> Forces:
     """Binds what acts to the bodies and coordinates of a tree.
 
     Args:

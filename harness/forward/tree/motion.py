@@ -229,9 +229,7 @@ def _solution(
     notes = list(run.mover.notes())
     if run.closed:
         gap, rate = run.drift
-        notes.append(
-            f"largest drift off the closed loops that was removed: {gap:.1e} (m, rad), {rate:.1e} /s"
-        )
+        notes.append(f"largest drift off the closed loops that was removed: {gap:.1e} (m, rad), {rate:.1e} /s")
     if over:
         notes.append(f"{over} steps were made anew with another size, as they met unsafe accelerations")
     method = problem.method

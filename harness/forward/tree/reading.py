@@ -79,9 +79,7 @@ def _blocks(tree: Tree, n: int) -> list[slice]:
     return [slice(i, min(n, i + size)) for i in range(0, n, size)]
 
 
-def _followed(
-    tree: Tree, loops: Loops, t: Array, states: tuple[Array, Array], start: Array
-) -> dict[str, Array]:
+def _followed(tree: Tree, loops: Loops, t: Array, states: tuple[Array, Array], start: Array) -> dict[str, Array]:
     """Angles of cut joints at all states, each step from one state to the next predicted by the rates."""
     if not loops.cut:
         return {}

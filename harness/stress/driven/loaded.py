@@ -54,9 +54,7 @@ def screw(case: Case) -> Finding:
     found = forward_dense(lay, rate, Forces(actuators, gravity=case.scene.gravity, loads=loads)).qdd
     seconds = perf_counter() - clock
     names = case.scene.mechanism.coordinates
-    return finding(
-        case, "screw", names, found, seconds=seconds, condition=float(linear.condition(rate.A).max())
-    )
+    return finding(case, "screw", names, found, seconds=seconds, condition=float(linear.condition(rate.A).max()))
 
 
 def finding(

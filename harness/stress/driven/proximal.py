@@ -97,9 +97,7 @@ def _measure(loop: Loop, label: str, mu: float, iterations: int) -> Finding:
     found, change = np.empty_like(loop.q), np.empty(len(loop.q))
     clock = perf_counter()
     for i in range(len(found)):
-        found[i] = pin.constraintDynamics(
-            model, data, loop.q[i], loop.v[i], loop.tau[i], models, datas, settings
-        )
+        found[i] = pin.constraintDynamics(model, data, loop.q[i], loop.v[i], loop.tau[i], models, datas, settings)
         change[i] = settings.relative_residual
     seconds = perf_counter() - clock
     condition, lift = _rows(loop, mu)

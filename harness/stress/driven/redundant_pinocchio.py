@@ -55,9 +55,7 @@ def _measure(case: Case, label: str, start: Given, parts: tuple[Any, Any, Any, A
     tau, found = start.applied(), np.empty_like(start.q)
     clock = perf_counter()
     for i in range(len(found)):
-        found[i] = pin.constraintDynamics(
-            model, data, start.q[i], start.v[i], tau[i], models, datas, settings
-        )
+        found[i] = pin.constraintDynamics(model, data, start.q[i], start.v[i], tau[i], models, datas, settings)
     seconds = perf_counter() - clock
     D, J = _delassus(start, parts)
     return finding(

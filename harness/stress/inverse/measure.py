@@ -32,9 +32,7 @@ def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = N
         y, yd, ydd: Independent coordinates and derivatives; zero by default. Shape (n, k).
     """
     zero = np.zeros_like(y)
-    motion = Motion(
-        np.arange(len(y), dtype=float), y.copy(), zero if yd is None else yd, zero if ydd is None else ydd
-    )
+    motion = Motion(np.arange(len(y), dtype=float), y.copy(), zero if yd is None else yd, zero if ydd is None else ydd)
     return replace(scene, motion=motion)
 
 

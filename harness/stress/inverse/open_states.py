@@ -97,8 +97,7 @@ def pulled_apart(case: Case, gap: float) -> OpenState:
     loops = make_loops(tree, file)
     solutions, _ = solve(case.scene, ("screw",), ("joint_position", "joint_velocity"))
     q, v = (
-        pick(solutions["screw"].values[name], tree.coordinates).array
-        for name in ("joint_position", "joint_velocity")
+        pick(solutions["screw"].values[name], tree.coordinates).array for name in ("joint_position", "joint_velocity")
     )
     k = len(loops.independent)
     wanted = _direction(loops.gaps(tree.poses(q)).shape, 0.3)
@@ -122,9 +121,7 @@ def _direction(shape: tuple[int, ...], phase: float) -> Array:
     return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
 
 
-def _finding(
-    case: Case, engine: str, quantity: str, array: Array, start: Given | None, reason: str
-) -> Finding:
+def _finding(case: Case, engine: str, quantity: str, array: Array, start: Given | None, reason: str) -> Finding:
     """Against the truth of the closed state; the reason is said where the answer is wrong."""
     known = "joint_acceleration" if quantity == FORWARD else quantity
     components = None if start is None or quantity != FORWARD else start.tree.coordinates

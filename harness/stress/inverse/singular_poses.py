@@ -25,9 +25,7 @@ BASE_LOCK = -float(np.arctan2(_H, _r))
 WRIST_LOCKS = {"3ups-upu-s": -float(np.arcsin(_H / _R)), "3ups-upu-s-table2": float(np.arccos(_r / _R))}
 _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
-_IMPLICIT = (
-    "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
-)
+_IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
 #: Angular velocity and acceleration of (a, b), without symmetry.
 _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
@@ -99,9 +97,7 @@ def wrist_chart() -> Case:
             for name, lock in WRIST_LOCKS.items():
                 y, setting = _around(lock, distance, 5 if quick else 9), "" if name == SCENE else "table2"
                 yield from _measure(name, y, setting=setting)
-                yield from _measure(
-                    name, y, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE
-                )
+                yield from _measure(name, y, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE)
 
         return Rung(distance, found)
 

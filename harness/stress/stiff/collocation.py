@@ -32,9 +32,7 @@ def tableau(stages: int) -> tuple[Array, Array]:
     x = np.sort(legendre.legroots(ends).real)
     x[-1] = 1.0
     values = legendre.legvander(x, stages - 1)
-    integrals = np.column_stack(
-        [0.5 * legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(stages)]
-    )
+    integrals = np.column_stack([0.5 * legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(stages)])
     return 0.5 * (1.0 + x), integrals @ np.linalg.inv(values)
 
 

@@ -197,9 +197,7 @@ def _findings(
     for (quantity, value), factor in zip(errors, (1.0, 2.0), strict=True):  # energy is quadratic
         admitted = max(GOOD, factor * bound)
         reason = f"{words} admits {admitted:.1e}" if bound else words
-        yield Finding(
-            label, quantity, value, admitted, right.condition, found.seconds, reason if value > GOOD else ""
-        )
+        yield Finding(label, quantity, value, admitted, right.condition, found.seconds, reason if value > GOOD else "")
 
 
 def _refused(label: str, reason: str) -> Iterator[Finding]:

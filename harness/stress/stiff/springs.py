@@ -26,6 +26,5 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
     fastest = np.linalg.eigvals(np.linalg.solve(inertia_matrix(lay, rate)[0], B.T @ B)).real.max()
     damping = 2.0 * DAMPING * float(np.sqrt(stiffness / fastest))
     return tuple(
-        JointSpring(mechanism.coordinates[i], stiffness, float(home[0, i]), damping)
-        for i in mechanism.actuated_columns
+        JointSpring(mechanism.coordinates[i], stiffness, float(home[0, i]), damping) for i in mechanism.actuated_columns
     )
