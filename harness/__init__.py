@@ -11,21 +11,21 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.driver import run
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.results import Results
-    from screwgauge.scene import Scene, load_scene
-    from screwgauge.streaming import stream
+    from screwgauge.scene.scene import Scene, load_scene
+    from screwgauge.study.results import Results
+    from screwgauge.study.run import run
+    from screwgauge.study.stream import stream
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
 
 _HOMES = {
-    "Results": "screwgauge.results",
-    "Scene": "screwgauge.scene",
+    "Results": "screwgauge.study.results",
+    "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
-    "load_scene": "screwgauge.scene",
-    "run": "screwgauge.driver",
-    "stream": "screwgauge.streaming",
+    "load_scene": "screwgauge.scene.scene",
+    "run": "screwgauge.study.run",
+    "stream": "screwgauge.study.stream",
 }
 
 try:

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from screwgauge.scene import Scene
+    from screwgauge.scene.scene import Scene
 
 
 def show(options: argparse.Namespace) -> int:
     """What there is to choose from."""
-    from screwgauge.listing import listing
+    from screwgauge.report.listing import listing
 
     _say(listing(options.what))
     return 0
@@ -24,7 +24,7 @@ def models(options: argparse.Namespace) -> int:
     """Writes the model files of a mechanism, and compares what programs read, if asked to."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import write_models
-    from screwgauge.preflight import check_home
+    from screwgauge.scene.preflight import check_home
 
     mechanism = load_mechanism(options.mechanism)
     check_home(mechanism)
@@ -42,15 +42,15 @@ def models(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
-    from screwgauge.bench.threads import fix_threads
+    from screwgauge.study.bench.threads import fix_threads
 
     fix_threads()  # matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold
-    from screwgauge.driver import run
-    from screwgauge.progress import Line
+    from screwgauge.report.progress import Line
     from screwgauge.report.summary import summary_text
     from screwgauge.report.terminal import format_terminal
     from screwgauge.report.write import check_writable
-    from screwgauge.scene import load_scene
+    from screwgauge.scene.scene import load_scene
+    from screwgauge.study.run import run
 
     scene = load_scene(options.scene)
     out = options.out or Path("screwgauge-out") / scene.name
@@ -75,18 +75,18 @@ def run(options: argparse.Namespace) -> int:
 
 def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
-    from screwgauge.bench.threads import fix_threads
+    from screwgauge.study.bench.threads import fix_threads
 
     fix_threads()  # before anything imports numpy
     from dataclasses import replace
 
-    from screwgauge.bench.journal import NAME
-    from screwgauge.bench.run import FULL, QUICK, bench, check_budget
-    from screwgauge.bench.terminal import format_terminal
-    from screwgauge.bench.write import write_bench
-    from screwgauge.progress import Line
+    from screwgauge.report.bench.terminal import format_terminal
+    from screwgauge.report.bench.write import write_bench
+    from screwgauge.report.progress import Line
     from screwgauge.report.write import check_writable
-    from screwgauge.scene import load_scene
+    from screwgauge.scene.scene import load_scene
+    from screwgauge.study.bench.journal import NAME
+    from screwgauge.study.bench.run import FULL, QUICK, bench, check_budget
 
     plan = QUICK if options.quick else FULL
     if options.budget is not None:
@@ -122,10 +122,10 @@ def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
     """The bench of a forward scene."""
     from dataclasses import replace
 
-    from screwgauge.bench.run import check_budget
-    from screwgauge.forward.contest.report import format_terminal, write_contest
-    from screwgauge.forward.contest.run import FULL, QUICK, contest
-    from screwgauge.progress import Line
+    from screwgauge.report.bench.forward_report import format_terminal, write_contest
+    from screwgauge.report.progress import Line
+    from screwgauge.study.bench.forward_run import FULL, QUICK, contest
+    from screwgauge.study.bench.run import check_budget
 
     plan = QUICK if options.quick else FULL
     if options.budget is not None:
@@ -141,15 +141,15 @@ def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
 
 def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
-    from screwgauge.bench.threads import fix_threads
+    from screwgauge.study.bench.threads import fix_threads
 
     fix_threads()  # before anything imports numpy
-    from screwgauge.progress import Line
     from screwgauge.reference.expressions import number
+    from screwgauge.report.progress import Line
+    from screwgauge.report.stress.terminal import format_terminal
+    from screwgauge.report.stress.write import write_stress
     from screwgauge.report.write import check_writable
-    from screwgauge.stress.run import stress
-    from screwgauge.stress.terminal import format_terminal
-    from screwgauge.stress.write import write_stress
+    from screwgauge.study.stress.run import stress
 
     severities = _names(options.severity)
     out = options.out or Path("screwgauge-out") / "stress"
@@ -173,10 +173,10 @@ def stress(options: argparse.Namespace) -> int:
 
 def paper(options: argparse.Namespace) -> int:
     """Measures the errata of the paper."""
-    from screwgauge.paper.document import format_terminal, write_paper
-    from screwgauge.paper.measure import measure
-    from screwgauge.progress import Line
+    from screwgauge.report.paper.document import format_terminal, write_paper
+    from screwgauge.report.progress import Line
     from screwgauge.report.write import check_writable
+    from screwgauge.study.paper.measure import measure
 
     out = options.out or Path("screwgauge-out") / "paper"
     check_writable(out)

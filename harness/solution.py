@@ -1,118 +1,17 @@
-"""What an engine is given and what it returns: `Problem` -> `Solution`."""
+"""What an engine returns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from screwgauge.problem import Rows
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.springs import Spring
-
-if TYPE_CHECKING:
-    from screwgauge.forward.problem import Motor
 
 #: Name of a known solution that stands beside the engines of a forward scene.
 REFERENCE = "reference"
-
-Rows = NDArray[np.intp]
-"""Indices of samples."""
-
-Progress = Callable[[float], None]
-"""Takes the share of the work that is done, 0 to 1."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """The independent coordinates over time.
-
-    Attributes:
-        t: Time [s]. Shape (n,).
-        y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
-    """
-
-    t: Array
-    y: Array
-    yd: Array
-    ydd: Array
-
-    def __post_init__(self) -> None:
-        for array in (self.t, self.y, self.yd, self.ydd):
-            array.setflags(write=False)
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    def part(self, rows: slice | Rows) -> Motion:
-        return Motion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Load:
-    """A constant force and moment on a body, in world axes.
-
-    Attributes:
-        body: Body that the load acts on (signs of an opposite reading are already applied).
-        point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
-        force: [N]. Shape (3,).
-        torque: [N m]. Shape (3,).
-    """
-
-    body: str
-    point: Array | None
-    force: Array
-    torque: Array
-
-    def numbers(self) -> tuple[str, list[float] | None, list[float], list[float]]:
-        """The load as plain values, which can be compared and written down."""
-        point = None if self.point is None else self.point.tolist()
-        return self.body, point, self.force.tolist(), self.torque.tolist()
-
-
-@dataclass(frozen=True, slots=True)
-class Wording:
-    """The text of what was rounded to doubles, for who reads it exactly; None where the doubles are meant.
-
-    Attributes:
-        motion: Label -> table of the motion.
-        gravity: Three numbers.
-        loads: Tables of the loads.
-    """
-
-    motion: Mapping[str, Any] | None = None
-    gravity: list[Any] | None = None
-    loads: tuple[Mapping[str, Any], ...] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Problem:
-    """All that an engine is given; it closes its own loops.
-
-    Attributes:
-        model: Its model file: mechanism TOML, URDF or MJCF.
-        loops: The loops file beside it: what URDF and MJCF cannot say.
-        gravity: World axes [m/s^2], shape (3,); None leaves the model file's own.
-        rule: ``min_norm`` or ``spherical_axial``.
-        quantities: Names of what is wanted; nothing else is computed.
-        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
-        springs, motors: What acts besides loads and actuators.
-    """
-
-    model: Path
-    loops: Path | None
-    gravity: Array | None
-    loads: tuple[Load, ...]
-    rule: str
-    motion: Motion
-    quantities: frozenset[str]
-    progress: Progress = lambda share: None
-    wording: Wording = Wording()
-    springs: tuple[Spring, ...] = ()
-    motors: tuple[Motor, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,10 +88,37 @@ class Failure:
     reason: str
 
 
-class Engine(Protocol):
-    """An engine is a function from a problem to a solution."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ForwardSolution:
+    """A motion as an engine integrated it, as far as it came; m of the n times were reached.
 
-    def __call__(self, problem: Problem) -> Solution: ...
+    Attributes:
+        engine, version, setting: Who made it, and how.
+        q, v, a: Joint coordinates of the description, in its order, unwrapped, with rates and accelerations
+            [rad or m, per s, per s^2]. Shape (m, n_q).
+        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
+        condition: Condition number of the closed loops. Shape (m,).
+        steps, evaluations: How many steps were taken, and accelerations computed.
+        seconds: Wall time of the integration alone [s].
+        cpu: Processor time of the same [s]; NaN where it was not measured.
+        stopped: Why it ended early, empty if it did not.
+        notes: Sentences for the report.
+    """
+
+    engine: str
+    version: str
+    setting: str
+    q: Array
+    v: Array
+    a: Array
+    work: Array
+    condition: Array
+    steps: int
+    evaluations: int
+    seconds: float
+    stopped: str = ""
+    notes: tuple[str, ...] = ()
+    cpu: float = float("nan")
 
 
 def empty(n: int) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from screwgauge.reference import linear, screws
+from screwgauge.reference.applied import Spring
 from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
@@ -24,7 +25,7 @@ from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Rates, accelerations
 from screwgauge.reference.pose import Layout, loop_matrix
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.reference.springs import Load, Spring, check_springs, spring_energy, spring_forces
+from screwgauge.reference.springs import Load, check_springs, spring_energy, spring_forces
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

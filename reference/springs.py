@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.reference import screws
-from screwgauge.reference.errors import DescriptionError, SingularPoseError, UnknownNameError
+from screwgauge.reference.applied import JointSpring, PointSpring, Spring
+from screwgauge.reference.errors import SingularPoseError, UnknownNameError
 from screwgauge.reference.kinematics import Rates
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, Pose
@@ -17,72 +16,6 @@ from screwgauge.reference.rotations import Array
 
 #: (body, point in it or None for its centre of mass, force [N], torque [N m]), acting on the body.
 Load = tuple[str, Array | None, Array, Array]
-
-
-def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
-    values = {"stiffness": stiffness, "rest": rest, "damping": damping}
-    for name, value in values.items():
-        if not math.isfinite(value):
-            raise DescriptionError(f"{name} {value:g} is not finite", where, "give a finite number")
-    for name in ("stiffness", "damping"):
-        if values[name] < 0.0:
-            raise DescriptionError(
-                f"{name} {values[name]:g} is negative", where, "a spring or damper cannot give energy"
-            )
-
-
-@dataclass(frozen=True, slots=True)
-class JointSpring:
-    """A spring and damper along one joint coordinate, ``tau = -k (q - q0) - c qd``.
-
-    Attributes:
-        coordinate: Name of the joint coordinate.
-        stiffness: k [N/m or N m/rad], not negative.
-        rest: q0, where it exerts nothing [m or rad].
-        damping: c [N s/m or N m s/rad], not negative.
-    """
-
-    coordinate: str
-    stiffness: float = 0.0
-    rest: float = 0.0
-    damping: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PointSpring:
-    """A spring and damper on the line between points of two bodies, tension ``k (l - l0) + c ld``.
-
-    It pushes as well as it pulls.
-
-    Attributes:
-        first, second: Names of the bodies; one may be the ground.
-        first_point, second_point: The points in their body frames [m]. Shape (3,).
-        stiffness: k [N/m], not negative.
-        rest: l0 [m], not negative.
-        damping: c [N s/m], not negative.
-    """
-
-    first: str
-    first_point: Array
-    second: str
-    second_point: Array
-    stiffness: float = 0.0
-    rest: float = 0.0
-    damping: float = 0.0
-
-    def __post_init__(self) -> None:
-        where = f"spring between {self.first} and {self.second}"
-        _check(where, self.stiffness, self.rest, self.damping)
-        if self.rest < 0.0:
-            raise DescriptionError(f"rest length {self.rest:g} m is negative", where, "give a length")
-        if self.first == self.second:
-            raise DescriptionError("joins a body to itself", where, "name two bodies")
-
-
-Spring = JointSpring | PointSpring
 
 
 def check_springs(mechanism: Mechanism, springs: Iterable[Spring]) -> None:

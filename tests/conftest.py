@@ -10,16 +10,16 @@ import pandas as pd
 import pytest
 
 from screwgauge.cli import main
-from screwgauge.forward.integrate import Trajectory, integrate
-from screwgauge.forward.observe import observe
-from screwgauge.forward.screw import forces_over_time
-from screwgauge.forward.start import make_problem
+from screwgauge.engines.screw.forward import forces_over_time
+from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene import FOLDER, load_scene
+from screwgauge.scene.observe import observe
+from screwgauge.scene.scene import FOLDER, load_scene
+from screwgauge.scene.start import make_problem
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.solution import Motion
+from screwgauge.problem import Motion
 
 DATA = Path(__file__).with_name("data")
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]

@@ -14,8 +14,8 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-from screwgauge.preflight import check_home
-from screwgauge.scene import FOLDER, scene_names
+from screwgauge.scene.preflight import check_home
+from screwgauge.scene.scene import FOLDER, scene_names
 
 TRIES = 150
 BAD: list[Any] = [

@@ -7,12 +7,12 @@ import pytest
 
 from screwgauge import ScrewgaugeError, load_scene, run
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.preflight import check_home
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.pose import layout, loop_matrix, pose
+from screwgauge.scene.preflight import check_home
 
 ROD = """
 name = "rod"

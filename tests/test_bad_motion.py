@@ -9,11 +9,11 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.preflight import check_scene
 from screwgauge.reference.errors import ClosureError, SingularPoseError
 from screwgauge.reference.kinematics import closure_system, positions
 from screwgauge.reference.linear import SINGULAR, condition
 from screwgauge.reference.pose import layout
+from screwgauge.scene.preflight import check_scene
 
 SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0
 
@@ -78,7 +78,7 @@ def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_passing_it_is_noticed_across_parts_of_a_long_motion(direction, paper_scene, monkeypatch):
-    monkeypatch.setattr("screwgauge.preflight.PART", 2)  # samples 1 and 2 are in different parts
+    monkeypatch.setattr("screwgauge.scene.scene.preflight.PART", 2)  # samples 1 and 2 are in different parts
     scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 0.015 * direction, 0.01 * direction)))
     with pytest.raises(SingularPoseError, match="between t = 1 s and 2 s"):
         check_scene(scene.at([0, 1, 2, 3]))

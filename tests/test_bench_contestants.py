@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.bench import registry
-from screwgauge.bench.contestant import QUANTITIES, Contestant, Outcome
-from screwgauge.bench.run import Plan, bench
-from screwgauge.bench.score import score
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import in_precision
 from screwgauge.solution import Values
+from screwgauge.study.bench import registry
+from screwgauge.study.bench.contestant import QUANTITIES, Contestant, Outcome
+from screwgauge.study.bench.run import Plan, bench
+from screwgauge.study.bench.score import score
 
 PLAN = Plan(samples=5, rounds=1, budget=60.0, quick=True)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import screwgauge
-from screwgauge.bench.journal import Journal, stamp
 from screwgauge.reference.errors import OutputError
+from screwgauge.study.bench.journal import Journal, stamp
 
 
 @pytest.fixture

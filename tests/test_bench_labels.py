@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from screwgauge.bench.labels import place
+from screwgauge.report.bench.labels import place
 
 
 def test_labels_keep_clear_of_points_of_each_other_and_of_the_edge():

@@ -7,10 +7,10 @@ from collections import Counter
 import pytest
 
 import screwgauge
-from screwgauge.bench.run import Plan, bench
-from screwgauge.closing import closed_forces, closed_tree
-from screwgauge.engines import screw
+from screwgauge.engines.screw import inverse as screw
+from screwgauge.engines.tree import closed_forces, closed_tree
 from screwgauge.reference import dynamics
+from screwgauge.study.bench.run import Plan, bench
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def calls(monkeypatch) -> Counter[str]:
     count(closed_tree, "partial_rates", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
-    from screwgauge.engines.mujoco import MujocoTree
-    from screwgauge.engines.pinocchio import PinocchioTree
+    from screwgauge.engines.mujoco.tree import MujocoTree
+    from screwgauge.engines.pinocchio.tree import PinocchioTree
 
     for tree in (MujocoTree, PinocchioTree):
         for name in ("accelerations", "com_accelerations", "tree_force", "soft_force", "transmitted"):
@@ -76,7 +76,7 @@ FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench
 )
 def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
     monkeypatch.setattr(
-        "screwgauge.driver.judge", lambda scene, solution, **_: __import__("pandas").DataFrame({"ok": []})
+        "screwgauge.study.run.judge", lambda scene, solution, **_: __import__("pandas").DataFrame({"ok": []})
     )
     run("screw", *asked)
     assert executed(calls) == stages

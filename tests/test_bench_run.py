@@ -9,14 +9,14 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.bench import run as run_module
-from screwgauge.bench.drawing import make_plots
-from screwgauge.bench.journal import NAME
-from screwgauge.bench.rows import COLUMNS, CUT, reach
-from screwgauge.bench.run import Plan, bench
-from screwgauge.bench.terminal import format_terminal
-from screwgauge.bench.write import write_bench
 from screwgauge.cli import main
+from screwgauge.report.bench.drawing import make_plots
+from screwgauge.report.bench.terminal import format_terminal
+from screwgauge.report.bench.write import write_bench
+from screwgauge.study.bench import run as run_module
+from screwgauge.study.bench.journal import NAME
+from screwgauge.study.bench.rows import COLUMNS, CUT, reach
+from screwgauge.study.bench.run import Plan, bench
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=60.0, quick=True)

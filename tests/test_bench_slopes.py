@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.bench.contestant import Contestant
-from screwgauge.bench.rows import Row
-from screwgauge.bench.run import Plan, bench
-from screwgauge.bench.slopes import RULES, Rule, fits, table
+from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.rows import Row
+from screwgauge.study.bench.run import Plan, bench
+from screwgauge.study.bench.slopes import RULES, Rule, fits, table
 
 
 def rows(points: list[tuple[float, float]]) -> list[Row]:

@@ -71,7 +71,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
 
     from dataclasses import replace
 
-    from screwgauge.solution import Motion
+    from screwgauge.problem import Motion
 
     zero = np.zeros((1, 2))
     still = replace(scene, motion=Motion(np.zeros(1), y[None].copy(), zero, zero.copy()), loads=())

@@ -13,8 +13,8 @@ import pytest
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.cli import main
-from screwgauge.engines import ENGINES
-from screwgauge.engines.screw import solve
+from screwgauge.engines.registry import ENGINES
+from screwgauge.engines.screw.inverse import solve
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.solution import Values
 
@@ -96,7 +96,9 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
     assert results.failures[name].reason.endswith(f"pip install {package}")
 
 
-@pytest.mark.parametrize("target", ["screwgauge.engines.screw:nothing", "screwgauge.engines.screw", "json:dumps"])
+@pytest.mark.parametrize(
+    "target", ["screwgauge.engines.screw.inverse:nothing", "screwgauge.engines.screw.inverse", "json:dumps"]
+)
 def test_an_engine_that_is_registered_wrongly_is_a_row(target, monkeypatch, scene):
     monkeypatch.setitem(ENGINES, "mujoco", target)
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")

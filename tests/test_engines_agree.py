@@ -7,7 +7,7 @@ import pytest
 
 import screwgauge
 from screwgauge.quantities import INVERSE
-from screwgauge.scene import load_scene, scene_names
+from screwgauge.scene.scene import load_scene, scene_names
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 AGREE, RECURSIVE = 1e-11, 1e-12

@@ -10,11 +10,11 @@ import pytest
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.applied import JointSpring, PointSpring
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
 from screwgauge.reference.kinematics import positions, rates
 from screwgauge.reference.pose import layout
-from screwgauge.reference.springs import JointSpring, PointSpring
 
 DATA = Path(__file__).parent / "data"
 SCENES = [

@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.cli import main
-from screwgauge.forward.contest import run as module
-from screwgauge.forward.contest.drawing import make_plots
-from screwgauge.forward.contest.entrants import Entrant, entrants
-from screwgauge.forward.contest.report import ABSOLUTE, absolute_table, bench_table, write_contest
-from screwgauge.forward.contest.run import FULL, QUICK, contest
-from screwgauge.forward.screw import integrate
+from screwgauge.engines.screw.forward import integrate
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.report.bench.forward_drawing import make_plots
+from screwgauge.report.bench.forward_report import ABSOLUTE, absolute_table, bench_table, write_contest
+from screwgauge.study.bench import forward_run as module
+from screwgauge.study.bench.forward_entrants import Entrant, entrants
+from screwgauge.study.bench.forward_run import FULL, QUICK, contest
+from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK
 
 PLAN = replace(QUICK, share=0.05, samples=5)
 

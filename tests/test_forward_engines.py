@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.forward.observe import observe
-from screwgauge.forward.problem import ForwardProblem, Method, Motor
-from screwgauge.forward.start import make_problem
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.generate import write_models
+from screwgauge.problem import ForwardProblem, Method
+from screwgauge.reference.applied import JointSpring, Motor, PointSpring
 from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy
 from screwgauge.reference.kinematics import rates
 from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.springs import JointSpring, PointSpring
+from screwgauge.scene.observe import observe
+from screwgauge.scene.start import make_problem
 
 DATA = Path(__file__).parent / "data"
 ENDINGS = {"pinocchio": ".urdf", "mujoco": ".xml"}

@@ -10,12 +10,12 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.forward.screw import integrate
-from screwgauge.forward.start import check_start
-from screwgauge.guard import LIMIT
+from screwgauge.engines.screw.forward import integrate
+from screwgauge.judging.conditioning import LIMIT
 from screwgauge.reference.errors import ClosureError, ScrewgaugeError
 from screwgauge.report.sections import engines as engines_section
 from screwgauge.report.verdict import verdict
+from screwgauge.scene.start import check_start
 
 FALL = """
 mechanism = "{mechanism}"
@@ -94,7 +94,7 @@ def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
     def beyond(*_: object) -> None:
         raise ClosureError("the loops cannot close", "beside the start", "look elsewhere")
 
-    monkeypatch.setattr("screwgauge.forward.stiffness.eigenvalues", beyond)
+    monkeypatch.setattr("screwgauge.scene.scene.stiffness.eigenvalues", beyond)
     found = screwgauge.load_scene(scene())
     assert check_start(found, found.forward)[1] == ()
 
@@ -108,7 +108,7 @@ def no_engine(monkeypatch):
         order.append(name)
         raise ImportError("not wanted here")
 
-    monkeypatch.setattr("screwgauge.forward.run.load_integrator", load)
+    monkeypatch.setattr("screwgauge.study.forward.load_integrator", load)
     return order
 
 
@@ -131,7 +131,7 @@ def test_an_engine_that_stops_is_not_said_to_have_run(scene, monkeypatch):
         cut = {name: getattr(found, name)[:2] for name in ("q", "v", "a", "work", "condition")}
         return replace(found, stopped="t = 0.1 s: no step leads on", **cut)
 
-    monkeypatch.setattr("screwgauge.forward.run.load_integrator", lambda name: half)
+    monkeypatch.setattr("screwgauge.study.forward.load_integrator", lambda name: half)
     results = run(scene())
     assert "✗ stopped after t = 0.1 s" in engines_section(results)
     assert verdict(results).sentence.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.forward.judge import judge_motion
-from screwgauge.forward.run import started
-from screwgauge.forward.screw import integrate
-from screwgauge.forward.start import make_problem
+from screwgauge.engines.screw.forward import integrate
+from screwgauge.judging.energy import judge_motion
+from screwgauge.scene.start import make_problem
+from screwgauge.study.forward import started
 
 DRIVEN = """
 mechanism = "a02-fourbar-2"

@@ -10,13 +10,13 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.forward.run import run_forward
-from screwgauge.forward.screw import integrate
-from screwgauge.forward.start import check_start
-from screwgauge.forward.stiffness import eigenvalues
+from screwgauge.engines.screw.forward import integrate
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.pose import layout
+from screwgauge.scene.start import check_start
+from screwgauge.scene.stiffness import eigenvalues
+from screwgauge.study.forward import run_forward
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),
@@ -67,7 +67,7 @@ def borrowed(monkeypatch):
         def load(name: str):
             return functions.get(name, integrate)
 
-        monkeypatch.setattr("screwgauge.forward.run.load_integrator", load)
+        monkeypatch.setattr("screwgauge.study.forward.load_integrator", load)
 
     return put
 

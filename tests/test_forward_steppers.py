@@ -9,21 +9,20 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.closing.closure import make_loops
-from screwgauge.engines.mujoco import MujocoTree
-from screwgauge.forward.mujoco import MujocoMover
-from screwgauge.forward.observe import observe
-from screwgauge.forward.problem import ForwardProblem
-from screwgauge.forward.start import make_problem
-from screwgauge.forward.steppers import INTEGRATORS, REFINABLE, Stepper, hold, integrate_steps, opening
-from screwgauge.forward.steppers.mujoco import sprung_model
-from screwgauge.forward.tree.forces import tree_forces
+from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.mujoco.steps import sprung_model
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.engines.tree.closure import make_loops
+from screwgauge.engines.tree.forces import tree_forces
+from screwgauge.engines.tree.stepper import INTEGRATORS, REFINABLE, Stepper, hold, integrate_steps, opening
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.loops import read_loops
+from screwgauge.problem import ForwardProblem
+from screwgauge.reference.applied import JointSpring, Load, PointSpring
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.pose import layout
-from screwgauge.reference.springs import JointSpring, PointSpring
-from screwgauge.solution import Load
+from screwgauge.scene.observe import observe
+from screwgauge.scene.start import make_problem
 
 ENDINGS = {"pinocchio": ".urdf", "mujoco": ".xml"}
 

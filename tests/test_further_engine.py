@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines import ENGINES
+from screwgauge.engines.registry import ENGINES
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +59,6 @@ def test_judge_alone_names_loop_body_and_size(results, toy):
 
 
 def test_further_engine_is_listed(results, capsys):
-    from screwgauge.listing import listing
+    from screwgauge.report.listing import listing
 
     assert "toy" in listing("engines")

@@ -11,7 +11,7 @@ from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.guard import LIMIT, flagged
+from screwgauge.judging.conditioning import LIMIT, flagged
 from screwgauge.report.guard import guard_line, guard_section
 from screwgauge.report.summary import summary
 from screwgauge.report.verdict import verdict

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.forward.integrate import METHODS, integrate
+from screwgauge.engines.screw.integrate import METHODS, integrate
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.branch import Branch
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
-from screwgauge.reference.springs import JointSpring
 
 DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """

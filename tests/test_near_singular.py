@@ -9,17 +9,17 @@ import pytest
 from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
-from screwgauge.driver import solve
-from screwgauge.engines.screw import solve_layout
-from screwgauge.preflight import check_scene
+from screwgauge.engines.screw.inverse import solve_layout
+from screwgauge.problem import OldProblem
 from screwgauge.reference import dynamics
 from screwgauge.reference.assembly import closing
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import wide_force_matrix
-from screwgauge.scene import load_scene
-from screwgauge.solution import Problem
-from screwgauge.stress.inverse.whole_system import whole_system
+from screwgauge.scene.preflight import check_scene
+from screwgauge.scene.scene import load_scene
+from screwgauge.study.run import solve
+from screwgauge.study.stress.inverse.whole_system import whole_system
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")
@@ -79,7 +79,7 @@ def test_size_does_not_matter(size):
     def forces(s: float) -> tuple[np.ndarray, np.ndarray]:
         loads = tuple(replace(x, force=s**4 * x.force, torque=s**5 * x.torque) for x in scene.loads)
         quantities = frozenset({"generalized_force", "actuator_force"})
-        problem = Problem(scene.mechanism_file, None, s * scene.gravity, loads, "min_norm", motion, quantities)
+        problem = OldProblem(scene.mechanism_file, None, s * scene.gravity, loads, "min_norm", motion, quantities)
         found = solve_layout(problem, layout(enlarged(scene.mechanism, s))).values
         return found["generalized_force"].array / s**5, found["actuator_force"].array / s**4
 

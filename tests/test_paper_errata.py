@@ -10,15 +10,8 @@ import pytest
 
 from screwgauge import load_scene
 from screwgauge.cli import main
-from screwgauge.paper.document import (
-    COLUMNS,
-    WIDTH,
-    errata_frame,
-    format_terminal,
-    paper_section,
-    write_paper,
-)
-from screwgauge.paper.measure import is_the_papers, measured
+from screwgauge.report.paper.document import COLUMNS, WIDTH, errata_frame, format_terminal, paper_section, write_paper
+from screwgauge.study.paper.measure import is_the_papers, measured
 
 AGREE = 0.03  # sizes found elsewhere are given with two or three figures
 
@@ -133,7 +126,7 @@ def test_files(paper_check, tmp_path):
 
 
 def test_command(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("screwgauge.paper.measure.measure", lambda progress: measured())
+    monkeypatch.setattr("screwgauge.study.paper.measure.measure", lambda progress: measured())
     assert main(["paper", "--out", str(tmp_path / "out")]) == 0
     assert "statics" in capsys.readouterr().out
     assert (tmp_path / "out" / "errata.csv").is_file()

@@ -10,9 +10,10 @@ import pytest
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import paper, paper_twist
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.kinematics import accelerations, positions, rates
+from screwgauge.reference.paper import scheme as paper
+from screwgauge.reference.paper import twist as paper_twist
 from screwgauge.reference.pose import layout
 
 DRIVE = screwgauge.load_scene("3ups-upu-s").drive

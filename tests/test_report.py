@@ -18,16 +18,19 @@ import pandas as pd
 import pytest
 
 from screwgauge.environment import environment
+from screwgauge.problem import Motion
+from screwgauge.reference.applied import Load
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
 from screwgauge.report.curves import bin_maxima, thin
-from screwgauge.report.figures import Figure, default_figures
+from screwgauge.report.figures import default_figures
 from screwgauge.report.formatting import digits, markdown_table, number, size
 from screwgauge.report.svg import inline, tidy
 from screwgauge.report.terminal import format_terminal
 from screwgauge.report.verdict import first_difference, verdict
-from screwgauge.results import Results
-from screwgauge.solution import Failure, Load, Motion, Solution, Timing, Values
+from screwgauge.scene.figures import Figure
+from screwgauge.solution import Failure, Solution, Timing, Values
+from screwgauge.study.results import Results
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")

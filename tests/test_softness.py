@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from screwgauge.scene import load_scene
-from screwgauge.stress.case import GOOD, SILENT
-from screwgauge.stress.driven import refinement, softness
-from screwgauge.stress.driven.held import Held, hold
-from screwgauge.stress.driven.mujoco_steps import Setting, step
+from screwgauge.scene.scene import load_scene
+from screwgauge.study.stress.case import GOOD, SILENT
+from screwgauge.study.stress.driven import refinement, softness
+from screwgauge.study.stress.driven.held import Held, hold
+from screwgauge.study.stress.driven.mujoco_steps import Setting, step
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge import streaming
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.streaming import stream, times
+from screwgauge.study import stream as streaming
+from screwgauge.study.stream import stream, times
 
 QUANTITIES = ("joint_position", "generalized_force", "reaction")
 

@@ -10,11 +10,11 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
-from screwgauge.stress.driven import long_run, proximal, redundant
-from screwgauge.stress.driven.refinement import refinement
-from screwgauge.stress.driven.softness import softness
-from screwgauge.stress.stiff.legs import stiff_legs
+from screwgauge.study.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
+from screwgauge.study.stress.driven import long_run, proximal, redundant
+from screwgauge.study.stress.driven.refinement import refinement
+from screwgauge.study.stress.driven.softness import softness
+from screwgauge.study.stress.stiff.legs import stiff_legs
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 

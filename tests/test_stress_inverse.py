@@ -11,15 +11,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from screwgauge.driver import solve
 from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.scene import load_scene
-from screwgauge.stress.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.stress.inverse import measure as inverse
-from screwgauge.stress.inverse.measure import ENGINES, measure, still
-from screwgauge.stress.inverse.singular_poses import WRIST_LOCKS
-from screwgauge.stress.inverse.states import POSES, decades, exactly
-from screwgauge.stress.registry import CASES, load
+from screwgauge.scene.scene import load_scene
+from screwgauge.study.run import solve
+from screwgauge.study.stress.case import DEGRADED, OK, REFUSED, Finding
+from screwgauge.study.stress.inverse import measure as inverse
+from screwgauge.study.stress.inverse.measure import ENGINES, measure, still
+from screwgauge.study.stress.inverse.singular_poses import WRIST_LOCKS
+from screwgauge.study.stress.inverse.states import POSES, decades, exactly
+from screwgauge.study.stress.registry import CASES, load
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.

@@ -7,12 +7,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.bench.looks import MARKERS
-from screwgauge.stress.case import GOOD, Case, Finding, Rung
-from screwgauge.stress.drawing import make_plots
-from screwgauge.stress.report import headline, report_markdown
-from screwgauge.stress.run import Row, Stress
-from screwgauge.stress.small_plot import inks
+from screwgauge.report.bench.looks import MARKERS
+from screwgauge.report.stress.drawing import make_plots
+from screwgauge.report.stress.report import headline, report_markdown
+from screwgauge.report.stress.small_plot import inks
+from screwgauge.study.stress.case import GOOD, Case, Finding, Rung
+from screwgauge.study.stress.run import Row, Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 

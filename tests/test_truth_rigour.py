@@ -10,11 +10,11 @@ import pytest
 from flint import arb, ctx, fmpq
 
 import screwgauge
-from screwgauge.assemble import Clock
+from screwgauge.engines.parts import Clock
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
+from screwgauge.problem import Motion, OldProblem
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
-from screwgauge.solution import Motion, Problem
 from screwgauge.truth import exact, forces
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.linkage import Linkage
@@ -23,7 +23,7 @@ from screwgauge.truth.samples import Sampler
 
 
 def problem_of(scene, **changes):
-    problem = Problem(
+    problem = OldProblem(
         model=scene.mechanism_file,
         loops=None,
         gravity=scene.gravity,

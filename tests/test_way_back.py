@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.forward.tree.rows import project
+from screwgauge.engines.tree.project import project
 from screwgauge.reference.errors import SingularPoseError
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from screwgauge.engines import screw
-from screwgauge.solution import Problem, Solution, Values
+from screwgauge.engines.screw import inverse as screw
+from screwgauge.problem import OldProblem
+from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: OldProblem) -> Solution:
     """Shifts one component of two quantities by `ERROR` of its quantity's largest value in that unit."""
     solution = screw.solve(problem)
     changed = dict(solution.values)

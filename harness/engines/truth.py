@@ -17,8 +17,9 @@ from flint import arb
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.assemble import Clock, Names, component_names, stages
+from screwgauge.engines.parts import Clock, Names, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
+from screwgauge.problem import OldProblem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import DescriptionError, ModelFileError
@@ -27,7 +28,7 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Problem, Rows, Solution, Timing, Values, empty
+from screwgauge.solution import Solution, Timing, Values, empty
 from screwgauge.truth import cache
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.forces import RoutesDisagree
@@ -48,7 +49,7 @@ class _Table:
     spent: dict[str, float]
 
 
-def solve(problem: Problem) -> Solution:
+def solve(problem: OldProblem) -> Solution:
     """Every quantity of a mechanism described by TOML, in balls.
 
     Raises:
@@ -72,7 +73,7 @@ def solve(problem: Problem) -> Solution:
     return _solution(problem, mechanism, rows, table, notes, cached=stored is not None)
 
 
-def _check(problem: Problem, mechanism: Mechanism) -> None:
+def _check(problem: OldProblem, mechanism: Mechanism) -> None:
     if len(mechanism.independent) != problem.motion.y.shape[1]:
         what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
         raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
@@ -88,7 +89,7 @@ def _folders() -> list[Path]:
     return [Path(str(file)).parent for file in files]
 
 
-def _key(problem: Problem, rows: Rows, depth: str) -> str:
+def _key(problem: OldProblem, rows: Rows, depth: str) -> str:
     """Hash of all input: text where there is any, else the bytes of the doubles."""
     said, motion = problem.wording, problem.motion.part(rows)
     loads = [load.numbers() for load in problem.loads]
@@ -103,7 +104,7 @@ def _key(problem: Problem, rows: Rows, depth: str) -> str:
     )
 
 
-def _compute(problem: Problem, mechanism: Mechanism, rows: Rows, depth: str) -> _Table:
+def _compute(problem: OldProblem, mechanism: Mechanism, rows: Rows, depth: str) -> _Table:
     motion, clock = problem.motion, Clock()
     start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
@@ -164,7 +165,7 @@ def _unpack(stored: cache.Arrays) -> _Table:
 
 
 def _solution(
-    problem: Problem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
+    problem: OldProblem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
 ) -> Solution:
     n = len(problem.motion)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)

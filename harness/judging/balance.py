@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.applied import State, applied_wrenches
 from screwgauge.judging.kinetics import Moving, walk
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import natural_scales
@@ -12,7 +11,8 @@ from screwgauge.reference.continuation import partial_rates
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array
-from screwgauge.scene import Scene
+from screwgauge.reference.wrenches import State, applied_wrenches
+from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
 MOST = 201  # samples at which virtual work is asked for: it takes a walk for every joint coordinate

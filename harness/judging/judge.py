@@ -10,12 +10,12 @@ import pandas as pd
 
 from screwgauge.judging.balance import newton_euler, power_balance, required_wrenches, virtual_work
 from screwgauge.judging.kinetics import Moving, walk
+from screwgauge.judging.refusals import Refusal
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, length, natural_scales
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.rotations import Array, vee
-from screwgauge.refusals import Refusal
-from screwgauge.scene import Scene
+from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 
 COLUMNS = [

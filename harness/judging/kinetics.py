@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.problem import Rows
 from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, rotation
-from screwgauge.solution import Rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from screwgauge.report.curves import bin_maxima, sparse
 from screwgauge.report.drawing import handle, mark, pair_look
 from screwgauge.report.sheet import Sheet, Strip, log_scale
-from screwgauge.results import Results
+from screwgauge.study.results import Results
 
 WIDE = 30.0  # ratio of largest to smallest from which the axis is logarithmic
 

@@ -11,7 +11,7 @@ from screwgauge.report.guard import guard_section
 from screwgauge.report.plots import Plot
 from screwgauge.report.prose import HOW, INTEGRATED, INTEGRATED_LIMITATIONS, LIMITATIONS
 from screwgauge.report.verdict import verdict
-from screwgauge.results import Results
+from screwgauge.study.results import Results
 
 
 def report_markdown(results: Results, plots: Sequence[Plot], paper: str = "") -> str:

@@ -3,26 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from screwgauge.scene.figures import Figure
 from screwgauge.solution import Solution, Values
 
 MAX_PANELS = 6  # more side by side cannot be read; they then share one
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """Curves of one quantity and unit, in panels side by side.
-
-    Attributes:
-        panels: Label and the patterns (``leg1.*``) of the components of each panel.
-    """
-
-    title: str
-    quantity: str
-    unit: str
-    panels: tuple[tuple[str, tuple[str, ...]], ...]
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[int]:

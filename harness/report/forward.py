@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.forward.problem import Motor
-from screwgauge.forward.setting import Forward, Published
+from screwgauge.reference.applied import JointSpring, Motor, Spring
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.springs import JointSpring, Spring
 from screwgauge.report.formatting import markdown_table, missing, number, size
-from screwgauge.results import Results
-from screwgauge.scene import Scene
+from screwgauge.scene.scene import Scene
+from screwgauge.scene.setting import Forward, Published
 from screwgauge.solution import REFERENCE
+from screwgauge.study.results import Results
 
 
 def acting(scene: Scene) -> list[tuple[str, str]]:

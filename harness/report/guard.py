@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from screwgauge.guard import LIMIT, Guarded
+from screwgauge.judging.conditioning import LIMIT, Guarded
 from screwgauge.report.formatting import listed, markdown_table, number, size
-from screwgauge.results import Results
+from screwgauge.study.results import Results
 
 ABOUT = (
     "Estimated relative error of each quantity, from the conditioning of what it was solved from: over the "

@@ -19,11 +19,12 @@ from screwgauge.report.drawing import (
     engine_handles,
     make_panel,
 )
-from screwgauge.report.figures import Figure, drawable
+from screwgauge.report.figures import drawable
 from screwgauge.report.formatting import file_name, missing, number, unit_text
 from screwgauge.report.sheet import Sheet, Strip, log_scale, style
-from screwgauge.results import Results
+from screwgauge.scene.figures import Figure
 from screwgauge.solution import Values, common_rows
+from screwgauge.study.results import Results
 
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 

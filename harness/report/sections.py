@@ -7,23 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.applied import Load
 from screwgauge.reference.rotations import Array
-from screwgauge.report.formatting import (
-    Row,
-    cell,
-    digits,
-    markdown_table,
-    missing,
-    number,
-    rows,
-    size,
-    tick,
-    unit_text,
-)
+from screwgauge.report.formatting import Row, cell, digits, markdown_table, missing, number, rows, size, tick, unit_text
 from screwgauge.report.forward import acting, integrated
 from screwgauge.report.verdict import compared
-from screwgauge.results import Results
-from screwgauge.solution import REFERENCE, Load, Solution
+from screwgauge.solution import REFERENCE, Solution
+from screwgauge.study.results import Results
 
 LONG = 12  # rows from which a table is folded
 

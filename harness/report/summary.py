@@ -12,8 +12,8 @@ import numpy as np
 
 from screwgauge.report.formatting import Row, rows
 from screwgauge.report.verdict import first_difference
-from screwgauge.results import Results
 from screwgauge.solution import REFERENCE
+from screwgauge.study.results import Results
 
 PAIR_KEYS = ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")

@@ -9,7 +9,7 @@ import numpy as np
 from screwgauge.report.formatting import Row, digits, number, rows, size, text_table, tick
 from screwgauge.report.guard import guard_line
 from screwgauge.report.verdict import compared, verdict
-from screwgauge.results import Results
+from screwgauge.study.results import Results
 
 COLUMNS = 100
 

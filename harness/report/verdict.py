@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from screwgauge.report.formatting import Row, digits, listed, missing, number, rows, size, unit_text
-from screwgauge.results import Results
+from screwgauge.study.results import Results
 
 
 @dataclass(frozen=True, slots=True)

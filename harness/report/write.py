@@ -11,15 +11,15 @@ from uuid import uuid4
 
 import pandas as pd
 
-from screwgauge.compare import ERROR_COLUMNS
+from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.reference.errors import OutputError
 from screwgauge.report.document import report_markdown
 from screwgauge.report.page import report_html
 from screwgauge.report.plots import make_plots
 from screwgauge.report.summary import json_text, summary_text
 from screwgauge.report.verdict import verdict
-from screwgauge.results import Results
 from screwgauge.solution import Timing
+from screwgauge.study.results import Results
 
 TIMING_COLUMNS = list(Timing.__dataclass_fields__)
 SAMPLES = "samples.parquet"

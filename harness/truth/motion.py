@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import arb
 
-from screwgauge.solution import Motion
+from screwgauge.problem import Motion
 from screwgauge.truth.exact import number, vector
 from screwgauge.truth.jets import Jet, sin_cos
 

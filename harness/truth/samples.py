@@ -7,8 +7,9 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from screwgauge.assemble import Clock
-from screwgauge.solution import Load, Problem
+from screwgauge.engines.parts import Clock
+from screwgauge.problem import OldProblem
+from screwgauge.reference.applied import Load
 from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier
 from screwgauge.truth.exact import Vector, number, vector
@@ -24,7 +25,7 @@ Balls = Mapping[str, Sequence[arb]]
 class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
-    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock) -> None:
+    def __init__(self, linkage: Linkage, problem: OldProblem, depth: str, clock: Clock) -> None:
         self.linkage, self.depth, self.clock = linkage, depth, clock
         self.certifier = Certifier(linkage)
         self.axial = problem.rule == "spherical_axial"

@@ -7,10 +7,10 @@ from functools import cached_property
 
 from flint import arb, ctx
 
-from screwgauge.assemble import Clock
+from screwgauge.engines.parts import Clock
 from screwgauge.models.catalog import mechanism_tables
+from screwgauge.problem import OldProblem
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.solution import Problem
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.motion import Terms, drive, read_terms, samples
@@ -24,7 +24,7 @@ WIDE = 1e-25
 class Workshop:
     """All that depends on the precision, made when it is first needed."""
 
-    def __init__(self, problem: Problem, mechanism: Mechanism, depth: str, clock: Clock, bits: int) -> None:
+    def __init__(self, problem: OldProblem, mechanism: Mechanism, depth: str, clock: Clock, bits: int) -> None:
         self.problem, self.mechanism, self.depth, self.clock = problem, mechanism, depth, clock
         self.bits = bits
 

@@ -1,1 +1,0 @@
-"""Error against run time: contestants, timing protocol, slopes, and what leaving out buys."""

@@ -1,0 +1,198 @@
+"""How far an engine's numbers can be trusted: an estimate of the error of every quantity at every sample.
+
+Poses close to rounding, eps in each closing equation. That moves the unknowns by up to g eps, g being the norm of the
+inverse of the closing system, without dimension; the rates, which are solved with a matrix at that pose, by g^2 eps;
+the accelerations, in which those rates stand, by g^3 eps. Measured along b -> 0.3568 rad of the 3-UPS-UPU-S, distance
+1e-1 to 1e-12: projected engines lose exactly that, and their forces what of the accelerations is inertia. As powers
+of g overstate what a mechanism with heavy loads and slow motion loses, badly conditioned samples are not
+extrapolated but solved again: the pose is moved as rounding may have moved it, once in the worst direction, once in
+a general one, and what comes out is compared. Well-conditioned samples cost nothing; for them the powers are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.problem import Rows
+from screwgauge.reference import linear
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Values
+
+#: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
+#: have condition numbers of a thousand where nothing is wrong.
+CLEAR, CLEAR_FORCES = 30.0, 1e4
+#: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
+ROUNDED = 2.0
+#: Worst case over the two poses that are tried.
+SAFETY = 4.0
+#: Relative error from which not one digit is right.
+DIGIT = 0.1
+
+_POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
+_JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trust:
+    """What the estimate of some samples rests on.
+
+    Attributes:
+        condition: Condition number of the closing system. Shape (n,).
+        gain: Norm of its inverse, without dimension. Shape (n,).
+        charts: Condition number of the charts of cut joints, 1 at best; only joint coordinates suffer. (n,).
+        forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
+        speed: Largest rate, in rad/s or lengths of the mechanism per s. Shape (n,).
+        load: Largest force on a body [N], whose parts may cancel. Shape (n,).
+    """
+
+    condition: Array
+    gain: Array
+    charts: Array
+    forces: Mapping[str, Array] = field(default_factory=dict)
+    speed: Array | None = None
+    load: Array | None = None
+
+    def doubtful(self) -> Rows:
+        """Samples for which powers of the gain would say too much."""
+        worst = np.maximum(self.gain, self.charts) / CLEAR
+        for condition in self.forces.values():
+            worst = np.maximum(worst, condition / CLEAR_FORCES)
+        rows: Rows = np.flatnonzero(~(worst <= 1.0))
+        return rows
+
+    def of(self, quantity: str) -> Array:
+        """Condition number of all that a quantity was solved from."""
+        found = np.maximum(self.condition, self.forces.get(quantity, 0.0))
+        return np.maximum(found, self.charts) if quantity in _JOINTS else found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Some samples of a solution: quantity -> (n, m), and what is known of their errors.
+
+    Attributes:
+        doubtful: Samples that were solved again.
+        moved: Quantity -> how far their components moved. Shape (n_doubtful, m).
+    """
+
+    values: dict[str, Array]
+    trust: Trust
+    doubtful: Rows
+    moved: Mapping[str, Array]
+
+
+def gain(A: Array, condition: Array) -> Array:
+    """Norm of the inverse of a matrix of known condition number (Frobenius). Shape (n, m, k), (n,) -> (n,)."""
+    return np.asarray(condition / np.linalg.norm(A, axis=(1, 2)))
+
+
+def shakes(A: Array, k: int) -> list[Array]:
+    """How far rounding may have moved the unknowns: in the direction that suffers most, and in a general one.
+
+    Args:
+        A: Closing system without dimension, its last k rows picking y, which is exact. Shape (n, m + k, n_unknown).
+
+    Returns:
+        Two arrays of shape (n, n_unknown).
+    """
+    inverse = np.linalg.pinv(A, rcond=1e-16)
+    worst = np.argmax(np.linalg.norm(inverse, axis=2), axis=1)
+    first = np.sign(np.take_along_axis(inverse, worst[:, None, None], axis=1)[:, 0])
+    second = np.broadcast_to(np.cos(1.0 + 2.4 * np.arange(A.shape[1])), first.shape)
+    found = []
+    for pattern in (first, second):
+        noise = pattern * (ROUNDED * linear.EPS)
+        noise[:, A.shape[1] - k :] = 0.0
+        found.append((inverse @ noise[..., None])[..., 0])
+    return found
+
+
+def examined(
+    values: dict[str, Array],
+    trust: Trust,
+    again: Callable[[Rows], Sequence[dict[str, Array]]],
+) -> Part:
+    """Completes a part of a solution: solves what is doubtful again, and refuses what is singular.
+
+    Args:
+        again: Solves samples at shaken poses: rows -> quantity -> (n_row, m), once for each shake.
+    """
+    doubtful = trust.doubtful()
+    moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
+    if doubtful.size:
+        with np.errstate(all="ignore"):  # next to a singular pose anything may come out, and is then refused
+            for other in again(doubtful):
+                for name, array in other.items():
+                    away = np.abs(array - values[name][doubtful])
+                    moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
+    for name, array in values.items():
+        # at a chart lock angles are arbitrary, but they close the loops; their rates are infinite
+        condition = trust.condition if name == "joint_position" else trust.of(name)
+        bad = ~(condition <= linear.SINGULAR)
+        if bad.any():
+            values[name] = np.where(bad[:, None], np.nan, array)
+    return Part(values, trust, doubtful, moved)
+
+
+def estimates(parts: Sequence[Part], values: Mapping[str, Values], length: float) -> dict[str, Array]:
+    """Relative error of each quantity at each sample, over the largest magnitude of its unit over all samples.
+
+    Args:
+        length: Length of the mechanism [m].
+
+    Returns:
+        Quantity -> shape (n,); infinite where there is no number, or not one digit of it is right.
+    """
+    return {name: _estimate(name, parts, has, length) for name, has in values.items()}
+
+
+def _estimate(name: str, parts: Sequence[Part], has: Values, length: float) -> Array:
+    found = np.zeros(len(has.array))
+    for unit in dict.fromkeys(has.units):
+        columns = [i for i, u in enumerate(has.units) if u == unit]
+        size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
+        error = np.empty(len(size))
+        done = 0
+        for part in parts:
+            rows = slice(done, done + len(part.trust.condition))
+            error[rows] = _absolute(name, part, size[rows] + _summands(unit, part.trust, length), columns)
+            done = rows.stop
+        meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
+        scale = float(size[meant].max(initial=0.0)) or float(size.max(initial=0.0))
+        if scale > 0.0:
+            found = np.maximum(found, error / scale)
+    lost = np.isnan(has.array).any(axis=1) | ~(found < DIGIT)
+    return np.where(lost, np.inf, found)
+
+
+def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Array:
+    """Estimated error of the worst of some components, in their unit. `local`: size of their summands, (n,)."""
+    trust, again = part.trust, part.doubtful
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = ROUNDED * linear.EPS * _power(name, trust) * local
+        error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
+        error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
+        if name != "joint_position":  # what stands on partial rates without a digit has none either
+            error[~(ROUNDED * linear.EPS * trust.gain**2 < DIGIT)] = np.inf
+    return error
+
+
+def _power(name: str, trust: Trust) -> Array:
+    """By what rounding is multiplied in a well-conditioned sample."""
+    g = np.maximum(trust.gain, 1.0)
+    if name in _JOINTS:
+        g = np.maximum(g, trust.charts)
+    factor = g ** _POWER.get(name, 3)
+    return np.asarray(np.maximum(factor, trust.forces.get(name, 1.0)))
+
+
+def _summands(unit: str, trust: Trust, length: float) -> Array | float:
+    """Size of what a component is the sum of, where that may be more than the component."""
+    if unit in ("rad/s^2", "m/s^2") and trust.speed is not None:
+        return trust.speed**2 * (length if unit == "m/s^2" else 1.0)
+    if unit in ("N", "N m") and trust.load is not None:
+        return trust.load * (length if unit == "N m" else 1.0)
+    return 0.0

@@ -1,0 +1,1 @@
+"""The engines mujoco and mujoco-full."""

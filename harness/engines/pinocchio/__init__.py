@@ -1,0 +1,1 @@
+"""The engines pinocchio and pinocchio-full."""

@@ -1,0 +1,79 @@
+"""Fixed steps from Pinocchio's accelerations, brought back onto the closed loops after each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.engines.pinocchio.mover import PinocchioMover
+from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.tree.closure import make_loops
+from screwgauge.engines.tree.forces import BodyAt, Forces, tree_forces
+from screwgauge.engines.tree.project import project
+from screwgauge.engines.tree.start import loops_file
+from screwgauge.engines.tree.stepper import Stepper
+from screwgauge.engines.tree.steps import walk_through
+from screwgauge.problem import ForwardProblem
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import ForwardSolution
+
+
+def integrate(problem: ForwardProblem, stepper: Stepper) -> ForwardSolution:
+    """Steps through a problem. See `screwgauge.forward.steppers.integrate_steps`."""
+    file = loops_file(problem)
+    mover = PinocchioMover(PinocchioTree(problem.model, file, problem.gravity))
+    forces = tree_forces(problem, mover.tree, make_loops(mover.tree, file))
+    walker = PinocchioWalker(mover, forces, stepper.integrator)
+    return walk_through(problem, file, walker, stepper)
+
+
+class PinocchioWalker:
+    """Semi-implicit Euler or RK4. See `screwgauge.engines.tree.steps.Walker`."""
+
+    def __init__(self, mover: PinocchioMover, forces: Forces, integrator: str) -> None:
+        self.mover, self.forces = mover, forces
+        self.once = self._euler if integrator == "Euler" else self._rk4
+        self.q = self.v = self.tau = np.zeros(mover.model.nv)
+
+    @property
+    def tree(self) -> PinocchioTree:
+        return self.mover.tree
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        self.q, self.v, self.tau = q, v, np.zeros_like(q)
+
+    def walk(self, t: float, h: float, n: int) -> None:
+        for i in range(n):
+            q, v = self.once(t + i * h, h)
+            found = project(self.mover, q, v)
+            self.q, self.v = found.q, found.v
+
+    def state(self) -> tuple[Array, Array]:
+        return self.q.copy(), self.v.copy()
+
+    def accelerations(self, t: float) -> Array:
+        return self._slope(t, self.q, self.v)
+
+    def look(self, q: Array, v: Array) -> BodyAt:
+        self.mover.place(q, v)
+        return self.mover.body
+
+    def _slope(self, t: float, q: Array, v: Array) -> Array:
+        """Accelerations on the closed loops: beside them redundant rows contradict each other."""
+        found = project(self.mover, q, v)
+        self.forces.act(t, found.q, found.v, self.mover.body, self.tau)
+        return self.mover.accelerate(self.tau)
+
+    def _euler(self, t: float, h: float) -> tuple[Array, Array]:
+        v = self.v + h * self._slope(t, self.q, self.v)
+        return self.q + h * v, v
+
+    def _rk4(self, t: float, h: float) -> tuple[Array, Array]:
+        q, v, half = self.q, self.v, 0.5 * h
+        a1 = self._slope(t, q, v)
+        v2 = v + half * a1
+        a2 = self._slope(t + half, q + half * v, v2)
+        v3 = v + half * a2
+        a3 = self._slope(t + half, q + half * v2, v3)
+        v4 = v + h * a3
+        a4 = self._slope(t + h, q + h * v3, v4)
+        return q + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)

@@ -1,0 +1,152 @@
+"""The engines `pinocchio` and `pinocchio-full`: Pinocchio on a URDF and its loops file.
+
+All of Pinocchio's names, orders and frames stay in this file. A joint's spatial quantities are [linear; angular] in
+the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from screwgauge.engines.tree.closed_tree import solve_tree
+from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.models.loops import LoopsFile, read_loops
+from screwgauge.problem import OldProblem
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution
+
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
+
+
+def solve(problem: OldProblem) -> Solution:
+    """Closes the loops of a URDF by its loops file and solves the problem."""
+    if problem.loops is None:
+        raise ModelFileError("has no loops file", str(problem.model), "put NAME.loops.toml beside it")
+    file = read_loops(problem.loops)
+    return solve_tree(problem, PinocchioTree(problem.model, file, problem.gravity), file)
+
+
+def _load(urdf: Path) -> pin.Model:
+    """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
+    sys.stderr.flush()
+    stderr = os.dup(2)
+    reason = ""
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            model = pin.buildModelFromUrdf(str(urdf))
+        except (ValueError, RuntimeError) as error:
+            reason = str(error)
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        said.seek(0)
+        lines = said.read().decode(errors="replace").splitlines()
+    reason = next((line for line in lines if line.startswith("Error:")), reason)
+    if reason:
+        reason = reason.removeprefix("Error:").strip().rstrip(".")
+        raise ModelFileError(f"Pinocchio cannot load it ({reason})", str(urdf), "correct the URDF")
+    return model
+
+
+class PinocchioTree:
+    """A loaded URDF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
+
+    def __init__(self, urdf: Path, file: LoopsFile, gravity: Array | None) -> None:
+        self.model = _load(urdf)
+        if self.model.nq != self.model.nv:
+            raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
+        if gravity is not None:
+            self.model.gravity.linear[:] = gravity
+        self.data = self.model.createData()
+        self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
+        self.version = pin.__version__
+        joints = range(1, self.model.njoints)
+        self.coordinates = tuple(
+            name for _, name in sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in joints)
+        )
+        self.closures = file.closures
+        wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
+        frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
+        self.frames = [i for i in frames if self.model.frames[i].name != "ground"]
+        self.bodies = tuple(self.model.frames[i].name for i in self.frames)
+        self.joints = [self.model.frames[i].parentJoint for i in self.frames]
+        self.parents = tuple(self._parent(joint) for joint in self.joints)
+        # a fixed joint merges the inertia of its link into the moving joint before it
+        self.com = np.array(
+            [
+                self.model.frames[i].placement.actInv(self.model.inertias[joint].lever)
+                for i, joint in zip(self.frames, self.joints, strict=True)
+            ]
+        )
+
+    def _parent(self, joint: int) -> str:
+        """The body that carries a joint, past the massless crosses of composite joints."""
+        while joint:
+            joint = self.model.parents[joint]
+            if joint in self.joints:
+                return str(self.bodies[self.joints.index(joint)])
+        return "ground"
+
+    def poses(self, q: Array) -> BodyPoses:
+        n, b = len(q), len(self.frames) + 1
+        R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, self.model.nv))
+        for i in range(n):
+            pin.computeJointJacobians(self.model, self.data, q[i])
+            for k, frame in enumerate(self.frames, 1):
+                M = pin.updateFramePlacement(self.model, self.data, frame)
+                R[i, k], p[i, k] = M.rotation, M.translation
+                found = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
+                J[i, k] = found.reshape(6, -1)  # one column comes without its axis
+        return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
+
+    def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        V, A = np.zeros((2, len(q), len(self.frames) + 1, 6))
+        for i in range(len(q)):
+            pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
+            for k, frame in enumerate(self.frames, 1):
+                V[i, k] = pin.getFrameVelocity(self.model, self.data, frame, _ALIGNED).vector
+                A[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, frame, _ALIGNED).vector
+        return V[:, :, _ANGULAR_FIRST], A[:, :, _ANGULAR_FIRST]
+
+    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
+        out = np.empty((len(q), len(self.frames), 3))
+        placements = [pin.SE3(np.eye(3), self.model.inertias[joint].lever) for joint in self.joints]
+        for i in range(len(q)):
+            pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
+            for k, (joint, at) in enumerate(zip(self.joints, placements, strict=True)):
+                out[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, joint, at, _ALIGNED).linear
+        return out
+
+    def tree_force(self, q: Array, v: Array, a: Array) -> Array:
+        return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
+
+    def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
+        """Pinocchio's constraints are rigid: the same as `tree_force`."""
+        return self.tree_force(q, v, a), 0.0
+
+    def transmitted(self, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+        out = np.zeros((len(q), len(self.frames) + 1, 6))
+        for i in range(len(q)):
+            pin.framesForwardKinematics(self.model, self.data, q[i])
+            external = [pin.Force.Zero() for _ in range(self.model.njoints)]
+            for k, (frame, joint) in enumerate(zip(self.frames, self.joints, strict=True), 1):
+                body = self._aligned(frame, joint)
+                external[joint] += body.act(pin.Force(wrench[i, k, :3], wrench[i, k, 3:]))
+            pin.rnea(self.model, self.data, q[i], v[i], a[i], pin.StdVec_Force(external))
+            for k, (frame, joint) in enumerate(zip(self.frames, self.joints, strict=True), 1):
+                out[i, k] = self._aligned(frame, joint).actInv(self.data.f[joint]).vector
+        return out
+
+    def _aligned(self, frame: int, joint: int) -> pin.SE3:
+        """Placement, in its joint's frame, of a body's origin with world axes."""
+        placement = self.model.frames[frame].placement
+        return pin.SE3(self.data.oMi[joint].rotation.T, placement.translation)

@@ -1,0 +1,1 @@
+"""The engine screw: the solver of screwgauge.reference."""

@@ -1,0 +1,207 @@
+"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import screwgauge
+from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
+from screwgauge.engines.parts import Clock, Names, assemble, component_names, stages
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import Motion, OldProblem, Rows
+from screwgauge.reference import dynamics, linear, screws, springs
+from screwgauge.reference.assembly import closing, fill
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.forward import joint_wrenches
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.pose import Layout, Pose, layout, tree_path
+from screwgauge.reference.reactions import Reactions
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution
+
+#: Quantities for which no body's own motion is needed.
+_JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
+
+
+def solve(problem: OldProblem) -> Solution:
+    """Positions, rates, accelerations and forces of a mechanism described by TOML."""
+    mechanism = load_mechanism(problem.model)
+    if len(mechanism.independent) != problem.motion.y.shape[1]:
+        raise ModelFileError(
+            f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}",
+            str(problem.model),
+            "name a description of the same mechanism",
+        )
+    for load in problem.loads:
+        if load.body not in mechanism.body_index:
+            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
+    return solve_layout(problem, layout(mechanism))
+
+
+def solve_layout(problem: OldProblem, lay: Layout) -> Solution:
+    """Solves a problem for a mechanism that is loaded and laid out."""
+    work = _Work(problem, lay)
+    return assemble(
+        "screw",
+        screwgauge.__version__,
+        f"rule {problem.rule}",
+        problem.motion,
+        work.part,
+        work.names,
+        work.clock,
+        problem.progress,
+        length=work.system.length,
+    )
+
+
+class _Work:
+    """What stays the same from part to part."""
+
+    def __init__(self, problem: OldProblem, lay: Layout) -> None:
+        self.problem, self.lay, self.clock = problem, lay, Clock()
+        self.system = closing(lay)
+        open_tree = spanning_tree(lay.mechanism)  # that of the model files
+        self.path = tree_path(lay.mechanism, open_tree)[1:]
+        kept = {edge.joint.name for edge in open_tree.edges}
+        self.tree = [c for j in lay.mechanism.joints if j.name in kept for c in lay.columns[j.name]]
+        self.depth = stages(problem.quantities)
+        self.reactions: Reactions | None = None
+
+    def part(self, rows: slice) -> Part:
+        motion = self.problem.motion.part(rows)
+        with self.clock.stage("positions"):
+            at = positions(self.lay, motion.y, motion.t)
+        values, trust, A = self._beyond(at, motion)
+
+        def again(doubtful: Rows) -> list[dict[str, Array]]:
+            own, self.clock = self.clock, Clock()
+            z = at.q[doubtful] / self.system.size
+            found = []
+            for shake in shakes(A[doubtful], motion.y.shape[1]):
+                there = fill(self.system, z[:, self.system.unknown] + shake, at.q[doubtful])
+                found.append(self._beyond(there, motion.part(doubtful))[0])
+            self.clock = own
+            return found
+
+        with self.clock.stage("error estimate"):
+            return examined(values, trust, again)
+
+    def _beyond(self, at: Pose, motion: Motion) -> tuple[dict[str, Array], Trust, Array]:
+        """All that is wanted from closed poses: values, what they rest on, and the closing system."""
+        lay, wanted = self.lay, self.problem.quantities
+        out, forces = {"joint_position": at.q}, dict[str, Array]()
+        speed = load = None
+        if self.depth in "vaf":
+            with self.clock.stage("velocities"):
+                rate = rates(lay, at, motion.yd)
+            A, charts = rate.A, rate.charts
+            out["joint_velocity"] = rate.w
+            out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
+            # a cut joint's own rates are no summands of anything else
+            speed = np.abs(rate.w / self.system.size)[:, self.system.unknown].max(axis=1)
+            if self.depth in "af":
+                load = self._dynamics(rate, motion, out, forces)
+        else:
+            A, charts = self.system.matrix(at), self.system.readers(at)[1]
+        with self.clock.stage("condition"):
+            condition = linear.condition(A)
+            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, load)
+        return {name: array for name, array in out.items() if name in wanted}, trust, A
+
+    def _dynamics(
+        self, rate: Rates, given: Motion, out: dict[str, Array], conditions: dict[str, Array]
+    ) -> Array | None:
+        """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
+        lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
+        with self.clock.stage("accelerations"):
+            out["joint_acceleration"], A = accelerations(lay, rate, ydd)
+            if problem.quantities <= _JOINTS:
+                return None
+            motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
+        out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
+        out["com_acceleration"] = motion.a.reshape(n, -1)
+        gravity = np.array([0.0, 0.0, -9.81]) if problem.gravity is None else problem.gravity
+        if problem.quantities & {"tree_force", "tree_force_soft"}:
+            with self.clock.stage("tree forces"):
+                F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, ())
+                out["tree_force"] = out["tree_force_soft"] = self._tree_force(rate, motion, F, T)
+        if self.depth != "f":
+            return None
+        with self.clock.stage("forces"):
+            loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
+            pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
+            if pulls is not None:
+                loads += pulls[1]
+            F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+            if pulls is not None:
+                along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+                F, T = F - along[..., :3], T - along[..., 3:]
+            self._forces(rate, motion, (F, T), out, conditions)
+        sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
+        return np.asarray(np.maximum(*sizes))
+
+    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
+        """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
+        mechanism, problem = self.lay.mechanism, self.problem
+        tau, loads = springs.spring_forces(self.lay, rate, problem.springs)
+        for motor in problem.motors:
+            tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+        return tau, loads
+
+    def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
+        """Power of the required wrenches on the unit motion of each joint of the tree."""
+        wrench = screws.force(F, motion.com) + screws.couple(T)
+        moved = np.einsum("bi,nbx->nix", self.path, wrench)
+        return screws.reciprocal_product(moved, rate.pose.S)[:, self.tree]
+
+    def _forces(
+        self,
+        rate: Rates,
+        motion: dynamics.BodyMotion,
+        wrench: tuple[Array, Array],
+        out: dict[str, Array],
+        conditions: dict[str, Array],
+    ) -> None:
+        lay, problem, (F, T) = self.lay, self.problem, wrench
+        Q = dynamics.generalized_force(lay, rate, motion, F, T)
+        out["generalized_force"] = Q
+        if not problem.quantities & {"actuator_force", "reaction"}:
+            return
+        B = rate.K[:, lay.mechanism.actuated_columns]
+        f = dynamics.min_norm(B, Q)
+        conditions["actuator_force"] = linear.condition(B)
+        axial = problem.rule == "spherical_axial"
+        if axial or "reaction" in problem.quantities:
+            self.reactions = dynamics.joint_reactions(lay, rate.pose)
+            c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
+            rule = self._rule_rows(rate, B, c.shape[2], axial)
+            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, self.reactions, rate.system.length)
+            conditions["reaction"] = condition
+            if axial:
+                conditions["actuator_force"] = condition
+                f = unknown[:, len(self.reactions.names) :]
+            out["reaction"] = unknown[:, : len(self.reactions.names)]
+        out["actuator_force"] = f
+
+    def _rule_rows(self, rate: Rates, B: Array, m: int, axial: bool) -> Array:
+        """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56)."""
+        if not (axial and self.reactions is not None and self.lay.mechanism.axial is not None):
+            return dynamics.preload_rows(B, m)
+        joint = self.lay.mechanism.axial[0]
+        columns = [self.reactions.names.index(f"{joint}.f{axis}") for axis in "xyz"]
+        rows = np.zeros((len(B), B.shape[1] - B.shape[2], m))
+        rows[:, :, columns] = dynamics.axial_directions(self.lay, rate.pose)
+        return rows
+
+    def names(self) -> Names:
+        mechanism = self.lay.mechanism
+        reactions = ((), ()) if self.reactions is None else (self.reactions.names, self.reactions.units)
+        return component_names(
+            mechanism.joints,
+            [body.name for body in mechanism.bodies],
+            mechanism.independent,
+            [mechanism.coordinates[i] for i in self.tree],
+            mechanism.actuator_names,
+            reactions,
+        )

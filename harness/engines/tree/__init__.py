@@ -1,0 +1,1 @@
+"""What engines with an open tree share: closing its loops, forces, integration, reading cut joints."""

@@ -1,0 +1,170 @@
+"""Rows that close the loops of an engine's open tree, from the poses that the engine gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.engines.tree.cut_joints import Chart, read_chart
+from screwgauge.engines.tree.protocol import BodyPoses, Tree
+from screwgauge.models.layout import Closure
+from screwgauge.models.loops import LoopsFile
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import GROUND, Joint
+from screwgauge.reference.rotations import Array, vee
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Anchor:
+    """One constraint of a closure: two points that coincide, or (`angular`) two frames that keep their attitude."""
+
+    joint: str
+    angular: bool
+    parent: int
+    child: int
+    at_parent: Array  # point (3,) or attitude (3, 3) in the body
+    at_child: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """The closing rows of a tree: anchors first, then one row for each independent coordinate."""
+
+    anchors: tuple[Anchor, ...]
+    cut: tuple[Joint, ...]  # joints that are in no tree
+    index: dict[str, int]
+    independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
+
+    def gaps(self, at: BodyPoses) -> Array:
+        """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
+        rows = []
+        for anchor in self.anchors:
+            Rp, Rc = at.R[:, anchor.parent], at.R[:, anchor.child]
+            if anchor.angular:
+                rows.append(vee((Rc @ anchor.at_child) @ (Rp @ anchor.at_parent).swapaxes(1, 2)))
+            else:
+                rows.append(
+                    (at.p[:, anchor.child] + Rc @ anchor.at_child) - (at.p[:, anchor.parent] + Rp @ anchor.at_parent)
+                )
+        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
+
+    def jacobian(self, at: BodyPoses) -> Array:
+        """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
+        rows = []
+        for anchor in self.anchors:
+            sides = []
+            for body, where in ((anchor.child, anchor.at_child), (anchor.parent, anchor.at_parent)):
+                J = at.J[:, body]
+                if anchor.angular:
+                    sides.append(J[:, :3])
+                else:
+                    arm = at.R[:, body] @ where
+                    sides.append(J[:, 3:] - np.cross(arm[:, :, None], J[:, :3], axis=1))
+            rows.append(sides[0] - sides[1])
+        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0, at.J.shape[3]))
+
+    def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
+        """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
+        rows = []
+        for anchor in self.anchors:
+            sides = []
+            for body, where in ((anchor.child, anchor.at_child), (anchor.parent, anchor.at_parent)):
+                if anchor.angular:
+                    sides.append(A[:, body, :3])
+                else:
+                    arm, w = at.R[:, body] @ where, V[:, body, :3]
+                    sides.append(A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm)))
+            rows.append(sides[0] - sides[1])
+        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
+
+    def charts(self, at: BodyPoses) -> dict[str, Chart]:
+        """Coordinates of the cut joints."""
+        return {
+            joint.name: read_chart(joint, at.R[:, self.index[joint.parent]], at.R[:, self.index[joint.child]])
+            for joint in self.cut
+        }
+
+    def begin(self, joint: Joint, y: Array) -> Array:
+        """Where the angles of a cut joint begin: at home, its independent ones at their values. Shape (k,) -> (m,)."""
+        angles = joint.home.copy()
+        for value, (_, name, i) in zip(y, self.independent, strict=True):
+            if name == joint.name:
+                angles[i] = value
+        return angles
+
+    def relative(self, joint: Joint, values: Array) -> Array:
+        """Angular part of the child's `values` less the parent's. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
+        return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])
+
+    def wrenches(self, at: BodyPoses, forces: Array) -> Array:
+        """External wrench on each body, about its origin, of the multipliers of all anchors.
+
+        Args:
+            forces: Multipliers, on the child side [N or N m]. Shape (n, 3 n_anchor).
+
+        Returns:
+            Force, then moment. Shape (n, n_body + 1, 6).
+        """
+        out = np.zeros((*at.p.shape[:2], 6))
+        for k, anchor in enumerate(self.anchors):
+            f = forces[:, 3 * k : 3 * k + 3]
+            sides = ((anchor.child, anchor.at_child, 1.0), (anchor.parent, anchor.at_parent, -1.0))
+            for body, where, sign in sides:
+                if anchor.angular:
+                    out[:, body, 3:] += sign * f
+                else:
+                    out[:, body, :3] += sign * f
+                    out[:, body, 3:] += sign * np.cross(at.R[:, body] @ where, f)
+        return out
+
+
+def check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
+    """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
+    closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
+    differences = (
+        ("has no body", {*file.bodies, *closed, *loaded} - {GROUND, *tree.bodies}),
+        ("has no joint coordinate", set(file.tree) - set(tree.coordinates)),
+        ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
+        ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),
+        ("closes an unknown joint", {c.joint for c in tree.closures} - {j.name for j in file.joints}),
+    )
+    for what, names in differences:
+        if names:
+            where = f"model of {tree.engine}"
+            raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
+
+
+def make_loops(tree: Tree, file: LoopsFile) -> Loops:
+    """Binds the closures and the independent coordinates to the bodies and coordinates of a tree.
+
+    Raises:
+        ModelFileError: The model lacks one of them.
+    """
+    index = {name: i for i, name in enumerate([GROUND, *tree.bodies])}
+    anchors = [anchor for closure in tree.closures for anchor in _anchors(closure, index)]
+    cut = tuple(j for j in file.joints if not set(j.coordinates) <= set(tree.coordinates))
+    rows: list[tuple[int | None, str, int]] = []
+    for name in file.independent.values():
+        if name in tree.coordinates:
+            rows.append((tree.coordinates.index(name), "", 0))
+            continue
+        owner = next((joint for joint in cut if name in joint.coordinates), None)
+        if owner is None:
+            raise ModelFileError(f"has no coordinate '{name}'", f"model of {tree.engine}", "keep the generated names")
+        rows.append((None, owner.name, owner.coordinates.index(name)))
+    return Loops(tuple(anchors), cut, index, tuple(rows))
+
+
+def _anchors(closure: Closure, index: dict[str, int]) -> list[Anchor]:
+    parent, child = index[closure.parent], index[closure.child]
+    if closure.type == "weld":
+        here, there = closure.parent_frame, closure.child_frame
+        return [
+            Anchor(closure.joint, False, parent, child, here.p, there.p),
+            Anchor(closure.joint, True, parent, child, here.R, there.R),
+        ]
+    return [
+        Anchor(closure.joint, False, parent, child, here, there)
+        for here, there in zip(closure.parent_points, closure.child_points, strict=True)
+    ]

@@ -1,0 +1,196 @@
+"""Springs, dampers, motors and loads as forces along the coordinates of an engine's open tree.
+
+Poses and Jacobians of bodies are the engine's own; only those of bodies on which something acts are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.engines.tree.closure import Loops
+from screwgauge.engines.tree.cut_joints import SURE, read_chart
+from screwgauge.engines.tree.protocol import Tree
+from screwgauge.problem import ForwardProblem
+from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
+from screwgauge.reference.errors import SingularPoseError, UnknownNameError
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.rotations import Array
+
+BodyAt = Callable[[int], tuple[Array, Array, Array]]
+"""Body (ground is 0) -> its R (3, 3), p (3,) and Jacobian (6, n_v), [angular; linear], in world axes."""
+
+Element = Callable[[float, Array, Array, BodyAt, Array], float]
+"""Adds what it exerts at (t, q, v) to a force along the coordinates; returns the power put in that is not stored."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forces:
+    """All that acts besides gravity. `stores_only`: its springs are without dampers, and nothing else acts."""
+
+    elements: tuple[Element, ...]
+    stores_only: bool
+
+    def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""
+        tau[:] = 0.0
+        return sum(element(t, q, v, body, tau) for element in self.elements)
+
+
+def tree_forces(problem: ForwardProblem, tree: Tree, loops: Loops, springs: Sequence[Spring] | None = None) -> Forces:
+    """Binds what acts to the bodies and coordinates of a tree.
+
+    Args:
+        springs: In place of the problem's: an engine may have taken over some of them.
+
+    Raises:
+        UnknownNameError: There is no such body or coordinate.
+    """
+    springs = problem.springs if springs is None else springs
+    elements = [
+        *(_motor(motor, tree, loops, problem.start) for motor in problem.motors),
+        *(_load(load, tree, loops) for load in problem.loads),
+        *(_spring(spring, tree, loops, problem.start) for spring in springs),
+    ]
+    damped = any(spring.damping for spring in problem.springs)
+    return Forces(tuple(elements), not (damped or problem.motors or problem.loads))
+
+
+def _body(name: str, loops: Loops) -> int:
+    if name not in loops.index:
+        raise UnknownNameError("body", name, loops.index, "load or spring")
+    return loops.index[name]
+
+
+def _cut(coordinate: str, tree: Tree, loops: Loops) -> tuple[Joint, int]:
+    """The cut joint that has a coordinate, and which of its coordinates that is."""
+    for joint in loops.cut:
+        if coordinate in joint.coordinates:
+            return joint, joint.coordinates.index(coordinate)
+    known = [*tree.coordinates, *(name for joint in loops.cut for name in joint.coordinates)]
+    raise UnknownNameError("coordinate", coordinate, known, "motor or spring")
+
+
+def _cut_reader(joint: Joint, i: int, loops: Loops, start: Array) -> Callable[[BodyAt], tuple[float, Array]]:
+    """Reads a coordinate of a cut joint and its derivative (n_v,).
+
+    It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
+    """
+    last = loops.begin(joint, start)
+
+    def read(body: BodyAt) -> tuple[float, Array]:
+        nonlocal last
+        sides = [body(loops.index[name]) for name in (joint.parent, joint.child)]
+        chart = read_chart(joint, sides[0][0][None], sides[1][0][None]).near(last[None])
+        if chart.condition[0] < SURE:
+            last = chart.q[0]
+        return float(chart.q[0, i]), chart.rates((sides[1][2][:3] - sides[0][2][:3])[None])[0, i]
+
+    return read
+
+
+def _amount(motor: Motor) -> Callable[[float], float]:
+    """The motor's force over time; a constant one costs nothing."""
+    if not len(motor.harmonics) and len(motor.polynomial) <= 1:
+        value = motor.force(0.0)
+        return lambda t: value
+    return motor.force
+
+
+def _motor(motor: Motor, tree: Tree, loops: Loops, start: Array) -> Element:
+    amount = _amount(motor)
+    if motor.coordinate in tree.coordinates:
+        column = tree.coordinates.index(motor.coordinate)
+
+        def in_tree(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+            f = amount(t)
+            tau[column] += f
+            return f * float(v[column])
+
+        return in_tree
+    read = _cut_reader(*_cut(motor.coordinate, tree, loops), loops, start)
+
+    def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        f, row = amount(t), read(body)[1]
+        tau += f * row
+        return f * float(row @ v)
+
+    return at_cut
+
+
+def _load(load: Load, tree: Tree, loops: Loops) -> Element:
+    index = _body(load.body, loops)
+    point = (tree.com[index - 1] if index else np.zeros(3)) if load.point is None else load.point
+    force, torque = load.force, load.torque
+
+    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        R, _, J = body(index)
+        pull = force @ J[3:] + (torque + _cross(R @ point, force)) @ J[:3]
+        tau += pull
+        return float(pull @ v)
+
+    return element
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """`numpy.cross` for two vectors of three, at a tenth of its cost."""
+    x, y, z = a.tolist()
+    u, v, w = b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+def _spring(spring: Spring, tree: Tree, loops: Loops, start: Array) -> Element:
+    if isinstance(spring, PointSpring):
+        return _point_spring(spring, loops)
+    if spring.coordinate not in tree.coordinates:
+        return _cut_spring(spring, _cut_reader(*_cut(spring.coordinate, tree, loops), loops, start))
+    column, k, rest, c = (
+        tree.coordinates.index(spring.coordinate),
+        spring.stiffness,
+        spring.rest,
+        spring.damping,
+    )
+
+    def in_tree(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        speed = float(v[column])
+        tau[column] -= k * (float(q[column]) - rest) + c * speed
+        return -c * speed * speed
+
+    return in_tree
+
+
+def _cut_spring(spring: JointSpring, read: Callable[[BodyAt], tuple[float, Array]]) -> Element:
+    def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        value, row = read(body)
+        speed = float(row @ v)
+        tau -= (spring.stiffness * (value - spring.rest) + spring.damping * speed) * row
+        return -spring.damping * speed * speed
+
+    return at_cut
+
+
+def _point_spring(spring: PointSpring, loops: Loops) -> Element:
+    first, second = _body(spring.first, loops), _body(spring.second, loops)
+
+    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        Ra, pa, Ja = body(first)
+        Rb, pb, Jb = body(second)
+        arm_a, arm_b = Ra @ spring.first_point, Rb @ spring.second_point
+        line = (pb + arm_b) - (pa + arm_a)
+        length = float(np.sqrt(line @ line))
+        if not length > 0.0:
+            raise SingularPoseError(
+                "its points meet, so that it has no direction",
+                f"spring between {spring.first} and {spring.second}, t = {t:g} s",
+                "move its points or shorten the motion",
+            )
+        along = line / length
+        # derivative of the length: along . (velocity of second point - velocity of first)
+        row = along @ (Jb[3:] - Ja[3:]) + _cross(arm_b, along) @ Jb[:3] - _cross(arm_a, along) @ Ja[:3]
+        speed = float(row @ v)
+        tau -= (spring.stiffness * (length - spring.rest) + spring.damping * speed) * row
+        return -spring.damping * speed * speed
+
+    return element

@@ -1,1 +1,0 @@
-"""Time integration of any mechanism, and the established problems."""

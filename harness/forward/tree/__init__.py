@@ -1,1 +1,0 @@
-"""Pinocchio and MuJoCo integrated in all coordinates of their open trees."""

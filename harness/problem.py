@@ -1,0 +1,225 @@
+"""What an engine is asked: what acts on a mechanism, the task, the rule, and what is wanted. Data only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.applied import Applied, Load, Motor, Spring
+from screwgauge.reference.rotations import Array
+
+Rows = NDArray[np.intp]
+"""Indices of samples."""
+
+Progress = Callable[[float], None]
+"""Takes the share of the work that is done, 0 to 1."""
+
+
+def quiet(share: float) -> None:
+    """Progress that nobody looks at."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenMotion:
+    """Inverse dynamics: the independent coordinates over time.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
+    """
+
+    t: Array
+    y: Array
+    yd: Array
+    ydd: Array
+
+    def __post_init__(self) -> None:
+        for array in (self.t, self.y, self.yd, self.ydd):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def part(self, rows: slice | Rows) -> GivenMotion:
+        return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
+
+
+@dataclass(frozen=True, slots=True)
+class Integration:
+    """How a motion is integrated.
+
+    Attributes:
+        name: ``DOP853`` for smooth motion, ``Radau`` or ``BDF`` for stiff ones.
+        rtol, atol: Tolerances of a step, for rad, m and their rates alike.
+        near: Condition number of the closed loops above which a pose is stepped over.
+    """
+
+    name: str = "DOP853"
+    rtol: float = 1e-10
+    atol: float = 1e-12
+    near: float = 1e5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InitialValue:
+    """Simulation: a start, from which the motion is integrated.
+
+    Attributes:
+        start, rates: Independent coordinates [rad or m] and their rates at the first time. Shape (k,).
+        t: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
+        integration: Method and tolerances of the engines that integrate by the methods of `scipy`.
+    """
+
+    start: Array
+    rates: Array
+    t: Array
+    integration: Integration = Integration()
+
+    def __post_init__(self) -> None:
+        for array in (self.start, self.rates, self.t):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class States:
+    """Sampled states of an open tree, taken as they are: nothing is closed first.
+
+    Attributes:
+        coordinates: Joint coordinates of the tree, as the arrays have them.
+        q, v: Coordinates [rad or m] and rates. Shape (n, n_v).
+        a: Accelerations, for inverse dynamics of the tree; None if these are asked. Shape (n, n_v).
+        tau: All that acts along the coordinates besides gravity [N or N m], for accelerations; None if forces are
+            asked. Shape (n, n_v).
+    """
+
+    coordinates: tuple[str, ...]
+    q: Array
+    v: Array
+    a: Array | None = None
+    tau: Array | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.q, self.v, self.a, self.tau):
+            if array is not None:
+                array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+Task = GivenMotion | InitialValue | States
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """The text of what was rounded to doubles, for whoever reads it exactly; None where the doubles are meant.
+
+    Attributes:
+        motion: Label -> table of the motion.
+        gravity: Three numbers.
+        loads: Tables of the loads.
+    """
+
+    motion: Mapping[str, Any] | None = None
+    gravity: list[Any] | None = None
+    loads: tuple[Mapping[str, Any], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFiles:
+    """What an engine loads.
+
+    Attributes:
+        model: Mechanism TOML, URDF or MJCF.
+        loops: The loops file beside a URDF or MJCF: what these cannot say.
+    """
+
+    model: Path
+    loops: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A question to a loaded model, which closes its own loops. Frozen, and it pickles.
+
+    Attributes:
+        applied: What acts besides actuators.
+        task: What is given.
+        wanted: Names of quantities; nothing else is computed.
+        rule: What fixes redundant actuation: ``min_norm`` or ``spherical_axial``.
+        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
+    """
+
+    applied: Applied
+    task: Task
+    wanted: frozenset[str]
+    rule: str = "min_norm"
+    wording: Wording = Wording()
+
+
+# Below: what goes away when every engine takes `Problem`.
+Motion = GivenMotion
+Method = Integration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OldProblem:
+    """All that an engine is given; it closes its own loops.
+
+    Attributes:
+        model: Its model file: mechanism TOML, URDF or MJCF.
+        loops: The loops file beside it: what URDF and MJCF cannot say.
+        gravity: World axes [m/s^2], shape (3,); None leaves the model file's own.
+        rule: ``min_norm`` or ``spherical_axial``.
+        quantities: Names of what is wanted; nothing else is computed.
+        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
+        springs, motors: What acts besides loads and actuators.
+    """
+
+    model: Path
+    loops: Path | None
+    gravity: Array | None
+    loads: tuple[Load, ...]
+    rule: str
+    motion: Motion
+    quantities: frozenset[str]
+    progress: Progress = lambda share: None
+    wording: Wording = Wording()
+    springs: tuple[Spring, ...] = ()
+    motors: tuple[Motor, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForwardProblem:
+    """All that an engine is given; it closes its own loops.
+
+    Attributes:
+        model: Its model file: mechanism TOML, URDF or MJCF.
+        loops: The loops file beside it: what URDF and MJCF cannot say.
+        gravity: World axes [m/s^2]. Shape (3,).
+        loads: On bodies, constant, in world axes.
+        springs: Springs and dampers, across joints or between points of bodies.
+        motors: Forces along joint coordinates.
+        start, rates: Independent coordinates and their rates at the first time. Shape (k,).
+        times: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
+    """
+
+    model: Path
+    loops: Path | None
+    gravity: Array
+    loads: tuple[Load, ...]
+    springs: tuple[Spring, ...]
+    motors: tuple[Motor, ...]
+    start: Array
+    rates: Array
+    times: Array
+    method: Method = Method()
+    progress: Progress = lambda share: None

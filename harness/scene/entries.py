@@ -1,0 +1,97 @@
+"""Entries of a scene file that are not about mechanics: lists, numbers, times, model files, figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.engines.registry import check_engines
+from screwgauge.models.catalog import is_file
+from screwgauge.quantities import check_quantities
+from screwgauge.reference.description import check_keys, read_text, required
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import number
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.figures import Figure
+
+MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
+
+
+def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
+    items = data.get(key, [])
+    if not isinstance(items, list):
+        raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
+    return items
+
+
+def positive(value: Any, where: str) -> float:
+    result = number(value, where)
+    if result <= 0.0:
+        raise DescriptionError(f"{result:g} is not positive", where, "give a positive number")
+    return result
+
+
+def read_times(values: list[Any], where: str) -> Array:
+    _check_count(len(values), where)
+    if all(isinstance(v, float) for v in values):  # also numpy's
+        t = np.array(values, dtype=float)
+    else:
+        t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
+    if not len(t) or not np.isfinite(t).all():
+        raise DescriptionError("the times are not finite numbers", where, "give at least one time in s")
+    return t
+
+
+def _check_count(n: float, where: str) -> None:
+    if n > MOST:
+        raise DescriptionError(
+            f"{n:.3g} samples are asked for, more than {MOST:.0e}",
+            where,
+            "take a longer step or a shorter duration",
+        )
+
+
+def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
+    if table is None:
+        if sampled is None:
+            raise DescriptionError("there is no time grid", where, "add [time] with duration and step, or times")
+        return sampled
+    check_keys(table, {"duration", "step", "times"}, where)
+    if "times" in table:
+        if not isinstance(table["times"], list) or len(table) > 1:
+            raise DescriptionError("'times' is no list on its own", where, "write times = [...], or duration and step")
+        return read_times(table["times"], f"{where}.times")
+    duration = positive(required(table, "duration", where), f"{where}.duration")
+    step = positive(required(table, "step", where), f"{where}.step")
+    _check_count(duration / step, where)
+    # multiples of the step; a duration that is no whole number of steps ends at the last one before it
+    return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
+
+
+def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
+    if not isinstance(table, dict):
+        raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
+    if table:
+        check_engines(list(table), where)
+    files = {engine: folder / read_text(table, engine, where) for engine in table}
+    for engine, file in files.items():
+        if not is_file(file):
+            raise DescriptionError(f"model file of {engine} does not exist ('{file}')", where, "check the path")
+    return files
+
+
+def read_figure(table: Any, where: str) -> Figure:
+    check_keys(table, {"title", "quantity", "unit", "panels"}, where)
+    quantity = check_quantities([required(table, "quantity", where)], where)[0]
+    panels = required(table, "panels", where)
+    lists = panels.values() if isinstance(panels, dict) else [None]
+    if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
+        raise DescriptionError("'panels' is not a table of lists", where, "write label = ['pattern', ...]")
+    return Figure(
+        title=read_text(table, "title", where),
+        quantity=quantity,
+        unit=read_text(table, "unit", where),
+        panels=tuple((label, tuple(patterns)) for label, patterns in panels.items()),
+    )

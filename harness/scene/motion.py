@@ -1,0 +1,143 @@
+"""Motions of the independent coordinates: sums of harmonics, polynomials, or samples from a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.problem import Motion
+from screwgauge.reference.description import check_keys, required
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import LARGEST, number, vector
+from screwgauge.reference.rotations import Array
+
+Drive = Callable[[Array], Motion]
+"""Takes times [s], shape (n,)."""
+
+
+def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple[Drive, Array | None]:
+    """Reads ``[motion]``.
+
+    Args:
+        labels: Labels of the independent coordinates, in order.
+        folder: Where a CSV file is looked for.
+
+    Returns:
+        The motion as a function of time, and the times of a CSV file, if it is one.
+
+    Raises:
+        DescriptionError: It cannot be read.
+    """
+    if isinstance(table, dict) and "csv" in table:
+        check_keys(table, {"csv"}, where)
+        if not isinstance(table["csv"], str):
+            raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
+        return _sampled(folder / table["csv"], labels)
+    check_keys(table, labels, where)
+    terms = {label: read_terms(required(table, label, where), f"{where}.{label}") for label in labels}
+
+    def drive(t: Array) -> Motion:
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion = _analytic(terms, t)
+        finite = np.isfinite(np.concatenate([motion.y, motion.yd, motion.ydd], axis=1)).all(axis=1)
+        if not finite.all():
+            late = t[np.argmin(finite)]
+            raise DescriptionError(f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion")
+        return motion
+
+    return drive, None
+
+
+def read_terms(table: Any, where: str) -> tuple[Array, Array]:
+    """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
+    check_keys(table, {"offset", "harmonics", "polynomial"}, where)
+    raw = table.get("polynomial", [0])
+    if not isinstance(raw, list) or not raw:
+        raise DescriptionError("is not a list of coefficients", f"{where}.polynomial", "write [c0, c1, ...]")
+    polynomial = vector(raw, f"{where}.polynomial", len(raw))
+    polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
+    harmonics = table.get("harmonics", [])
+    if not isinstance(harmonics, list):
+        raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
+    rows = [vector(row, f"{where}.harmonics") for row in harmonics]
+    return polynomial, np.array(rows).reshape(-1, 3)
+
+
+def _analytic(terms: Mapping[str, tuple[Array, Array]], t: Array) -> Motion:
+    y, yd, ydd = (np.empty((len(t), len(terms))) for _ in range(3))
+    for k, (coefficients, harmonics) in enumerate(terms.values()):
+        polynomial = np.polynomial.Polynomial(coefficients)
+        y[:, k], yd[:, k], ydd[:, k] = polynomial(t), polynomial.deriv(1)(t), polynomial.deriv(2)(t)
+        for omega, c, s in harmonics:
+            cos, sin = np.cos(omega * t), np.sin(omega * t)
+            y[:, k] += c * cos + s * sin
+            yd[:, k] += omega * (s * cos - c * sin)
+            ydd[:, k] -= omega**2 * (c * cos + s * sin)
+    return Motion(t, y, yd, ydd)
+
+
+def _sample(text: Any) -> float:
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def read_columns(path: Path, wanted: list[str], why: str = "derivatives are required") -> dict[str, Array]:
+    """The wanted columns of a CSV file, read to the last bit and finite. Shape (n,) each.
+
+    Args:
+        why: What to say of a column that is missing.
+    """
+    import pandas as pd
+
+    try:
+        data = pd.read_csv(path, dtype=str, keep_default_na=False, comment="#")
+    except (OSError, ValueError) as error:
+        raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
+    if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
+        raise DescriptionError("the rows have more fields than the header", str(path), "name every column")
+    columns: dict[str, Array] = {}
+    for column in wanted:
+        if column not in data.columns:
+            names = f"give all of {', '.join(wanted)} ({why})"
+            raise DescriptionError(f"column '{column}' is missing", str(path), names)
+        if f"{column}.1" in data.columns:  # what pandas makes of a second one
+            raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
+        columns[column] = values = np.array([_sample(text) for text in data[column]], dtype=float)
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        if bad.size:
+            what = f"column '{column}' is not a finite number in data row {bad[0] + 1}"
+            raise DescriptionError(what, str(path), "complete the samples")
+    return columns
+
+
+def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
+    """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
+    wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
+    if len(set(wanted)) < len(wanted):
+        what = f"columns {', '.join(wanted)} share a name"
+        raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
+    columns = read_columns(path, wanted)
+    t = columns["t"]
+    if not len(t):
+        raise DescriptionError("has no samples", str(path), "write at least one row below the header")
+    if (np.diff(t) <= 0).any():
+        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
+
+    def drive(times: Array) -> Motion:
+        rows = np.searchsorted(t, times).clip(max=len(t) - 1)
+        wrong = np.flatnonzero(t[rows] != times)
+        if wrong.size:
+            raise DescriptionError(
+                f"has no sample at t = {times[wrong[0]]:g} s",
+                str(path),
+                "ask for times of the file; none are interpolated",
+            )
+        return Motion(times.copy(), *(array[rows].copy() for array in arrays))
+
+    return drive, t

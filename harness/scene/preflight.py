@@ -1,0 +1,184 @@
+"""What is checked of a scene before any engine runs: home pose, limits, singular poses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.problem import Motion
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference import linear
+from screwgauge.reference.closing import make_closing
+from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import Mobility, check_independent, mobility
+from screwgauge.reference.pose import Layout, Pose, layout, length, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.singular import near_singularity
+from screwgauge.scene.scene import Scene
+
+PART = 2048
+FARTHEST = 1000.0  # [rad or m]: takes ten thousand steps of `continuation.STEP`, seconds
+
+
+def check_home(mechanism: Mechanism) -> Layout:
+    """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
+
+    Raises:
+        ClosureError: A loop stays open at the home pose.
+        DescriptionError: The independent coordinates do not determine the motion.
+    """
+    lay = layout(mechanism)
+    at = pose(lay, mechanism.home[None])
+    size = np.array([1.0, length(lay)])[:, None]
+    for joint, gap in zip(lay.tree.cuts, np.abs(at.gap[0]).reshape(-1, 2, 3), strict=True):
+        if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
+            raise ClosureError(
+                f"the loop through joint '{joint.name}' stays open by {gap.max():.3g} (rad or m) at the home pose",
+                mechanism.where,
+                "correct the placements or the home coordinates",
+            )
+    check_independent(lay, at)
+    return lay
+
+
+def check_scene(scene: Scene) -> Mobility:
+    """Walks the whole motion on the description alone.
+
+    Returns:
+        Counts of the mechanism; a force is called unique only if it is so at every pose looked at.
+
+    Raises:
+        ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
+    """
+    lay = check_home(scene.mechanism)
+    _check_jumps(scene)
+    before: tuple[float, float] | None = None
+    for first in range(0, len(scene.motion), PART):
+        motion = scene.motion.part(slice(first, first + PART))
+        at = positions(lay, motion.y, motion.t)
+        _check_limits(scene, at, motion.t, motion.y)
+        before = check_regular(lay, at, motion.t, motion.y, before)
+    _check_side(lay, scene.motion)
+    return _mobility(lay, scene)
+
+
+def check_actuation(scene: Scene, found: Mobility, quantities: Collection[str]) -> None:
+    """Refuses forces that the actuators cannot deliver, and a rule that does not fit their number.
+
+    Raises:
+        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
+    """
+    if not any(QUANTITIES[name].ruled for name in quantities):
+        return
+    mechanism = scene.mechanism
+    driven = len(mechanism.actuators) - found.actuation_redundancy
+    if driven < len(mechanism.independent):
+        raise DescriptionError(
+            f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms",
+            mechanism.where,
+            "actuate more joints, or ask for no actuator_force and reaction",
+        )
+    if scene.rule == "spherical_axial" and found.actuation_redundancy != 2:
+        raise DescriptionError(
+            f"rule spherical_axial needs 2 redundant actuators, not {found.actuation_redundancy}",
+            mechanism.where,
+            "use the rule min_norm",
+        )
+
+
+def _check_jumps(scene: Scene) -> None:
+    """Poses are found by following the motion; from one sample to the next it must not go round the world."""
+    motion, mechanism = scene.motion, scene.mechanism
+    way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
+    size = make_closing(layout(mechanism)).size[mechanism.independent_columns]
+    far = np.flatnonzero((np.abs(way) / np.maximum(size, 1.0)).max(axis=1, initial=0.0) > FARTHEST)
+    if far.size:
+        i = far[0]
+        raise DescriptionError(
+            f"the motion jumps to {mechanism.described(motion.y[i])}, "
+            f"farther than {FARTHEST:g} rad or m from the sample or home pose before",
+            f"t = {motion.t[i]:g} s",
+            "check its units or take shorter steps",
+        )
+
+
+def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
+    low, high = scene.mechanism.limits.T
+    beyond = (at.q < low) | (at.q > high)
+    if beyond.any():
+        i, k = np.argwhere(beyond)[0]
+        name, unit = scene.mechanism.coordinates[k], scene.mechanism.units[k]
+        raise JointLimitError(
+            f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}] "
+            f"at {scene.mechanism.described(y[i])}",
+            f"t = {t[i]:g} s",
+            "shorten the motion or widen the limits",
+        )
+
+
+def _check_side(lay: Layout, motion: Motion) -> None:
+    """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
+    at = positions(lay, motion.y[:1], motion.t[:1])
+    A = np.concatenate([make_closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
+    if A.shape[1] != A.shape[2] or not (linear.condition(A) <= linear.SINGULAR).all():
+        return
+    signs = np.linalg.slogdet(A)[0]
+    if signs[0] * signs[1] < 0:
+        raise SingularPoseError(
+            f"the motion lies beyond a singular pose, seen from home, at {lay.mechanism.described(motion.y[0])} "
+            f"(the determinant's sign differs): towards home {near_singularity(lay, at)}",
+            f"t = {motion.t[0]:g} s",
+            "keep it on the side of home, or describe the mechanism with a home pose beyond",
+        )
+
+
+def check_regular(
+    lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    """Condition of the closing system at every sample, and its determinant's sign from one to the next.
+
+    Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
+    joints are not among the unknowns; where one locks, only rates of that joint are lost.
+    """
+    A = make_closing(lay).matrix(at)
+    condition = linear.condition(A)
+    bad = np.flatnonzero(~(condition <= linear.SINGULAR))
+    if bad.size:
+        i = bad[0]
+        raise SingularPoseError(
+            f"the pose {lay.mechanism.described(y[i])} is singular (condition {condition[i]:.1e}): "
+            f"{near_singularity(lay, at.rows(bad[:1]))}",
+            f"t = {t[i]:g} s",
+            "keep the motion away from it",
+        )
+    if A.shape[1] != A.shape[2]:
+        return None
+    sign = np.linalg.slogdet(A)[0]
+    first = (float(sign[0]), float(t[0])) if before is None else before
+    signs, times = np.append(first[0], sign), np.append(first[1], t)
+    change = np.flatnonzero(signs[1:] * signs[:-1] < 0)
+    if change.size:
+        i = change[0]  # the sample after the change
+        nearest = max({max(i - 1, 0), i}, key=lambda k: condition[k])
+        raise SingularPoseError(
+            f"the motion passes through a singular pose near {lay.mechanism.described(y[i])} "
+            f"(the determinant changes sign): {near_singularity(lay, at.rows([nearest]))}",
+            f"between t = {times[i]:g} s and {t[i]:g} s",
+            "keep the motion away from it",
+        )
+    return float(sign[-1]), float(t[-1])
+
+
+def _mobility(lay: Layout, scene: Scene) -> Mobility:
+    """Counts at the most general of a few poses: symmetric ones make forces look unique."""
+    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
+    at = positions(lay, scene.motion.y[rows], scene.motion.t[rows])
+    found = [mobility(lay, pose(lay, q[None])) for q in at.q]
+    unique = tuple(all(flags) for flags in zip(*(one.unique for one in found), strict=True))
+    determined = tuple(all(flags) for flags in zip(*(one.determined for one in found), strict=True))
+    most = max(found, key=lambda one: one.constraint_rank)
+    return replace(most, unique=unique, determined=determined)

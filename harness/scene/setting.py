@@ -1,0 +1,187 @@
+"""What makes a scene a forward one: start and method, observables, a known solution, published results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.problem import Method
+from screwgauge.reference.description import check_keys, read_text
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.elements import check_coordinate
+from screwgauge.scene.motion import read_columns
+
+METHODS = ("DOP853", "Radau", "BDF")
+EXPLICIT = ("DOP853",)
+#: What a published accuracy is one of.
+MEASURES = ("observable", "energy")
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forward:
+    """Where a motion starts and how it is integrated.
+
+    Attributes:
+        start, rates: Independent coordinates [rad or m] and their rates at the start. Shape (k,).
+        since: Time of the start [s].
+    """
+
+    start: Array
+    rates: Array
+    since: float
+    method: Method
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observable:
+    """A number that is followed: a joint coordinate, or a world coordinate of a point of a body.
+
+    Attributes:
+        unit: ``rad`` or ``m``.
+        coordinate: Joint coordinate, if it is one.
+        body, point, axis: Otherwise the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
+    """
+
+    name: str
+    unit: str
+    coordinate: str = ""
+    body: str = ""
+    point: Array | None = None
+    axis: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """Observables known from elsewhere.
+
+    Attributes:
+        source: Where from.
+        t: Times [s]. Shape (n,).
+        values: Shape (n, n_observable).
+    """
+
+    source: str
+    t: Array
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """A result that others have published.
+
+    Attributes:
+        who: Method or program, with its setting.
+        accuracy: Error of what `measure` says, an observable [m or rad] or the energy [J]; NaN if not stated.
+        cpu_s: Processor time on the machine of that time [s]; NaN if not stated.
+        remark: What the numbers do not say.
+    """
+
+    who: str
+    source: str
+    measure: str
+    accuracy: float
+    cpu_s: float
+    remark: str
+
+
+def read_forward(table: Any, mechanism: Mechanism, since: float, where: str) -> Forward:
+    """Reads ``[forward]``."""
+    check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
+    home = mechanism.home[mechanism.independent_columns]
+    usual = Method()
+    name = read_text(table, "method", where, usual.name)
+    if name not in METHODS:
+        raise UnknownNameError("method", name, METHODS, where)
+    amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
+    for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
+        if not least < amounts[key] < most:
+            raise DescriptionError(
+                f"{amounts[key]:g} is not between {least:g} and {most:g}",
+                f"{where}.{key}",
+                "give such a number",
+            )
+    return Forward(
+        start=_state(table, "start", mechanism, home, where),
+        rates=_state(table, "rates", mechanism, np.zeros_like(home), where),
+        since=since,
+        method=Method(name, **amounts),
+    )
+
+
+def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
+    """Label -> value, the usual one where a label is not named. Shape (k,)."""
+    labels, given = list(mechanism.independent), table.get(key, {})
+    check_keys(given, labels, f"{where}.{key}")
+    return np.array(
+        [
+            number(given[label], f"{where}.{key}.{label}") if label in given else own
+            for label, own in zip(labels, usual.tolist(), strict=True)
+        ]
+    )
+
+
+def read_observable(table: Any, mechanism: Mechanism, where: str) -> Observable:
+    """Reads one of ``[[observables]]``."""
+    check_keys(table, {"name", "coordinate", "body", "point", "axis"}, where)
+    name = read_text(table, "name", where)
+    if not name or "," in name:
+        raise DescriptionError(f"'{name}' is no name", f"{where}.name", "write letters, digits and dots")
+    if ("coordinate" in table) == ("body" in table):
+        raise DescriptionError(
+            f"observable '{name}' is either a coordinate or a point of a body",
+            where,
+            "write coordinate = ..., or body, point, axis",
+        )
+    if "coordinate" in table:
+        check_keys(table, {"name", "coordinate"}, where)
+        coordinate = check_coordinate(read_text(table, "coordinate", where), mechanism, where)
+        unit = mechanism.units[mechanism.coordinates.index(coordinate)]
+        return Observable(name, unit, coordinate=coordinate)
+    body, axis = read_text(table, "body", where), read_text(table, "axis", where)
+    if body not in mechanism.body_index:
+        raise UnknownNameError("body", body, mechanism.body_index, where)
+    if axis not in _AXES:
+        raise UnknownNameError("axis", axis, _AXES, where)
+    point = vector(table.get("point", [0, 0, 0]), f"{where}.point")
+    return Observable(name, "m", body=body, point=point, axis=_AXES[axis])
+
+
+def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
+    """Reads ``[reference]``: a CSV file with t and the observables; further columns are left alone."""
+    check_keys(table, {"file", "source"}, where)
+    if not names:
+        raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
+    path = folder / read_text(table, "file", where)
+    columns = read_columns(path, ["t", *names], "the observables of the scene are required")
+    t = columns["t"]
+    if not len(t) or (np.diff(t) <= 0.0).any():
+        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    return Known(read_text(table, "source", where), t, np.stack([columns[name] for name in names], axis=1))
+
+
+def read_published(table: Any, where: str) -> Published:
+    """Reads one of ``[[published]]``."""
+    check_keys(table, {"who", "source", "of", "accuracy", "cpu_s", "remark"}, where)
+    measure = read_text(table, "of", where, MEASURES[0])
+    if measure not in MEASURES:
+        raise UnknownNameError("measure", measure, MEASURES, where)
+    stated = {}
+    for key in ("accuracy", "cpu_s"):
+        stated[key] = number(table[key], f"{where}.{key}") if key in table else float("nan")
+        if stated[key] <= 0.0:
+            raise DescriptionError(f"{stated[key]:g} is not positive", f"{where}.{key}", "give what was published")
+    return Published(
+        who=read_text(table, "who", where),
+        source=read_text(table, "source", where),
+        measure=measure,
+        remark=read_text(table, "remark", where, ""),
+        **stated,
+    )

@@ -1,0 +1,1 @@
+"""Studies: problems put to methods, giving tables. run, bench, stress, paper."""

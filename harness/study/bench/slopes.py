@@ -1,0 +1,111 @@
+"""Fitted slopes of error against parameter, beside the expected ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from screwgauge.reference.rotations import Array
+from screwgauge.study.bench.rows import Row
+
+Mask = NDArray[np.bool_]
+
+COLUMNS = ["family", "parameter", "quantity", "expected", "fitted", "ok"]
+WITHIN = 0.1  # of the expected slope
+#: Scaled errors between these follow the power law: above, it saturates; below, rounding takes over.
+LARGE, SMALL = 0.1, 1e-10
+FLOOR = 30.0  # a point has to be so far above a floor not to feel it
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """An expected slope.
+
+    Attributes:
+        line: Family with its series, see `Contestant.line`.
+        most: Largest parameter of the window; infinite where the errors decide.
+        by_error: The window is where errors are between floor and saturation; otherwise all of it.
+    """
+
+    line: str
+    quantity: str
+    expected: float
+    most: float = np.inf
+    by_error: bool = True
+
+
+RULES = (
+    Rule("finite-differences (interior)", "joint_velocity", 2.0),
+    Rule("finite-differences (interior)", "joint_acceleration", 2.0),
+    Rule("paper-corrected (Euler)", "joint_position", 1.0),
+    Rule("paper-corrected (RK4)", "joint_position", 4.0),
+    Rule("pinocchio-forward (1 iteration)", "joint_acceleration", 1.0),
+    Rule("pinocchio-forward (2 iterations)", "joint_acceleration", 2.0),
+    Rule("mujoco-forward (solimp)", "joint_acceleration", 1.0, most=0.0102, by_error=False),  # from d = 0.99
+    Rule("missing-jdotv", "joint_acceleration", 2.0, by_error=False),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One rule with its points: parameter and error, shape (n,), and which of them were fitted, shape (n,)."""
+
+    rule: Rule
+    name: str
+    x: Array
+    error: Array
+    used: Mask
+
+    @property
+    def slope(self) -> float:
+        """Least squares in logarithms; NaN for fewer than three points."""
+        if self.used.sum() < 3:
+            return float("nan")
+        return float(np.polyfit(np.log10(self.x[self.used]), np.log10(self.error[self.used]), 1)[0])
+
+    @property
+    def ok(self) -> bool:
+        return bool(abs(self.slope / self.rule.expected - 1.0) <= WITHIN)
+
+
+def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
+    """The rules for which there are rows."""
+    found = []
+    for rule in rules:
+        points = []
+        name = ""
+        for row in rows:
+            contestant = row.contestant
+            if contestant.line == rule.line and row.quantity == rule.quantity and contestant.parameter:
+                name, value = contestant.parameter
+                if row.max_scaled > 0:
+                    points.append((value, row.max_scaled))
+        if points:
+            found.append(fit(rule, name, points))
+    return found
+
+
+def fit(rule: Rule, name: str, points: Sequence[tuple[float, float]]) -> Fit:
+    """Points (parameter, scaled error), at least one, for a rule; `name` is that of the parameter."""
+    x, error = np.array(sorted(points)).T
+    return Fit(rule, name, x, error, _window(rule, x, error))
+
+
+def _window(rule: Rule, x: Array, error: Array) -> Mask:
+    if not rule.by_error:
+        return np.asarray(x <= rule.most)
+    low = SMALL
+    flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * rule.expected * np.log(x[1] / x[0])
+    if flat:  # at its small end the line follows no power law: there is a floor
+        low = max(low, FLOOR * float(error.min()))
+    return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
+
+
+def table(found: Sequence[Fit]) -> pd.DataFrame:
+    """The rows of ``slopes.csv``."""
+    body = [(f.rule.line, f.name, f.rule.quantity, f.rule.expected, f.slope, f.ok) for f in found]
+    return pd.DataFrame(body, columns=COLUMNS)

@@ -1,0 +1,78 @@
+"""A scene with more samples than memory holds: solved part after part, each handed over and then forgotten."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.engines.registry import check_engines
+from screwgauge.quantities import check_quantities
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.preflight import check_home, check_regular
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+from screwgauge.study.run import solve
+
+PART = 16384  # samples: some MB with all quantities, and long enough that preparing a part costs little
+
+
+def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> Iterator[Array]:
+    """Evenly spaced times [s] part by part, never all at once: ``first + k step`` for k below `count`.
+
+    Raises:
+        DescriptionError: A number that makes no grid.
+    """
+    if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
+        raise DescriptionError(
+            f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on",
+            "times",
+            "give positive finite numbers",
+        )
+    for begin in range(0, count, part):
+        yield first + np.arange(begin, min(begin + part, count), dtype=float) * step
+
+
+def stream(
+    scene: Scene,
+    parts: Iterable[Array],
+    *,
+    engine: str = "screw",
+    quantities: Iterable[str] | None = None,
+) -> Iterator[tuple[Array, Solution]]:
+    """Solves a scene for times that come in parts; memory is that of one part, however many there are.
+
+    Every part starts from the home pose anew: angles of joints that are cut in an engine's tree count from there.
+    Nothing is walked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises when its turn
+    comes.
+
+    Args:
+        parts: Times [s], shape (m,) each, such as `times` makes them.
+        engine: One engine's name.
+        quantities: Names; those of the scene by default. Nothing else is computed.
+
+    Yields:
+        Times and solution of each part.
+
+    Raises:
+        ScrewgaugeError: Bad input, or a part that the engine cannot solve.
+    """
+    (name,) = check_engines([engine])
+    wanted = check_quantities(scene.quantities if quantities is None else quantities)
+    if scene.forward is not None:
+        raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
+    lay, before = check_home(scene.mechanism), None
+    for t in parts:
+        t = np.asarray(t, dtype=float)
+        if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
+            raise DescriptionError("a part is no list of finite times", "parts", "give arrays of times in s")
+        motion = scene.drive(t)
+        before = check_regular(lay, positions(lay, motion.y, t), t, motion.y, before)
+        solutions, failures = solve(replace(scene, motion=motion), (name,), wanted)
+        if failures:
+            where = f"{scene.name}, t = {t[0]:g} to {t[-1]:g} s"
+            raise ScrewgaugeError(f"{name} fails: {failures[name].reason}", where, "change the motion there")
+        yield t, solutions[name]

@@ -1,0 +1,122 @@
+"""Runs stress cases, rung by rung; whatever goes wrong on a rung is a row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.environment import environment
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.report.formatting import digits
+from screwgauge.study.run import Report, missing
+from screwgauge.study.stress.case import SILENT, Case, Finding, Rung
+from screwgauge.study.stress.registry import choose
+
+COLUMNS = [
+    *("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict", "reason"),
+]
+
+
+#: Stands for the engines of a rung that broke before it could ask them one by one.
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A finding with its place on a ladder."""
+
+    case: str
+    severity: float
+    finding: Finding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stress:
+    """What the ladders found.
+
+    Attributes:
+        cases: In the order run.
+        rows: One for each rung, engine and quantity.
+        seconds: Case -> how long it took.
+    """
+
+    cases: tuple[Case, ...]
+    rows: tuple[Row, ...]
+    seconds: Mapping[str, float]
+    quick: bool
+    environment: Mapping[str, Any]
+
+    @property
+    def ok(self) -> bool:
+        """Our own solver is nowhere silently wrong."""
+        return not any(row.finding.verdict == SILENT and row.finding.engine.startswith("screw") for row in self.rows)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Why rungs have no rows of their own."""
+        return tuple(dict.fromkeys(row.finding.reason for row in self.rows if row.finding.engine == ALL))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The rows of ``stress.csv``."""
+        body = [
+            (
+                row.case,
+                row.severity,
+                row.finding.engine,
+                row.finding.quantity,
+                digits(row.finding.error),
+                row.finding.condition,
+                row.finding.time_s,
+                row.finding.verdict,
+                row.finding.told,
+            )
+            for row in self.rows
+        ]
+        return pd.DataFrame(body, columns=COLUMNS)
+
+
+def stress(
+    cases: Iterable[str] | None = None,
+    *,
+    quick: bool = False,
+    severities: Sequence[float] | None = None,
+    progress: Report = lambda step, share: None,
+) -> Stress:
+    """Climbs the ladders of the named cases, all by default.
+
+    Args:
+        quick: Fewer rungs and smaller scenes.
+        severities: Rungs in place of the case's own; for one case only.
+
+    Raises:
+        ScrewgaugeError: An unknown case, or a severity outside its range.
+    """
+    chosen = choose(cases)
+    if severities is not None and len(chosen) != 1:
+        raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
+    ladders = [(case, case.rungs(quick=quick, severities=severities)) for case in chosen]
+    rows: list[Row] = []
+    seconds: dict[str, float] = {}
+    for case, rungs in ladders:
+        start = perf_counter()
+        for i, rung in enumerate(rungs):
+            progress(case.name, i / len(rungs))
+            rows += [Row(case.name, rung.severity, finding) for finding in _climb(rung)]
+        seconds[case.name] = perf_counter() - start
+    return Stress(tuple(chosen), tuple(rows), seconds, quick, environment())
+
+
+def _climb(rung: Rung) -> list[Finding]:
+    try:
+        with np.errstate(all="ignore"):  # extremes are the point; what comes of them is judged
+            return list(rung.measure())
+    except ImportError as error:  # the other rungs go on
+        return [Finding(ALL, "", reason=missing(error))]
+    except Exception as error:
+        return [Finding(ALL, "", reason=f"{type(error).__name__}: {' '.join(str(error).split())}")]

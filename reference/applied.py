@@ -1,0 +1,145 @@
+"""What acts on a mechanism besides its actuators: gravity, loads, springs and dampers, motors. Data only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.rotations import Array
+
+#: Gravity where nothing else is said [m/s^2].
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """A constant force and moment on a body, in world axes.
+
+    Attributes:
+        body: Body that the load acts on (signs of an opposite reading are already applied).
+        point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
+        force: [N]. Shape (3,).
+        torque: [N m]. Shape (3,).
+    """
+
+    body: str
+    point: Array | None
+    force: Array
+    torque: Array
+
+    def numbers(self) -> tuple[str, list[float] | None, list[float], list[float]]:
+        """The load as plain values, which can be compared and written down."""
+        point = None if self.point is None else self.point.tolist()
+        return self.body, point, self.force.tolist(), self.torque.tolist()
+
+
+def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
+    values = {"stiffness": stiffness, "rest": rest, "damping": damping}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise DescriptionError(f"{name} {value:g} is not finite", where, "give a finite number")
+    for name in ("stiffness", "damping"):
+        if values[name] < 0.0:
+            raise DescriptionError(
+                f"{name} {values[name]:g} is negative", where, "a spring or damper cannot give energy"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class JointSpring:
+    """A spring and damper along one joint coordinate, ``tau = -k (q - q0) - c qd``.
+
+    Attributes:
+        coordinate: Name of the joint coordinate.
+        stiffness: k [N/m or N m/rad], not negative.
+        rest: q0, where it exerts nothing [m or rad].
+        damping: c [N s/m or N m s/rad], not negative.
+    """
+
+    coordinate: str
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointSpring:
+    """A spring and damper on the line between points of two bodies, tension ``k (l - l0) + c ld``.
+
+    It pushes as well as it pulls.
+
+    Attributes:
+        first, second: Names of the bodies; one may be the ground.
+        first_point, second_point: The points in their body frames [m]. Shape (3,).
+        stiffness: k [N/m], not negative.
+        rest: l0 [m], not negative.
+        damping: c [N s/m], not negative.
+    """
+
+    first: str
+    first_point: Array
+    second: str
+    second_point: Array
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        where = f"spring between {self.first} and {self.second}"
+        _check(where, self.stiffness, self.rest, self.damping)
+        if self.rest < 0.0:
+            raise DescriptionError(f"rest length {self.rest:g} m is negative", where, "give a length")
+        if self.first == self.second:
+            raise DescriptionError("joins a body to itself", where, "name two bodies")
+
+
+Spring = JointSpring | PointSpring
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motor:
+    """A force along one joint coordinate, added to whatever else acts there.
+
+    Attributes:
+        coordinate: Name of the joint coordinate.
+        polynomial: Coefficients over time, lowest first [N or N m, per s^k]. Shape (m,).
+        harmonics: Rows [omega, cos, sin] [rad/s, N or N m]. Shape (k, 3).
+    """
+
+    coordinate: str
+    polynomial: Array
+    harmonics: Array
+
+    def force(self, t: float) -> float:
+        """[N or N m] at a time [s]."""
+        omega, c, s = self.harmonics.T
+        waves = c * np.cos(omega * t) + s * np.sin(omega * t)
+        return float(np.polynomial.polynomial.polyval(t, self.polynomial) + waves.sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Applied:
+    """All that acts besides the actuators.
+
+    Attributes:
+        gravity: World axes [m/s^2], shape (3,); None leaves that of the model file.
+        loads: On bodies, constant, in world axes.
+        springs: Springs and dampers, along joints or between points of bodies.
+        motors: Forces along joint coordinates over time.
+    """
+
+    gravity: Array | None = None
+    loads: tuple[Load, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    motors: tuple[Motor, ...] = ()
+
+    @property
+    def elements(self) -> bool:
+        """Whether anything depends on motion or time."""
+        return bool(self.springs or self.motors)

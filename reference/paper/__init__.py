@@ -1,0 +1,1 @@
+"""The paper's own scheme, and its equations as printed."""

@@ -1,0 +1,165 @@
+"""Formulas of the paper as they are printed, wrong ones included, to be run beside the right ones.
+
+None of them is used by the solver. What is right stands in `screws`, `pose`, `kinematics` and `dynamics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from screwgauge.reference import screws
+from screwgauge.reference.linear import null_space
+from screwgauge.reference.paper.scheme import Bracket, Chains
+from screwgauge.reference.rotations import Array, rotation
+
+_X, _Y, _Z = np.eye(3)
+
+
+def upu_screws(theta: float, R: float, L: float) -> Array:
+    """Screws of the UPU chain leaning by `theta` from the z-axis, eq. (6). Shape (6, 5), columns as in eq. (7)."""
+    s, c = np.sin(theta), np.cos(theta)
+    rows = [
+        [1, 0, 0, 0, 0, 0],
+        [0, 1, 0, 0, 0, R],
+        [0, 0, 0, -s, 0, c],
+        [c, 0, s, 0, -R * s + L, 0],
+        [0, 1, 0, -L * c, 0, R - L * s],
+    ]
+    return np.array(rows, dtype=float).T
+
+
+def upu_wrench(theta: float, R: float, L: float) -> Array:
+    """The wrench reciprocal to them, eq. (9): infinite for an upright leg. Shape (6,)."""
+    with np.errstate(divide="ignore"):
+        return np.array([0.0, 1.0, 0.0, 0.0, 0.0, R - np.divide(L, np.sin(theta))])
+
+
+def upu_wrench_right(theta: float, R: float, L: float) -> Array:
+    """The same line for every `theta`: the null space of eq. (8) over its largest entry. Shape (6,)."""
+    S = upu_screws(theta, R, L)
+    wrench = null_space(np.concatenate([S[3:], S[:3]]).T)[:, 0]
+    return np.asarray(wrench / np.abs(wrench).max())
+
+
+#: The free twists of the platform, eq. (14): fixed axes whatever the pose. Shape (6, 2).
+FREE_TWISTS = np.eye(6)[:, :2]
+
+
+def trajectory(t: Array) -> tuple[Array, Array, Array]:
+    """D_P, V_P and A_P of eq. (60), angular components first. Shape (n, 6) each."""
+    D, V, A = np.zeros((3, len(t), 6))
+    D[:, 0], D[:, 1], D[:, 5] = -0.2 * np.cos(t) + 0.2, 0.1 * np.sin(t), 3.0 * np.sqrt(3.0) / 10.0
+    V[:, 0], V[:, 1] = 0.2 * np.sin(t), 0.1 * np.cos(t)
+    A[:, 0], A[:, 1] = 0.2 * np.cos(t) + 0.2, 0.1 * np.sin(t)
+    return D, V, A
+
+
+def wrist_centre(side: Chains, theta: Array, L: float | None, turns: tuple[int, ...]) -> Array:
+    """Centres C of the legs by eq. (24), ``R_Z (r_A + product of R_n  r_AC)``, in a reading of one's choice.
+
+    Args:
+        side: The chains, the four legs first.
+        theta: Coordinates chain by chain. Shape (n, n_chain, m).
+        L: Constant length of r_AC [m]; None for the length of the leg.
+        turns: Numbers n of the rotations in the product; (2, 5) as printed, (1, 2) is right.
+
+    Returns:
+        Shape (n, 4, 3).
+    """
+    legs = theta[:, :4]
+    R = np.broadcast_to(side.R0[:4], (*legs.shape[:2], 3, 3))
+    for n in turns:
+        R = R @ rotation(_X if n in (1, 4) else _Y, legs[..., n - 1])
+    length = legs[..., 2] if L is None else np.full(legs.shape[:2], L)
+    return np.asarray(side.p0[:4] + (R @ _Z) * length[..., None])
+
+
+def wrist_axis(side: Chains, theta: Array, first: int) -> Array:
+    """Second axis of the wrist, e_5, by eq. (24) with its product from joint `first` (2 as printed, 1 is right).
+
+    Returns:
+        Shape (n, 4, 3).
+    """
+    legs = theta[:, :4]
+    R = np.broadcast_to(side.R0[:4], (*legs.shape[:2], 3, 3))
+    for n in (1, 2, 4):
+        if n >= first:
+            R = R @ rotation(_Y if n == 2 else _X, legs[..., n - 1])
+    return np.asarray(R @ _Y)
+
+
+def lie_bracket(first: Array, second: Array) -> Array:
+    """Eq. (36): both rows are ``w1 x v2 - w2 x v1``. Shape (..., 6)."""
+    w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]
+    row = np.cross(w1, v2) - np.cross(w2, v1)
+    return np.concatenate([row, row], axis=-1)
+
+
+def chain_bias(side: Chains, S: Array, w: Array) -> Array:
+    """Sum of brackets of eqs. (42)-(43): the last one joins joints N-2 and N in place of N-1 and N.
+
+    Args:
+        S: Screws. Shape (n, n_chain, m, 6).
+        w: Rates. Shape (n, n_chain, m).
+
+    Returns:
+        Shape (n, n_chain, 6).
+    """
+    terms = S * w[..., None]
+    out = np.zeros((*S.shape[:2], 6))
+    for k, used in enumerate(side.used):
+        N = int(used.sum())
+        for i in range(N - 1):
+            for j in range(i + 1, N):
+                left = N - 3 if (i, j) == (N - 2, N - 1) else i
+                out[:, k] += screws.lie_bracket(terms[:, k, left], terms[:, k, j])
+    return out
+
+
+def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
+    """Eq. (49) with ``v_C = w x r_C``, as if the body turned about O. Shape (..., 3)."""
+    w, beta = twist[..., :3], acceleration[..., :3]
+    return np.asarray(acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, np.cross(w, r)))
+
+
+Side = Literal["child", "parent"]
+"""A body of a joint: the one that it carries, or the one on the ground side."""
+Reading = Literal["right", "to", "from"]
+"""How a lever arm such as A r_D is read: as D - A (``to``), as A - D (``from``), or as each term needs it."""
+
+
+def body_moment(arms: Array, F: Array, T: Array, side: Side, reading: Reading) -> Array:
+    """What a joint contributes to the moment balance of one of its bodies, eqs. (53)-(55). Shape (n, 3).
+
+    Args:
+        arms: From the body's centre of mass to the joint [m]. Shape (n, 3).
+        F, T: Force [N] and moment [N m] of the joint on its child. Shape (n, 3) each.
+        side: Which body of the joint this is.
+        reading: The terms of the child are printed as ``X r_D x F_X``, those of the parent as ``-(D r_X) x F_X``.
+    """
+    wrong = {"right": None, "to": "child", "from": "parent"}[reading] == side
+    moment = (-1.0 if wrong else 1.0) * np.cross(arms, F) + T
+    return np.asarray(moment if side == "child" else -moment)
+
+
+def accelerations(side: Chains, S: Array, w: Array, A: Array, bracket: Bracket | None = None) -> tuple[Array, Array]:
+    """Joint accelerations of every chain by eqs. (44), (26), and the acceleration screws after each freedom.
+
+    Args:
+        S: Screws. Shape (n, n_chain, m, 6).
+        w: Rates. Shape (n, n_chain, m).
+        A: Acceleration screw of the platform. Shape (n, 6).
+        bracket: The Lie bracket of eq. (48); the right one by default.
+
+    Returns:
+        Shapes (n, n_chain, m), (n, n_chain, m, 6).
+    """
+    form: Callable[[Array, Array], Array] = bracket or screws.lie_bracket
+    terms = S * w[..., None]
+    before = np.cumsum(terms, axis=-2) - terms
+    brackets = form(before, terms)
+    beta = side.solve(S, A[:, None] - brackets.sum(axis=-2))
+    return beta, np.cumsum(S * beta[..., None] + brackets, axis=-2)

@@ -1,0 +1,270 @@
+"""The paper's own scheme, one more contestant: rates of each chain by eq. (26), joint angles by steps in time.
+
+Every chain is driven on its own by the twist of the platform and nothing corrects its closure (eqs. 15-27). The
+twist is that of eq. (60) as printed or the right one, the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
+Steps follow each other, so one step is kept cheap: all chains side by side as one stack of small matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference import screws
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.paper.twist import Drive, platform_screws
+from screwgauge.reference.pose import Layout, place, unplace
+from screwgauge.reference.rotations import Array, skew
+
+METHODS = ("euler", "rk4")
+
+Bracket = Callable[[Array, Array], Array]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chains:
+    """The serial chains from ground to the platform side by side, shorter ones filled up with nothing.
+
+    Attributes:
+        columns: Column of each freedom among all joint coordinates; 0 where filled up. Shape (n_chain, m).
+        used: False where filled up. Shape (n_chain, m).
+        turns: 1 for a rotation, 0 for a slide and where filled up. Shape (n_chain, m, 1).
+        axis: Its unit axis, zero where filled up. Shape (n_chain, m, 3).
+        F: Rotation that follows each freedom, times 1, K and K^2 of Rodrigues' formula. Shapes (n_chain, m, 3, 3).
+        slide: `axis` of slides, else zero. Shape (n_chain, m, 3).
+        lever: Displacement that follows each freedom, times 1, K and K^2. Shapes (n_chain, m, 3).
+        R0, p0: Frame in which each chain begins. Shapes (n_chain, 3, 3), (n_chain, 3).
+    """
+
+    columns: Index
+    used: NDArray[np.bool_]
+    turns: Array
+    axis: Array
+    F: tuple[Array, Array, Array]
+    slide: Array
+    lever: tuple[Array, Array, Array]
+    R0: Array
+    p0: Array
+
+    def gather(self, q: Array) -> Array:
+        """Coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
+        return np.where(self.used, q[..., self.columns], 0.0)
+
+    def scatter(self, values: Array, n_q: int) -> Array:
+        """The inverse of `gather`; zero for a coordinate that no chain has."""
+        out = np.zeros((*values.shape[:-2], n_q))
+        out[..., self.columns[self.used]] = values[..., self.used]
+        return out
+
+    def walk(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Unit screws of all freedoms and where each chain puts the platform, eq. (24) with its errors mended.
+
+        Args:
+            theta: Coordinates chain by chain. Shape (..., n_chain, m).
+
+        Returns:
+            Screws, shape (..., n_chain, m, 6), and the platform's R (..., n_chain, 3, 3) and p (..., n_chain, 3).
+        """
+        angle = theta[..., None] * self.turns
+        s, c = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+        step = self.F[0] + s[..., None] * self.F[1] + c[..., None] * self.F[2]
+        shift = self.slide * theta[..., None] + self.lever[0] + s * self.lever[1] + c * self.lever[2]
+        m = theta.shape[-1]
+        R = np.empty((*theta.shape[:-1], m + 1, 3, 3))
+        R[..., 0, :, :] = self.R0
+        for j in range(m):
+            np.matmul(R[..., j, :, :], step[..., j, :, :], out=R[..., j + 1, :, :])
+        e = (R[..., :m, :, :] @ self.axis[..., None])[..., 0]
+        p = np.empty((*theta.shape[:-1], m + 1, 3))
+        p[..., 0, :] = self.p0
+        np.cumsum((R[..., :m, :, :] @ shift[..., None])[..., 0], axis=-2, out=p[..., 1:, :])
+        p[..., 1:, :] += self.p0[:, None]
+        at = p[..., :m, :]
+        moment = _cross(at, e)
+        S = np.concatenate([self.turns * e, np.where(self.turns, moment, e)], axis=-1)
+        return S, R[..., m, :, :], p[..., m, :]
+
+    def solve(self, S: Array, V: Array) -> Array:
+        """Eq. (26) for every chain, ``w = [S^T S]^-1 S^T V``, as printed.
+
+        Args:
+            S: Screws. Shape (..., n_chain, m, 6).
+            V: What each chain has to give at its end. Shape (..., n_chain or 1, 6).
+
+        Returns:
+            Shape (..., n_chain, m).
+        """
+        normal = S @ S.swapaxes(-1, -2) + (~self.used)[..., None] * np.eye(S.shape[-2])
+        return np.asarray(np.linalg.solve(normal, S @ V[..., None])[..., 0])
+
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """`np.cross` on stacks, without its preparations: they take ten times longer than the product."""
+    return np.asarray(a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1))
+
+
+def chains(lay: Layout) -> Chains:
+    """The chains of a parallel mechanism.
+
+    Raises:
+        DescriptionError: Some joint is in no serial chain from ground to the platform.
+    """
+    found = serial_chains(lay.mechanism)
+    where = lay.mechanism.where or lay.mechanism.name
+    if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
+        raise DescriptionError(
+            "not every joint lies in a serial chain from ground to one platform",
+            where,
+            "the paper's scheme needs that",
+        )
+    if any(edge.reverse for chain in found for edge in chain):
+        raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
+    parts = [_parts(lay, chain) for chain in found]
+    m = max(len(part) for part in parts)
+    rows = [[*part, *[_NOTHING] * (m - len(part))] for part in parts]
+    columns, used, turns, axis, R, p = (np.array([[item[k] for item in row] for row in rows]) for k in range(6))
+    turns = turns[..., None].astype(float)
+    K = skew(axis) * turns[..., None]
+    first = [chain[0].joint.parent_frame for chain in found]
+    return Chains(
+        columns=columns,
+        used=used,
+        turns=turns,
+        axis=axis,
+        F=(R, K @ R, K @ K @ R),
+        slide=axis * (1.0 - turns),
+        lever=(p, (K @ p[..., None])[..., 0], (K @ K @ p[..., None])[..., 0]),
+        R0=np.stack([frame.R for frame in first]),
+        p0=np.stack([frame.p for frame in first]),
+    )
+
+
+_Part = tuple[int, bool, bool, Array, Array, Array]
+_NOTHING: _Part = (0, False, False, np.zeros(3), np.eye(3), np.zeros(3))
+
+
+def _parts(lay: Layout, chain: tuple[Edge, ...]) -> list[_Part]:
+    """(column, used, turns, axis, rotation after it, displacement after it) of each freedom."""
+    parts: list[_Part] = []
+    for edge, following in zip(chain, [*chain[1:], None], strict=True):
+        R, p = unplace(np.eye(3), np.zeros(3), edge.joint.child_frame)
+        if following is not None:
+            R, p = place(R, p, following.joint.parent_frame)
+        columns, last = lay.columns[edge.joint.name], len(edge.joint.freedoms) - 1
+        for i, (turns, axis) in enumerate(edge.joint.freedoms):
+            after = (R, p) if i == last else (np.eye(3), np.zeros(3))
+            parts.append((columns[i], True, turns, axis, *after))
+    return parts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """What the scheme arrives at, on its own time grid.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        q, w, beta: Joint coordinates [rad or m], rates and accelerations. Shape (n, n_q).
+        R, p: Where each chain puts the platform. Shapes (n, n_chain, 3, 3), (n, n_chain, 3).
+    """
+
+    t: Array
+    q: Array
+    w: Array
+    beta: Array
+    R: Array
+    p: Array
+
+    def rows(self, times: Array) -> tuple[Index, Index]:
+        """Where the grid meets given times: rows of the trajectory, and of `times`."""
+        near = np.searchsorted(self.t, times).clip(1, len(self.t) - 1)
+        near -= times - self.t[near - 1] < self.t[near] - times
+        met = np.flatnonzero(np.abs(self.t[near] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
+        return near[met], met
+
+
+def integrate(
+    lay: Layout,
+    drive: Drive,
+    step: float,
+    duration: float,
+    *,
+    start: float = 0.0,
+    twist: str = "right",
+    method: str = "euler",
+    bracket: Bracket = screws.lie_bracket,
+) -> Trajectory:
+    """Runs the scheme of eqs. (15)-(27) over a trajectory, then eq. (44) for the accelerations.
+
+    Args:
+        duration: The last whole step within it ends the trajectory [s].
+        start: Time of the first sample [s], at which the loops are closed.
+        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
+        method: ``euler``, eq. (27), or ``rk4``.
+        bracket: The Lie bracket of eq. (48).
+
+    Raises:
+        ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
+    """
+    _check(step, duration, method)
+    parts = 1 if method == "euler" else 2
+    n = int(duration / step * (1 + 1e-12))
+    t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
+    motion = drive(t)
+    V, A = platform_screws(lay, motion, t, twist)
+    side = chains(lay)
+    theta = np.empty((n + 1, *side.used.shape))
+    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
+    STEPPERS[method](side, theta, V[:, None], step)
+    S, R, p = side.walk(theta)
+    w = side.solve(S, V[::parts, None])
+    beta = side.solve(S, A[::parts, None] - bias(S, w, bracket))
+    q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
+    return Trajectory(t[::parts], q, qd, qdd, R, p)
+
+
+def _check(step: float, duration: float, method: str) -> None:
+    if method not in METHODS:
+        raise UnknownNameError("method", method, METHODS)
+    if not 0.0 < step <= duration:
+        raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
+
+
+def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:
+    """Eq. (27): ``theta(n + 1) = theta(n) + dt w(n)``."""
+    for i in range(len(theta) - 1):
+        theta[i + 1] = theta[i] + step * side.solve(side.walk(theta[i])[0], V[i])
+
+
+def _rk4(side: Chains, theta: Array, V: Array, step: float) -> None:
+    """The classical method of order four; `V` on the grid of half steps."""
+
+    def w(at: Array, k: int) -> Array:
+        return side.solve(side.walk(at)[0], V[k])
+
+    for i in range(len(theta) - 1):
+        here = theta[i]
+        first = w(here, 2 * i)
+        second = w(here + 0.5 * step * first, 2 * i + 1)
+        third = w(here + 0.5 * step * second, 2 * i + 1)
+        fourth = w(here + step * third, 2 * i + 2)
+        theta[i + 1] = here + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+
+
+def bias(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
+    """The term ``w^T S_L w`` of eq. (44): sum over j of [V before j, S_j w_j]. Shape (..., m, 6) -> (..., 6)."""
+    terms = S * w[..., None]
+    before = np.cumsum(terms, axis=-2) - terms
+    return np.asarray(bracket(before, terms).sum(axis=-2))
+
+
+#: Method -> steps in place: ``(chains, theta, V, step)``, the first row of theta given, V as the method needs it.
+STEPPERS = {"euler": _euler, "rk4": _rk4}
