@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference.applied import Applied, Load, Motor, Spring
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
@@ -70,13 +70,15 @@ class InitialValue:
     """Simulation: a start, from which the motion is integrated.
 
     Attributes:
-        start, rates: Independent coordinates [rad or m] and their rates at the first time. Shape (k,).
-        t: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
-        integration: Method and tolerances of the engines that integrate by the methods of `scipy`.
+        start, rates: Independent coordinates [rad or m] and their rates at the start. Shape (k,).
+        since: Time of the start [s].
+        t: Where the motion is wanted [s], increasing, from the start on. Shape (n,).
+        integration: Method and tolerances, for engines that integrate by the methods of scipy.
     """
 
     start: Array
     rates: Array
+    since: float
     t: Array
     integration: Integration = Integration()
 
@@ -86,6 +88,11 @@ class InitialValue:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def grid(self) -> Array:
+        """The wanted times, that of the start before them [s]. Shape (n,) or (n + 1,)."""
+        return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,63 +170,3 @@ class Problem:
     wanted: frozenset[str]
     rule: str = "min_norm"
     wording: Wording = Wording()
-
-
-# Below: what goes away when every engine takes `Problem`.
-Motion = GivenMotion
-Method = Integration
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OldProblem:
-    """All that an engine is given; it closes its own loops.
-
-    Attributes:
-        model: Its model file: mechanism TOML, URDF or MJCF.
-        loops: The loops file beside it: what URDF and MJCF cannot say.
-        gravity: World axes [m/s^2], shape (3,); None leaves the model file's own.
-        rule: ``min_norm`` or ``spherical_axial``.
-        quantities: Names of what is wanted; nothing else is computed.
-        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
-        springs, motors: What acts besides loads and actuators.
-    """
-
-    model: Path
-    loops: Path | None
-    gravity: Array | None
-    loads: tuple[Load, ...]
-    rule: str
-    motion: Motion
-    quantities: frozenset[str]
-    progress: Progress = lambda share: None
-    wording: Wording = Wording()
-    springs: tuple[Spring, ...] = ()
-    motors: tuple[Motor, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ForwardProblem:
-    """All that an engine is given; it closes its own loops.
-
-    Attributes:
-        model: Its model file: mechanism TOML, URDF or MJCF.
-        loops: The loops file beside it: what URDF and MJCF cannot say.
-        gravity: World axes [m/s^2]. Shape (3,).
-        loads: On bodies, constant, in world axes.
-        springs: Springs and dampers, across joints or between points of bodies.
-        motors: Forces along joint coordinates.
-        start, rates: Independent coordinates and their rates at the first time. Shape (k,).
-        times: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
-    """
-
-    model: Path
-    loops: Path | None
-    gravity: Array
-    loads: tuple[Load, ...]
-    springs: tuple[Spring, ...]
-    motors: tuple[Motor, ...]
-    start: Array
-    rates: Array
-    times: Array
-    method: Method = Method()
-    progress: Progress = lambda share: None

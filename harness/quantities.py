@@ -51,8 +51,8 @@ QUANTITIES = {
     )
 }
 #: What engines compute when the motion is given, and when it is integrated.
-INVERSE = tuple(name for name in QUANTITIES if name != "observable")
-FORWARD = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
+GIVEN = tuple(name for name in QUANTITIES if name != "observable")
+SIMULATED = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
 #: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
 GROWTH = 1e3

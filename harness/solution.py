@@ -1,16 +1,18 @@
-"""What an engine returns."""
+"""What a model answers: values with conditions, estimates of their errors, work and cost."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from time import perf_counter, perf_counter_ns, process_time
 
 import numpy as np
 
 from screwgauge.problem import Rows
 from screwgauge.reference.rotations import Array
 
-#: Name of a known solution that stands beside the engines of a forward scene.
+#: Name of a known solution that stands beside the engines of a simulated scene.
 REFERENCE = "reference"
 
 
@@ -27,6 +29,15 @@ class Values:
             raise ValueError(f"{self.array.shape} values for {len(self.components)} components")
         self.array.setflags(write=False)
 
+    def pick(self, components: tuple[str, ...]) -> Values:
+        """Some components, in the order given."""
+        columns = [self.components.index(name) for name in components]
+        return Values(components, tuple(self.units[i] for i in columns), self.array[:, columns].copy())
+
+    def at(self, rows: slice | Rows) -> Values:
+        """Some samples."""
+        return Values(self.components, self.units, self.array[rows])
+
 
 @dataclass(frozen=True, slots=True)
 class Timing:
@@ -41,9 +52,24 @@ class Timing:
     covers: str
 
 
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a simulation, or a pass over states, took.
+
+    Attributes:
+        wall_s, cpu_s: Wall and processor time of the engine's own work [s]; NaN where it was not measured.
+        steps, evaluations: Steps taken, and accelerations computed.
+    """
+
+    wall_s: float
+    cpu_s: float = float("nan")
+    steps: int = 0
+    evaluations: int = 0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What an engine returns.
+    """What a model answers, for every kind of task.
 
     Attributes:
         values: Quantity -> values.
@@ -56,6 +82,11 @@ class Solution:
             infinite where not one digit is right, or there is no number. Shape (n,).
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
+        setting: Method and settings, in words.
+        work: Of a simulation: what motors, loads and dampers have put in since the start [J]; NaN where it is not
+            known. Shape (n,).
+        stopped: Why a simulation ended early, empty if it did not.
+        cost: What it took, where the engine has measured it.
     """
 
     engine: str
@@ -69,6 +100,15 @@ class Solution:
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)
     rows: Rows | None = None
+    setting: str = ""
+    work: Array | None = None
+    stopped: str = ""
+    cost: Cost | None = None
+
+    @property
+    def n_solved(self) -> int:
+        """How many of the samples it solved."""
+        return len(self.condition) if self.rows is None else len(self.rows)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:
@@ -82,45 +122,51 @@ def common_rows(n: int, *solutions: Solution) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An engine that is missing or raised."""
+    """An engine that is missing or raised. `traceback`: where, for those who ask."""
 
     engine: str
     reason: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ForwardSolution:
-    """A motion as an engine integrated it, as far as it came; m of the n times were reached.
-
-    Attributes:
-        engine, version, setting: Who made it, and how.
-        q, v, a: Joint coordinates of the description, in its order, unwrapped, with rates and accelerations
-            [rad or m, per s, per s^2]. Shape (m, n_q).
-        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
-        condition: Condition number of the closed loops. Shape (m,).
-        steps, evaluations: How many steps were taken, and accelerations computed.
-        seconds: Wall time of the integration alone [s].
-        cpu: Processor time of the same [s]; NaN where it was not measured.
-        stopped: Why it ended early, empty if it did not.
-        notes: Sentences for the report.
-    """
-
-    engine: str
-    version: str
-    setting: str
-    q: Array
-    v: Array
-    a: Array
-    work: Array
-    condition: Array
-    steps: int
-    evaluations: int
-    seconds: float
-    stopped: str = ""
-    notes: tuple[str, ...] = ()
-    cpu: float = float("nan")
+    traceback: str = ""
 
 
 def empty(n: int) -> Array:
     """An array that shows what was never written. Shape (n,)."""
     return np.full(n, np.nan)
+
+
+@dataclass(slots=True)
+class Clock:
+    """Adds up the time of each stage over the parts of a trajectory."""
+
+    spent: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = perf_counter_ns()
+        yield
+        self.spent[name] = self.spent.get(name, 0.0) + (perf_counter_ns() - start) * 1e-9
+
+    def timings(self, engine: str, setting: str, n: int) -> tuple[Timing, ...]:
+        return tuple(
+            Timing(engine, setting, stage, n, seconds, seconds, "whole trajectory, once")
+            for stage, seconds in self.spent.items()
+        )
+
+
+class Stopwatch:
+    """Wall and processor time, without what is done aside."""
+
+    def __init__(self) -> None:
+        self.wall, self.cpu = perf_counter(), process_time()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """What is done inside does not count."""
+        wall, cpu = perf_counter(), process_time()
+        yield
+        self.wall += perf_counter() - wall
+        self.cpu += process_time() - cpu
+
+    def cost(self, steps: int = 0, evaluations: int = 0) -> Cost:
+        """What was spent since the start."""
+        return Cost(perf_counter() - self.wall, process_time() - self.cpu, steps, evaluations)

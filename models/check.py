@@ -12,10 +12,11 @@ from pathlib import Path
 
 from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
 from screwgauge.models.expected import expected_reading
-from screwgauge.models.generate import GRAVITY, stem
+from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS
 from screwgauge.models.loops import loops_of, read_loops
 from screwgauge.models.readings import READERS
+from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array

@@ -11,11 +11,10 @@ from screwgauge.models.layout import CUTS
 from screwgauge.models.loops import write_loops
 from screwgauge.models.mjcf import write_mjcf
 from screwgauge.models.urdf import write_urdf
+from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-
-GRAVITY = (0.0, 0.0, -9.81)
 
 
 def stem(name: str, cut: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +17,12 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """A constant force and moment on a body, in world axes.
+    """A force and moment on a body, in world axes.
 
     Attributes:
         body: Body that the load acts on (signs of an opposite reading are already applied).
         point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
-        force: [N]. Shape (3,).
-        torque: [N m]. Shape (3,).
+        force, torque: [N], [N m]. Shape (3,), or (n, 3) where they change from sample to sample.
     """
 
     body: str
@@ -116,11 +116,21 @@ class Motor:
     polynomial: Array
     harmonics: Array
 
+    @property
+    def constant(self) -> bool:
+        """Whether time changes nothing."""
+        return not self.polynomial[1:].any() and not len(self.harmonics)
+
     def force(self, t: float) -> float:
         """[N or N m] at a time [s]."""
         omega, c, s = self.harmonics.T
         waves = c * np.cos(omega * t) + s * np.sin(omega * t)
         return float(np.polynomial.polynomial.polyval(t, self.polynomial) + waves.sum())
+
+
+def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
+    """Motors of constant force by joint coordinate [N or N m]."""
+    return tuple(Motor(name, np.array([float(f)]), np.zeros((0, 3))) for name, f in forces.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,6 +150,6 @@ class Applied:
     motors: tuple[Motor, ...] = ()
 
     @property
-    def elements(self) -> bool:
-        """Whether anything depends on motion or time."""
-        return bool(self.springs or self.motors)
+    def g(self) -> Array:
+        """Gravity, the usual one where the model file would say it. Shape (3,)."""
+        return np.array(GRAVITY) if self.gravity is None else self.gravity

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear, screws
+from screwgauge.reference.applied import Load
 from screwgauge.reference.kinematics import Rates
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
@@ -51,13 +52,13 @@ def required_wrench(
     at: Pose,
     motion: BodyMotion,
     gravity: Array,
-    loads: Sequence[tuple[str, Array | None, Array, Array]],
+    loads: Sequence[Load],
 ) -> tuple[Array, Array]:
     """What joints and actuators must exert on each body: the right side of eqs. (53)-(55).
 
     Args:
         gravity: [m/s^2]. Shape (3,).
-        loads: (body, point in it or None for its centre of mass, force [N], torque [N m]), acting on the body.
+        loads: On bodies; their forces and torques may have shape (n, 3), too.
 
     Returns:
         Force [N] and moment about the centre of mass [N m] of each body. Shape (n, n_body, 3) each.
@@ -66,13 +67,13 @@ def required_wrench(
     F = mass[:, None] * (motion.a - gravity)
     Jw = (motion.J @ motion.omega[..., None])[..., 0]
     T = (motion.J @ motion.beta[..., None])[..., 0] + cross(motion.omega, Jw)
-    for body, point, force, torque in loads:
-        i = lay.mechanism.body_index[body]
-        F[:, i - 1] -= force
-        T[:, i - 1] -= torque
-        if point is not None:
-            arm = at.R[:, i] @ (point - lay.mechanism.body(body).com)
-            T[:, i - 1] -= cross(arm, force)
+    for load in loads:
+        i = lay.mechanism.body_index[load.body]
+        F[:, i - 1] -= load.force
+        T[:, i - 1] -= load.torque
+        if load.point is not None:
+            arm = at.R[:, i] @ (load.point - lay.mechanism.body(load.body).com)
+            T[:, i - 1] -= cross(arm, load.force)
     return F, T
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from screwgauge.reference import linear, screws
-from screwgauge.reference.applied import Spring
+from screwgauge.reference.applied import GRAVITY, Applied, Load, Spring
 from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
@@ -23,11 +23,10 @@ from screwgauge.reference.dynamics import (
 )
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Rates, accelerations
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, loop_matrix
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.reference.springs import Load, check_springs, spring_energy, spring_forces
-
-GRAVITY = np.array([0.0, 0.0, -9.81])
+from screwgauge.reference.springs import check_springs, spring_energy, spring_forces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,15 +37,23 @@ class Forces:
         actuators: Force of each actuator [N or N m]. Shape (n_actuator,) or (n, n_actuator); None is zero.
         joints: Motor forces along all joint coordinates, added to those. Shape (n_q,) or (n, n_q).
         gravity: [m/s^2]. Shape (3,).
-        loads: On bodies, see `screwgauge.reference.springs.Load`; forces of shape (3,) or (n, 3).
+        loads: On bodies, forces of shape (3,) or (n, 3).
         springs: Springs and dampers.
     """
 
     actuators: Array | None = None
     joints: Array | None = None
-    gravity: Array = field(default_factory=GRAVITY.copy)
+    gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
     loads: Sequence[Load] = ()
     springs: Sequence[Spring] = ()
+
+
+def forces_at(mechanism: Mechanism, applied: Applied, t: float) -> Forces:
+    """All that acts at a time [s]."""
+    joints = np.zeros(len(mechanism.coordinates))
+    for motor in applied.motors:
+        joints[mechanism.coordinates.index(motor.coordinate)] += motor.force(t)
+    return Forces(joints=joints, gravity=applied.g, loads=applied.loads, springs=applied.springs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,11 +265,11 @@ def power(lay: Layout, rate: Rates, forces: Forces) -> Array:
     tau, loads = spring_forces(lay, rate, dampers)
     total = np.sum((tau + joint_forces(lay, forces, len(tau))) * rate.w, axis=1)
     at, index = rate.pose, lay.mechanism.body_index
-    for body, point, force, torque in (*forces.loads, *loads):
-        i = index[body]
-        own = lay.mechanism.body(body).com if point is None else point
-        V, r = rate.V[:, i], at.p[:, i] + at.R[:, i] @ own
-        total += np.sum(force * screws.velocity_at(V, r) + torque * V[:, :3], axis=1)
+    for load in (*forces.loads, *loads):
+        i = index[load.body]
+        point = lay.mechanism.body(load.body).com if load.point is None else load.point
+        V, r = rate.V[:, i], at.p[:, i] + at.R[:, i] @ point
+        total += np.sum(load.force * screws.velocity_at(V, r) + load.torque * V[:, :3], axis=1)
     return np.asarray(total)
 
 

@@ -41,6 +41,11 @@ class Rates:
     system: Closing
     charts: Array
 
+    def sample(self, i: int) -> Rates:
+        """The same for one of the samples."""
+        at = slice(i, i + 1)
+        return Rates(self.pose.rows([i]), self.K[at], self.A[at], self.w[at], self.V[at], self.system, self.charts[at])
+
 
 def closure_system(lay: Layout, at: Pose) -> Array:
     """Loop screws over the selection of y: ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + k, n_q)."""

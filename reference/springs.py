@@ -7,15 +7,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from screwgauge.reference import screws
-from screwgauge.reference.applied import JointSpring, PointSpring, Spring
+from screwgauge.reference.applied import JointSpring, Load, PointSpring, Spring
 from screwgauge.reference.errors import SingularPoseError, UnknownNameError
 from screwgauge.reference.kinematics import Rates
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.rotations import Array
-
-#: (body, point in it or None for its centre of mass, force [N], torque [N m]), acting on the body.
-Load = tuple[str, Array | None, Array, Array]
 
 
 def check_springs(mechanism: Mechanism, springs: Iterable[Spring]) -> None:
@@ -70,7 +67,7 @@ def spring_forces(lay: Layout, rate: Rates, springs: Sequence[Spring]) -> tuple[
             (spring.second, spring.second_point, -pull),
         ):
             if index[body]:  # the ground needs no balance
-                loads.append((body, point, force, np.zeros(3)))
+                loads.append(Load(body, point, force, np.zeros(3)))
     return tau, loads
 
 

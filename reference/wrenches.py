@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.applied import JointSpring, Motor, PointSpring, Spring
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, rotation
@@ -40,8 +40,7 @@ class State:
 
 def applied_wrenches(
     joints: Sequence[Joint],
-    springs: Sequence[Spring],
-    motors: Sequence[Motor],
+    applied: Applied,
     state: State,
     index: Mapping[str, int],
     sides: Sides,
@@ -50,9 +49,9 @@ def applied_wrenches(
     out = np.zeros_like(state.V)
     columns = {name: i for i, name in enumerate(name for joint in joints for name in joint.coordinates)}
     tau = np.zeros_like(state.q)
-    for motor in motors:
+    for motor in applied.motors:
         tau[:, columns[motor.coordinate]] += [motor.force(float(t)) for t in state.t]
-    for spring in springs:
+    for spring in applied.springs:
         if isinstance(spring, JointSpring):
             i = columns[spring.coordinate]
             tau[:, i] -= spring.stiffness * (state.q[:, i] - spring.rest) + spring.damping * state.v[:, i]

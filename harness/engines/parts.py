@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from time import perf_counter_ns
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.engines.estimate import Part, estimates
-from screwgauge.problem import Motion, Progress
+from screwgauge.problem import InitialValue, Progress
 from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.mechanism import KINDS, Joint
-from screwgauge.solution import Solution, Timing, Values
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
 PART = 1024  # samples worked on at a time: keeps memory constant and arrays in the cache
 
@@ -26,6 +26,11 @@ _FORCE = {"rad": "N m", "m": "N"}
 def stages(quantities: frozenset[str]) -> str:
     """How far the computation has to go: ``q``, ``v``, ``a`` or ``f``."""
     return max((QUANTITIES[name].needs for name in quantities), key="qvaf".index, default="q")
+
+
+def joint_units(joints: Sequence[Joint]) -> dict[str, str]:
+    """Unit of every joint coordinate, in the order of the description."""
+    return {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
 
 
 def component_names(
@@ -46,7 +51,7 @@ def component_names(
         actuators: Names of the actuators, in the order of the actuated joints.
         reactions: Names and units of the reaction components.
     """
-    unit = {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+    unit = joint_units(joints)
     q = tuple(unit)
     xyz = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
 
@@ -70,30 +75,9 @@ def component_names(
     }
 
 
-@dataclass(slots=True)
-class Clock:
-    """Adds up the time of each stage over the parts of a trajectory."""
-
-    spent: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        start = perf_counter_ns()
-        yield
-        self.spent[name] = self.spent.get(name, 0.0) + (perf_counter_ns() - start) * 1e-9
-
-    def timings(self, engine: str, setting: str, n: int) -> tuple[Timing, ...]:
-        return tuple(
-            Timing(engine, setting, stage, n, seconds, seconds, "whole trajectory, once")
-            for stage, seconds in self.spent.items()
-        )
-
-
 def assemble(
-    engine: str,
-    version: str,
-    setting: str,
-    motion: Motion,
+    labels: tuple[str, str, str],
+    n: int,
     solve_part: Callable[[slice], Part],
     names: Callable[[], Names],
     clock: Clock,
@@ -104,22 +88,94 @@ def assemble(
     """Solves a trajectory part by part.
 
     Args:
+        labels: Engine, version, setting.
+        n: Number of samples.
         solve_part: Takes the rows of a part.
-        length: Length of the mechanism [m].
         names: Called afterwards: components of each quantity.
+        length: Length of the mechanism [m].
     """
     parts: list[Part] = []
-    for first in range(0, len(motion), PART):
+    for first in range(0, n, PART):
         parts.append(solve_part(slice(first, first + PART)))
-        progress(min(1.0, (first + PART) / len(motion)))
-    table = names()
+        progress(min(1.0, (first + PART) / n))
+    table, (engine, version, setting) = names(), labels
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
     return Solution(
         engine=engine,
         version=version,
+        setting=setting,
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
-        timings=clock.timings(engine, setting, len(motion)),
+        timings=clock.timings(engine, setting, n),
         estimate=estimates(parts, values, length),
         conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated:
+    """A motion as an engine integrated it, as far as it came: m of the n times of the grid were reached.
+
+    Attributes:
+        q, v, a: Joint coordinates of the description, in its order, unwrapped, with rates and accelerations
+            [rad or m, per s, per s^2]. Shape (m, n_q).
+        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
+        condition: Condition number of the closed loops. Shape (m,).
+        stopped: Why it ended early, empty if it did not.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    work: Array
+    condition: Array
+    cost: Cost
+    stopped: str = ""
+    notes: tuple[str, ...] = ()
+
+    def solution(self, labels: tuple[str, str, str], joints: Sequence[Joint], task: InitialValue) -> Solution:
+        """The motion at the wanted times, NaN where it was not reached.
+
+        Args:
+            labels: Engine, version, setting.
+
+        Raises:
+            ClosureError: Not one wanted time was reached.
+        """
+        engine, version, setting = labels
+        extra, n = len(task.grid) - len(task), len(task)
+        m = len(self.q) - extra
+        if m < 1:
+            raise ClosureError(f"it stopped before the first sample: {self.stopped}", engine, "start elsewhere")
+
+        def filled(array: Array) -> Array:
+            out = np.full((n, *array.shape[1:]), np.nan)
+            out[:m] = array[extra:]
+            return out
+
+        units = joint_units(joints)
+        arrays = {
+            "joint_position": (self.q, ""),
+            "joint_velocity": (self.v, "/s"),
+            "joint_acceleration": (self.a, "/s^2"),
+        }
+        seconds = {"integration": self.cost.wall_s, "integration, processor time": self.cost.cpu_s}
+        covers = "integration from start to end, once; loading and output outside"
+        return Solution(
+            engine=engine,
+            version=version,
+            setting=setting,
+            values={
+                name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
+                for name, (array, per) in arrays.items()
+            },
+            condition=filled(self.condition),
+            timings=tuple(
+                Timing(engine, setting, stage, m, s, s, covers) for stage, s in seconds.items() if np.isfinite(s)
+            ),
+            notes=self.notes,
+            rows=None if m == n else np.arange(m),
+            work=filled(self.work),
+            stopped=self.stopped,
+            cost=self.cost,
+        )

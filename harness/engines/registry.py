@@ -1,61 +1,164 @@
-"""The engines. A further one is one file with a function ``solve(problem) -> Solution``, and one line here."""
+"""The engines: everything about one in one entry. A further one is an `Engine` of the entry point group
+``screwgauge.engines``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
-from typing import cast
+from importlib.metadata import PackageNotFoundError, entry_points, version
+from typing import Any, Protocol, cast
 
-from screwgauge.problem import ForwardProblem, OldProblem
-from screwgauge.reference.errors import check_choice
-from screwgauge.solution import ForwardSolution, Solution
+from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, Task, quiet
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
+from screwgauge.solution import Solution
 
-Engine = Callable[[OldProblem], Solution]
-Integrator = Callable[[ForwardProblem], ForwardSolution]
-
-#: Name -> module and function; imported only when used.
-ENGINES = {
-    "screw": "screwgauge.engines.screw.inverse:solve",
-    "pinocchio": "screwgauge.engines.pinocchio.tree:solve",
-    "mujoco": "screwgauge.engines.mujoco.tree:solve",
-    "pinocchio-full": "screwgauge.engines.pinocchio.tree:solve",
-    "mujoco-full": "screwgauge.engines.mujoco.tree:solve",
-    "truth": "screwgauge.engines.truth:solve",
-}
-
-MEANINGS = {
-    "screw": "the screw-based solver of this project",
-    "pinocchio": "Pinocchio on the URDF, minimal cut",
-    "mujoco": "MuJoCo on the MJCF, minimal cut",
-    "pinocchio-full": "Pinocchio, all joints in the tree",
-    "mujoco-full": "MuJoCo, all joints in the tree",
-    "truth": "ball arithmetic with rigorous radii, on request (needs python-flint)",
+GROUP = "screwgauge.engines"
+_WORDS: dict[type[Task], str] = {
+    GivenMotion: "solve given motions",
+    InitialValue: "integrate",
+    States: "take states as they are",
 }
 
 
-def check_engines(names: Iterable[str], where: str = "") -> tuple[str, ...]:
+class Model(Protocol):
+    """A loaded model file, to which any number of problems can be put."""
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """Answers a problem.
+
+        Raises:
+            ScrewgaugeError: The problem does not fit the model, or cannot be solved.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """An engine.
+
+    Attributes:
+        meaning: What it is, in a few words.
+        source: ``module:function``, imported only when used; ``function(files, **settings) -> Model``.
+        tasks: The kinds of task that it takes.
+        package: Distribution that has to be installed.
+        reads: Ending of its model file.
+        cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
+    """
+
+    name: str
+    meaning: str
+    source: str
+    tasks: frozenset[type[Task]]
+    package: str
+    reads: str = ".toml"
+    cut: str = ""
+
+    @property
+    def installed(self) -> bool:
+        """Whether its package is there."""
+        try:
+            return bool(version(self.package))
+        except PackageNotFoundError:
+            return False
+
+    def load(self, files: ModelFiles, **settings: Any) -> Model:
+        """Loads a model file.
+
+        Args:
+            settings: The engine's own, see its folder; it says which it does not know.
+
+        Raises:
+            ImportError: Its package is not installed.
+            ScrewgaugeError: The file cannot be loaded.
+        """
+        module, _, function = self.source.partition(":")
+        return cast(Model, getattr(import_module(module), function)(files, **settings))
+
+
+_ALL: frozenset[type[Task]] = frozenset((GivenMotion, InitialValue, States))
+_HERE = "screwgauge.engines"
+ENGINES: dict[str, Engine] = {
+    engine.name: engine
+    for engine in (
+        Engine("screw", "the screw-based solver of this project", f"{_HERE}.screw.model:load", _ALL, "screwgauge"),
+        Engine(
+            "pinocchio",
+            "Pinocchio on the URDF, minimal cut",
+            f"{_HERE}.pinocchio.model:load",
+            _ALL,
+            "pin",
+            ".urdf",
+            "minimal",
+        ),
+        Engine(
+            "mujoco", "MuJoCo on the MJCF, minimal cut", f"{_HERE}.mujoco.model:load", _ALL, "mujoco", ".xml", "minimal"
+        ),
+        Engine(
+            "pinocchio-full",
+            "Pinocchio, all joints in the tree",
+            f"{_HERE}.pinocchio.model:load",
+            frozenset((GivenMotion, States)),
+            "pin",
+            ".urdf",
+            "full",
+        ),
+        Engine(
+            "mujoco-full",
+            "MuJoCo, all joints in the tree",
+            f"{_HERE}.mujoco.model:load",
+            frozenset((GivenMotion, States)),
+            "mujoco",
+            ".xml",
+            "full",
+        ),
+        Engine(
+            "truth",
+            "ball arithmetic with rigorous radii, on request (needs python-flint)",
+            f"{_HERE}.truth:load",
+            frozenset((GivenMotion,)),
+            "python-flint",
+        ),
+    )
+}
+
+
+@lru_cache(maxsize=1)
+def _plugins() -> dict[str, Engine]:
+    return {entry.name: cast(Engine, entry.load()) for entry in entry_points(group=GROUP)}
+
+
+def engines() -> dict[str, Engine]:
+    """All engines by name, those of other packages last."""
+    return {**ENGINES, **{name: engine for name, engine in _plugins().items() if name not in ENGINES}}
+
+
+def get_engine(name: str) -> Engine:
+    """An engine by name.
+
+    Raises:
+        UnknownNameError: There is none of that name.
+    """
+    known = engines()
+    if name not in known:
+        raise UnknownNameError("engine", name, known)
+    return known[name]
+
+
+def check_engines(names: Iterable[str], where: str = "", task: type[Task] | None = None) -> tuple[str, ...]:
     """The names, once each, in the order given.
 
-    Raises:
-        ScrewgaugeError: There is none, or one of them is no engine.
-    """
-    return tuple(dict.fromkeys(check_choice("engine", names, ENGINES, where)))
-
-
-def load_engine(name: str) -> Engine:
-    """Imports an engine.
+    Args:
+        task: A kind of task that all of them have to take.
 
     Raises:
-        ImportError: Its package is not installed.
+        ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
     """
-    module, function = ENGINES[name].split(":")
-    return cast(Engine, getattr(import_module(module), function))
-
-
-#: Engine -> cut and ending of the generated model that it reads; any other engine reads the description.
-GENERATED = {
-    "pinocchio": ("minimal", ".urdf"),
-    "mujoco": ("minimal", ".xml"),
-    "pinocchio-full": ("full", ".urdf"),
-    "mujoco-full": ("full", ".xml"),
-}
+    known = engines()
+    wanted = tuple(dict.fromkeys(check_choice("engine", names, known, where)))
+    for name in wanted:
+        if task is not None and task not in known[name].tasks:
+            able = ", ".join(other for other, engine in known.items() if task in engine.tasks)
+            raise DescriptionError(f"engine '{name}' does not {_WORDS[task]}", where, f"choose from {able}")
+    return wanted

@@ -17,9 +17,9 @@ from flint import arb
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.engines.parts import Clock, Names, component_names, stages
+from screwgauge.engines.parts import Names, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import OldProblem, Rows
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import DescriptionError, ModelFileError
@@ -28,7 +28,7 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution, Timing, Values, empty
+from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.forces import RoutesDisagree
@@ -49,39 +49,53 @@ class _Table:
     spent: dict[str, float]
 
 
-def solve(problem: OldProblem) -> Solution:
-    """Every quantity of a mechanism described by TOML, in balls.
-
-    Raises:
-        NotCertified: Not one of the samples could be certified.
-        RoutesDisagree: Two enclosures of one force are disjoint.
-    """
-    mechanism = load_mechanism(problem.model)
-    _check(problem, mechanism)
-    n = len(problem.motion)
-    rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
-    depth = stages(problem.quantities - set(_OPEN))
-    version = cache.code_version(*_folders(), extra=flint.__version__)
-    key = _key(problem, rows, depth)
-    stored, note = cache.read(key, version)
-    notes = [note]
-    if stored is None:
-        table = _compute(problem, mechanism, rows, depth)
-        notes.append(cache.write(key, version, _pack(table)))
-    else:
-        table = _unpack(stored)
-    return _solution(problem, mechanism, rows, table, notes, cached=stored is not None)
+def load(files: ModelFiles) -> TruthModel:
+    """Reads a description."""
+    return TruthModel(files.model, load_mechanism(files.model))
 
 
-def _check(problem: OldProblem, mechanism: Mechanism) -> None:
-    if len(mechanism.independent) != problem.motion.y.shape[1]:
-        what = f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}"
-        raise ModelFileError(what, str(problem.model), "name a description of the same mechanism")
-    if problem.springs or problem.motors:
-        raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
-    for load in problem.loads:
-        if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
+@dataclass(frozen=True, slots=True, eq=False)
+class TruthModel:
+    """A description, whose text is read exactly."""
+
+    file: Path
+    mechanism: Mechanism
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """Every quantity in balls.
+
+        Raises:
+            NotCertified: Not one of the samples could be certified.
+            RoutesDisagree: Two enclosures of one force are disjoint.
+        """
+        motion = self._checked(problem)
+        n = len(motion)
+        rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
+        depth = stages(problem.wanted - set(_OPEN))
+        version = cache.code_version(*_folders(), extra=flint.__version__)
+        key = _key(self.file, problem, motion, rows, depth)
+        stored, note = cache.read(key, version)
+        notes = [note]
+        if stored is None:
+            table = _compute(self, problem, motion, rows, depth, progress)
+            notes.append(cache.write(key, version, _pack(table)))
+        else:
+            table = _unpack(stored)
+        return _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+
+    def _checked(self, problem: Problem) -> GivenMotion:
+        motion, mechanism, applied = problem.task, self.mechanism, problem.applied
+        if not isinstance(motion, GivenMotion):
+            raise DescriptionError("truth solves given motions only", str(self.file), "run it without truth")
+        if len(mechanism.independent) != motion.y.shape[1]:
+            what = f"has {len(mechanism.independent)} independent coordinates, the motion {motion.y.shape[1]}"
+            raise ModelFileError(what, str(self.file), "name a description of the same mechanism")
+        if applied.springs or applied.motors:
+            raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
+        for load in applied.loads:
+            if load.body not in mechanism.body_index:
+                raise ModelFileError(f"has no body '{load.body}'", str(self.file), "keep the names of the scene")
+        return motion
 
 
 def _folders() -> list[Path]:
@@ -89,13 +103,13 @@ def _folders() -> list[Path]:
     return [Path(str(file)).parent for file in files]
 
 
-def _key(problem: OldProblem, rows: Rows, depth: str) -> str:
+def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
     """Hash of all input: text where there is any, else the bytes of the doubles."""
-    said, motion = problem.wording, problem.motion.part(rows)
-    loads = [load.numbers() for load in problem.loads]
-    gravity = None if problem.gravity is None else problem.gravity.tolist()
+    said, motion, applied = problem.wording, whole.part(rows), problem.applied
+    loads = [load.numbers() for load in applied.loads]
+    gravity = None if applied.gravity is None else applied.gravity.tolist()
     return cache.digest(
-        mechanism_tables(problem.model),
+        mechanism_tables(file),
         said.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
         [said.gravity, gravity],
         [said.loads, loads],
@@ -104,12 +118,14 @@ def _key(problem: OldProblem, rows: Rows, depth: str) -> str:
     )
 
 
-def _compute(problem: OldProblem, mechanism: Mechanism, rows: Rows, depth: str) -> _Table:
-    motion, clock = problem.motion, Clock()
+def _compute(
+    model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
+) -> _Table:
+    mechanism, clock = model.mechanism, Clock()
     start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
-    workshops = [Workshop(problem, mechanism, depth, clock, bits) for bits in (BITS, 2 * BITS)]
+    workshops = [Workshop((model.file, mechanism), problem, motion, depth, clock, bits) for bits in (BITS, 2 * BITS)]
     for i, row in enumerate(rows.tolist()):
         try:
             found.append(enclosed(workshops, row, start[i]))
@@ -118,7 +134,7 @@ def _compute(problem: OldProblem, mechanism: Mechanism, rows: Rows, depth: str) 
         except NotCertified as error:
             found.append(None)
             reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
-        problem.progress((i + 1) / len(rows))
+        progress((i + 1) / len(rows))
     if all(one is None for one in found):
         where, _, what = reasons[0].partition(": ")
         raise NotCertified(f"no sample can be certified: {what}", where, "keep the motion away from singular poses")
@@ -165,12 +181,12 @@ def _unpack(stored: cache.Arrays) -> _Table:
 
 
 def _solution(
-    problem: OldProblem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
+    problem: Problem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
 ) -> Solution:
-    n = len(problem.motion)
+    n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
     names = _names(mechanism)
-    wanted = [name for name in QUANTITIES if name in table.mid and name in problem.quantities]
+    wanted = [name for name in QUANTITIES if name in table.mid and name in problem.wanted]
 
     def spread(array: Array) -> Array:
         full = np.full((n, array.shape[1]), np.nan)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.registry import check_engines
 from screwgauge.models.catalog import is_file
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.description import check_keys, read_text, required
@@ -70,11 +69,16 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
+def read_names(value: Any, where: str) -> tuple[str, ...]:
+    """A list of names, once each; whether they are known is for others to say."""
+    if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
+        raise DescriptionError("is not a list of names", where, "write ['screw', ...]")
+    return tuple(dict.fromkeys(value))
+
+
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    if table:
-        check_engines(list(table), where)
     files = {engine: folder / read_text(table, engine, where) for engine in table}
     for engine, file in files.items():
         if not is_file(file):

@@ -2,20 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, number, vector
 from screwgauge.reference.rotations import Array
 
-Drive = Callable[[Array], Motion]
-"""Takes times [s], shape (n,)."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Analytic:
+    """A motion of polynomials and harmonics.
+
+    Attributes:
+        terms: For each coordinate: coefficients, lowest first, shape (m,), and rows [omega, cos, sin], shape (k, 3).
+        where: What to blame.
+    """
+
+    terms: tuple[tuple[Array, Array], ...]
+    where: str
+
+    def __call__(self, t: Array) -> GivenMotion:
+        """The motion at times [s]. Shape (n,)."""
+        y, yd, ydd = (np.empty((len(t), len(self.terms))) for _ in range(3))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k, (coefficients, harmonics) in enumerate(self.terms):
+                polynomial = np.polynomial.Polynomial(coefficients)
+                y[:, k], yd[:, k], ydd[:, k] = polynomial(t), polynomial.deriv(1)(t), polynomial.deriv(2)(t)
+                for omega, c, s in harmonics:
+                    cos, sin = np.cos(omega * t), np.sin(omega * t)
+                    y[:, k] += c * cos + s * sin
+                    yd[:, k] += omega * (s * cos - c * sin)
+                    ydd[:, k] -= omega**2 * (c * cos + s * sin)
+        finite = np.isfinite(np.concatenate([y, yd, ydd], axis=1)).all(axis=1)
+        if not finite.all():
+            late = t[np.argmin(finite)]
+            raise DescriptionError(
+                f"grows beyond all numbers at t = {late:g} s", self.where, "shorten or slow the motion"
+            )
+        return GivenMotion(t, y, yd, ydd)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """The motion of a CSV file, at its own times only."""
+
+    file: Path
+    samples: GivenMotion
+
+    def __call__(self, t: Array) -> GivenMotion:
+        """The motion at times of the file [s]. Shape (n,)."""
+        rows = np.searchsorted(self.samples.t, t).clip(max=len(self.samples) - 1)
+        wrong = np.flatnonzero(self.samples.t[rows] != t)
+        if wrong.size:
+            raise DescriptionError(
+                f"has no sample at t = {t[wrong[0]]:g} s",
+                str(self.file),
+                "ask for times of the file; none are interpolated",
+            )
+        return self.samples.part(rows)
+
+
+Drive = Analytic | Sampled
+"""A given motion as a function of time."""
 
 
 def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple[Drive, Array | None]:
@@ -37,18 +91,8 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
             raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
         return _sampled(folder / table["csv"], labels)
     check_keys(table, labels, where)
-    terms = {label: read_terms(required(table, label, where), f"{where}.{label}") for label in labels}
-
-    def drive(t: Array) -> Motion:
-        with np.errstate(over="ignore", invalid="ignore"):
-            motion = _analytic(terms, t)
-        finite = np.isfinite(np.concatenate([motion.y, motion.yd, motion.ydd], axis=1)).all(axis=1)
-        if not finite.all():
-            late = t[np.argmin(finite)]
-            raise DescriptionError(f"grows beyond all numbers at t = {late:g} s", where, "shorten or slow the motion")
-        return motion
-
-    return drive, None
+    terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)
+    return Analytic(tuple(terms), where), None
 
 
 def read_terms(table: Any, where: str) -> tuple[Array, Array]:
@@ -64,19 +108,6 @@ def read_terms(table: Any, where: str) -> tuple[Array, Array]:
         raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
     rows = [vector(row, f"{where}.harmonics") for row in harmonics]
     return polynomial, np.array(rows).reshape(-1, 3)
-
-
-def _analytic(terms: Mapping[str, tuple[Array, Array]], t: Array) -> Motion:
-    y, yd, ydd = (np.empty((len(t), len(terms))) for _ in range(3))
-    for k, (coefficients, harmonics) in enumerate(terms.values()):
-        polynomial = np.polynomial.Polynomial(coefficients)
-        y[:, k], yd[:, k], ydd[:, k] = polynomial(t), polynomial.deriv(1)(t), polynomial.deriv(2)(t)
-        for omega, c, s in harmonics:
-            cos, sin = np.cos(omega * t), np.sin(omega * t)
-            y[:, k] += c * cos + s * sin
-            yd[:, k] += omega * (s * cos - c * sin)
-            ydd[:, k] -= omega**2 * (c * cos + s * sin)
-    return Motion(t, y, yd, ydd)
 
 
 def _sample(text: Any) -> float:
@@ -128,16 +159,4 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     if (np.diff(t) <= 0).any():
         raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
     arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
-
-    def drive(times: Array) -> Motion:
-        rows = np.searchsorted(t, times).clip(max=len(t) - 1)
-        wrong = np.flatnonzero(t[rows] != times)
-        if wrong.size:
-            raise DescriptionError(
-                f"has no sample at t = {times[wrong[0]]:g} s",
-                str(path),
-                "ask for times of the file; none are interpolated",
-            )
-        return Motion(times.copy(), *(array[rows].copy() for array in arrays))
-
-    return drive, t
+    return Sampled(path, GivenMotion(t, *arrays)), t

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closing import make_closing
@@ -120,7 +120,7 @@ def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
         )
 
 
-def _check_side(lay: Layout, motion: Motion) -> None:
+def _check_side(lay: Layout, motion: GivenMotion) -> None:
     """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
     at = positions(lay, motion.y[:1], motion.t[:1])
     A = np.concatenate([make_closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])

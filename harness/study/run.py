@@ -3,34 +3,59 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from screwgauge.engines.parts import component_names
-from screwgauge.engines.registry import GENERATED, check_engines, load_engine
+from screwgauge.engines.registry import Engine, check_engines, get_engine
 from screwgauge.environment import environment
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import COLUMNS, judge
+from screwgauge.judging.compare import compare, nothing
+from screwgauge.judging.conditioning import passed
+from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
+from screwgauge.judging.residual import COLUMNS
 from screwgauge.models.generate import stem, write_models
-from screwgauge.problem import OldProblem
-from screwgauge.quantities import INVERSE, check_quantities
+from screwgauge.problem import ModelFiles
+from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import Mobility
+from screwgauge.reference.mobility import Mobility, mobility
+from screwgauge.reference.pose import Layout, pose
+from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.preflight import check_actuation, check_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Failure, Solution
-from screwgauge.study.results import Results
-
-#: Distributions that are not called like their module.
-_PACKAGES = {"pinocchio": "pin", "flint": "python-flint"}
+from screwgauge.scene.simulation import check_start
+from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.provenance import provenance
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
+
+Expected = Mapping[str, tuple[str, ...]]
+"""Quantity -> component names that an answer must have."""
+
+_MOTION = SIMULATED[:3]
+
+
+def silent(step: str, share: float) -> None:
+    """A report that nobody looks at."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Checked:
+    """What the description alone says of a scene."""
+
+    mobility: Mobility
+    expected: Expected
+    lay: Layout | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def run(
@@ -38,10 +63,10 @@ def run(
     engines: Iterable[str] | None = None,
     quantities: Iterable[str] | None = None,
     *,
-    progress: Report = lambda step, share: None,
+    progress: Report = silent,
     warn: Callable[[str], None] = lambda sentence: None,
-) -> Results:
-    """Drives the engines with a scene, compares all pairs and judges each. A forward scene is integrated.
+) -> Comparison:
+    """Puts a scene to the engines, compares all pairs and judges each. Where there is a start, it is integrated.
 
     Args:
         engines: Names; those of the scene by default.
@@ -50,181 +75,264 @@ def run(
         warn: Called with a sentence on what may take long or go wrong, before it begins.
 
     Raises:
-        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+        ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
-    if scene.forward is not None:
-        from screwgauge.study.forward import run_forward
-
-        return run_forward(scene, engines, quantities, progress=progress, warn=warn)
-    names = check_engines(scene.engines if engines is None else engines)
-    wanted = check_quantities(scene.quantities if quantities is None else quantities, known=INVERSE)
+    names, wanted = _asked(scene, engines, quantities)
     progress("preflight", 0.0)
-    mobility = check_scene(scene)
-    check_actuation(scene, mobility, wanted)
-    solutions, failures = solve(scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress)
+    checked = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
+    for sentence in checked.warnings:
+        warn(sentence)
+    with generated(scene) as folder:
+        answers, failures = _answers(scene, names, wanted, checked.expected, folder, progress)
+        files = {name: model_files(scene, name, folder).model for name in names}
+        judged_files = provenance(scene, files)
     progress("comparison", 0.0)
-    refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
+    mechanism, problem = scene.mechanism, scene.problem(wanted)
+    refused = tuple(one for answer in answers.values() for one in refusals(mechanism, problem, answer))
     for one in refused:
-        solution = solutions[one.engine]
-        solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
-    errors, pairs = compare(scene, solutions, failures, mobility, refused)
-    judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
-    return Results(
+        answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
+    judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
+    solutions, lost = dict(answers), list[dict[str, Any]]()
+    if checked.lay is not None:
+        solutions = {name: _observed(scene, checked.lay, answer, wanted) for name, answer in answers.items()}
+        if scene.known is not None and "observable" in wanted:
+            solutions[REFERENCE] = _known(scene)
+        lost = list(_lost(scene, wanted, answers, failures, list(solutions)))
+    compared_failures = {} if scene.simulated else failures
+    errors, pairs = compare(
+        mechanism, problem, solutions, compared_failures, checked.mobility, scene.tolerance, refused
+    )
+    if lost:
+        pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
+    return Comparison(
         scene=scene,
         solutions=solutions,
         failures=failures,
         errors=errors,
         pairs=pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
-        mobility=facts(mobility),
+        mobility=facts(checked.mobility),
         environment=environment(),
+        warnings=checked.warnings,
         refusals=refused,
+        provenance=judged_files,
     )
 
 
 def solve(
-    scene: Scene,
-    engines: Iterable[str],
-    quantities: Iterable[str],
-    *,
-    expected: Mapping[str, tuple[str, ...]] | None = None,
-    progress: Report = lambda step, share: None,
+    scene: Scene, engines: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
-    """Drives the engines with a scene as it is: nothing is checked before, nothing compared after.
-
-    Args:
-        expected: Quantity -> component names that an answer must have.
+    """Puts a scene to the engines as it is: nothing is checked before, nothing compared after.
 
     Returns:
         What each engine answered, and why the others did not.
     """
-    solutions: dict[str, Solution] = {}
-    failures: dict[str, Failure] = {}
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
-        for name in engines:
-            outcome = _solve(scene, name, frozenset(quantities), expected or {}, Path(folder), progress)
-            if isinstance(outcome, Solution):
-                solutions[name] = outcome
-            else:
-                failures[name] = outcome
-    return solutions, failures
+    with generated(scene) as folder:
+        return _answers(scene, tuple(engines), tuple(quantities), {}, folder, progress)
 
 
-def facts(found: Mobility) -> dict[str, object]:
+@contextmanager
+def generated(scene: Scene) -> Iterator[Path]:
+    """A folder with the generated models of a scene's mechanism, as long as the context lasts."""
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
+        write_models(scene.mechanism, Path(name), gravity=scene.applied.g)
+        yield Path(name)
+
+
+def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
+    """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
+    engine, own = get_engine(name), scene.models.get(name)
+    if not engine.cut:
+        return ModelFiles(own or scene.mechanism_file)
+    base = stem(scene.mechanism.name, engine.cut)
+    model = own or folder / f"{base}{engine.reads}"
+    beside = model.with_suffix(".loops.toml")
+    return ModelFiles(model, beside if beside.is_file() else folder / f"{base}.loops.toml")
+
+
+def facts(counted: Mobility) -> dict[str, object]:
     """Counts for the report, and which forces are unique whatever the rule."""
-    counts = {
-        "moving bodies": found.bodies,
-        "joint freedoms": found.joint_freedoms,
-        "kutzbach": found.kutzbach,
-        "mobility": found.mobility,
-        "constraint components": found.constraints,
-        "their rank": found.constraint_rank,
-        "overconstraints": found.overconstraints,
-        "actuation redundancy": found.actuation_redundancy,
+    return {
+        "moving bodies": counted.bodies,
+        "joint freedoms": counted.joint_freedoms,
+        "kutzbach": counted.kutzbach,
+        "mobility": counted.mobility,
+        "constraint components": counted.constraints,
+        "their rank": counted.constraint_rank,
+        "overconstraints": counted.overconstraints,
+        "actuation redundancy": counted.actuation_redundancy,
+        "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
     }
-    return {**counts, "unique forces": dict(zip(found.names, found.unique, strict=True))}
 
 
-def _solve(
-    scene: Scene,
-    name: str,
-    quantities: frozenset[str],
-    expected: Mapping[str, tuple[str, ...]],
-    folder: Path,
-    progress: Report,
-) -> Solution | Failure:
-    """One engine. Whatever it raises becomes a row, so that the others go on.
-
-    Args:
-        expected: Component names that the description gives each quantity.
-    """
-    progress(name, 0.0)
-    try:
-        engine = load_engine(name)
-        solution = replace(engine(_problem(scene, name, quantities, folder, progress)), engine=name)
-        _check_answer(solution, len(scene.motion), expected)
-    except Exception as error:
-        return failed(scene, name, error, folder)
-    return solution
+def missing(error: ImportError, engine: Engine | None = None) -> str:
+    """What to install for a module that could not be imported."""
+    package = engine.package if engine is not None else (error.name or "it").split(".")[0]
+    return f"not installed ({error}); pip install {package}"
 
 
-def missing(error: ImportError, name: str = "it") -> str:
-    """What to install for a module that could not be imported; `name` where the error has none."""
-    package = (error.name or name).split(".")[0]
-    return f"not installed ({error}); pip install {_PACKAGES.get(package, package)}"
+def _asked(
+    scene: Scene, engines: Iterable[str] | None, quantities: Iterable[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of engines and quantities."""
+    where = str(scene.file or scene.name)
+    if scene.models:
+        check_engines(scene.models, f"{where}, models")
+    names = check_engines(scene.engines if engines is None else engines, where, type(scene.task))
+    known = SIMULATED if scene.simulated else GIVEN
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
+    if scene.simulated and not scene.observables:
+        if quantities is not None and "observable" in wanted:
+            raise DescriptionError("there is no observable", scene.name, "add [[observables]]")
+        wanted = tuple(name for name in wanted if name != "observable")
+    return names, wanted
 
 
-def failed(scene: Scene, name: str, error: Exception, folder: Path) -> Failure:
-    """The row of an engine that raised.
-
-    Args:
-        folder: Where the generated model files are.
-
-    Raises:
-        ScrewgaugeError: The error itself, if the user's own model file is bad input.
-    """
-    if isinstance(error, ImportError):
-        return Failure(name, missing(error, name))
-    if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
-        raise error
-    text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
-    return Failure(name, f"{type(error).__name__}: {text}")
-
-
-def _check_answer(solution: Solution, n: int, expected: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuses an answer with other samples or components than the description has."""
-    for quantity, values in solution.values.items():
-        if len(values.array) != n:
-            raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
-        odd = [name for name in {*values.components} ^ {*expected.get(quantity, values.components)} if name]
-        if odd:
-            raise ModelFileError(
-                f"its {quantity} and that of the description differ in '{min(odd)}'",
-                f"model of {solution.engine}",
-                "describe the same joints, bodies and actuators in the model, its loops file and the description",
-            )
-
-
-def _expected(mechanism: Mechanism, found: Mobility) -> dict[str, tuple[str, ...]]:
-    """Component names by quantity; those of a tree are the engine's own."""
+def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
+    counted, mechanism = check_scene(scene), scene.mechanism
+    check_actuation(scene, counted, wanted)
     table = component_names(
         mechanism.joints,
         [body.name for body in mechanism.bodies],
         mechanism.independent,
         (),
         mechanism.actuator_names,
-        (found.names[: found.constraints], ()),
+        (counted.names[: counted.constraints], ()),
     )
-    return {quantity: names for quantity, (names, _) in table.items() if not quantity.startswith("tree_force")}
+    # those of a tree are the engine's own
+    return _Checked(counted, {name: table[name][0] for name in table if not name.startswith("tree_force")})
 
 
-def model_files(scene: Scene, name: str, folder: Path) -> tuple[Path, Path | None]:
-    """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
-    own = scene.models.get(name)
-    if name not in GENERATED:
-        return own or scene.mechanism_file, None
-    cut, ending = GENERATED[name]
-    generated = stem(scene.mechanism.name, cut)
-    model = own or folder / f"{generated}{ending}"
-    beside = model.with_suffix(".loops.toml")
-    return model, beside if beside.is_file() else folder / f"{generated}.loops.toml"
+def _check_simulated(scene: Scene) -> _Checked:
+    lay, warnings = check_start(scene)
+    counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
+    return _Checked(counted, dict.fromkeys(_MOTION, tuple(scene.mechanism.coordinates)), lay, warnings)
 
 
-def _problem(scene: Scene, name: str, quantities: frozenset[str], folder: Path, progress: Report) -> OldProblem:
-    model, loops = model_files(scene, name, folder)
-    # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-    keeps_gravity = name in scene.models and name in GENERATED and GENERATED[name][1] == ".xml"
-    return OldProblem(
-        model=model,
-        loops=loops,
-        gravity=None if keeps_gravity else scene.gravity,
-        loads=scene.loads,
-        rule=scene.rule,
-        motion=scene.motion,
-        quantities=quantities,
-        progress=lambda share: progress(name, share),
-        wording=scene.wording(),
-        springs=scene.springs,
-        motors=scene.motors,
+def _answers(
+    scene: Scene,
+    names: Sequence[str],
+    wanted: Sequence[str],
+    expected: Expected,
+    folder: Path,
+    progress: Report,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    for name in names:
+        progress(name, 0.0)
+        engine = get_engine(name)
+        try:
+            files = model_files(scene, name, folder)
+            # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
+            problem = scene.problem(wanted, own_gravity=name in scene.models and engine.reads == ".xml")
+            answer = engine.load(files).solve(problem, lambda share, name=name: progress(name, share))
+            answer = replace(answer, engine=name)
+            _check_answer(answer, len(scene.t), expected)
+            solutions[name] = answer
+        except Exception as error:  # whatever an engine raises becomes a row, so that the others go on
+            failures[name] = _failed(scene, engine, error, folder)
+    return solutions, failures
+
+
+def _failed(scene: Scene, engine: Engine, error: Exception, folder: Path) -> Failure:
+    """The row of an engine that raised.
+
+    Raises:
+        ScrewgaugeError: The error itself, if the user's own model file is bad input.
+    """
+    where = "".join(traceback.format_exception(error))
+    if isinstance(error, ImportError):
+        return Failure(engine.name, missing(error, engine), where)
+    if engine.name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
+        raise error
+    text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
+    return Failure(engine.name, f"{type(error).__name__}: {text}", where)
+
+
+def _check_answer(answer: Solution, n: int, expected: Expected) -> None:
+    """Refuses an answer with other samples or components than the description has."""
+    for quantity, values in answer.values.items():
+        if len(values.array) != n:
+            raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
+        odd = [name for name in {*values.components} ^ {*expected.get(quantity, values.components)} if name]
+        if odd:
+            raise ModelFileError(
+                f"its {quantity} and that of the description differ in '{min(odd)}'",
+                f"model of {answer.engine}",
+                "describe the same joints, bodies and actuators in the model, its loops file and the description",
+            )
+
+
+def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
+    """A simulated motion in the terms of a comparison: observables, and what its poses say of its errors."""
+    n, m = len(scene.t), answer.n_solved
+    values = {name: answer.values[name] for name in _MOTION if name in wanted}
+    q = answer.values["joint_position"].array[:m]
+    if "observable" in wanted:
+        array = np.full((n, len(scene.observables)), np.nan)
+        has = observe(lay, scene.observables, q)
+        array[:m] = has.array
+        values = {"observable": Values(has.components, has.units, array), **values}
+    way = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(way.estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(way.condition, (0, n - m), mode="edge")
+    stopped = (f"stopped: {answer.stopped}",) if answer.stopped else ()
+    counts = ()
+    if answer.cost is not None:
+        cost = answer.cost
+        counts = (f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations",)
+    return replace(
+        answer,
+        values=values,
+        estimate=dict.fromkeys(values, estimate),
+        conditions=dict.fromkeys(values, met),
+        notes=(*stopped, *counts, *answer.notes, *filter(None, [way.note]), *_beyond(scene, q)),
     )
+
+
+def _beyond(scene: Scene, q: np.ndarray[Any, np.dtype[np.float64]]) -> tuple[str, ...]:
+    """A sentence if the motion leaves the limits of a joint, which are no stops."""
+    low, high = scene.mechanism.limits.T
+    beyond = (q < low) | (q > high)
+    if not beyond.any():
+        return ()
+    i, k = np.argwhere(beyond)[0]
+    name, t = scene.mechanism.coordinates[k], scene.t[i]
+    return (f"'{name}' = {q[i, k]:.6g} is beyond its limits [{low[k]:g}, {high[k]:g}] at t = {t:g} s",)
+
+
+def _known(scene: Scene) -> Solution:
+    """The reference of the scene, at those of its times that the scene has."""
+    if scene.known is None:
+        raise ValueError("the scene has no reference")
+    values, rows = known_values(scene.known, scene.observables, scene.t, scene.name)
+    n = len(scene.t)
+    return Solution(
+        engine=REFERENCE,
+        version="",
+        values={"observable": values},
+        condition=np.full(n, np.nan),
+        notes=(scene.known.source,),
+        rows=None if len(rows) == n else rows,
+    )
+
+
+def _lost(
+    scene: Scene,
+    wanted: Sequence[str],
+    answers: Mapping[str, Solution],
+    failures: Mapping[str, Failure],
+    compared: Sequence[str],
+) -> Iterator[dict[str, Any]]:
+    """Rows without numbers: pairs with an engine that failed, or that stopped before the end of a simulation."""
+    reasons = {name: failure.reason for name, failure in failures.items()}
+    for name, answer in answers.items():
+        if answer.n_solved < len(scene.t):
+            t = scene.t[answer.n_solved - 1]
+            reasons[name] = f"{name} has nothing after t = {t:g} s: {answer.stopped}"
+    quantity = "observable" if "observable" in wanted else wanted[0]
+    for name, reason in reasons.items():
+        for other in [each for each in compared if each != name] or [""]:
+            a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
+            yield nothing(quantity, a, b, reason, scene.tolerance(quantity))

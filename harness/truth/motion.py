@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import arb
 
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 from screwgauge.truth.exact import number, vector
 from screwgauge.truth.jets import Jet, sin_cos
 
@@ -41,7 +41,7 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
     return y
 
 
-def samples(motion: Motion, i: int) -> list[Jet]:
+def samples(motion: GivenMotion, i: int) -> list[Jet]:
     """Series of each coordinate at one sample whose doubles are taken exactly."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

@@ -7,9 +7,9 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from screwgauge.engines.parts import Clock
-from screwgauge.problem import OldProblem
+from screwgauge.problem import Problem
 from screwgauge.reference.applied import Load
+from screwgauge.solution import Clock
 from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier
 from screwgauge.truth.exact import Vector, number, vector
@@ -25,17 +25,17 @@ Balls = Mapping[str, Sequence[arb]]
 class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
-    def __init__(self, linkage: Linkage, problem: OldProblem, depth: str, clock: Clock) -> None:
+    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock) -> None:
         self.linkage, self.depth, self.clock = linkage, depth, clock
         self.certifier = Certifier(linkage)
         self.axial = problem.rule == "spherical_axial"
-        if problem.gravity is None:
+        if problem.applied.gravity is None:
             self.gravity = [arb(0), arb(0), number("-9.81")]
         else:
-            self.gravity = vector(problem.wording.gravity or problem.gravity.tolist())
+            self.gravity = vector(problem.wording.gravity or problem.applied.gravity.tolist())
         index = linkage.mechanism.body_index
         if problem.wording.loads is None:
-            self.loads = [_doubles(load, index[load.body]) for load in problem.loads]
+            self.loads = [_doubles(load, index[load.body]) for load in problem.applied.loads]
         else:
             self.loads = [_said(table, index) for table in problem.wording.loads]
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 
 from flint import arb, ctx
 
-from screwgauge.engines.parts import Clock
 from screwgauge.models.catalog import mechanism_tables
-from screwgauge.problem import OldProblem
+from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.solution import Clock
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.motion import Terms, drive, read_terms, samples
@@ -24,13 +25,21 @@ WIDE = 1e-25
 class Workshop:
     """All that depends on the precision, made when it is first needed."""
 
-    def __init__(self, problem: OldProblem, mechanism: Mechanism, depth: str, clock: Clock, bits: int) -> None:
-        self.problem, self.mechanism, self.depth, self.clock = problem, mechanism, depth, clock
-        self.bits = bits
+    def __init__(
+        self,
+        linkage: tuple[Path, Mechanism],
+        problem: Problem,
+        motion: GivenMotion,
+        depth: str,
+        clock: Clock,
+        bits: int,
+    ) -> None:
+        self.file, self.mechanism = linkage
+        self.problem, self.motion, self.depth, self.clock, self.bits = problem, motion, depth, clock, bits
 
     @cached_property
     def sampler(self) -> Sampler:
-        linkage = Linkage(self.mechanism, mechanism_tables(self.problem.model))
+        linkage = Linkage(self.mechanism, mechanism_tables(self.file))
         return Sampler(linkage, self.problem, self.depth, self.clock)
 
     @cached_property
@@ -47,7 +56,7 @@ class Workshop:
         Raises:
             NotCertified: Something could not be enclosed.
         """
-        motion = self.problem.motion
+        motion = self.motion
         with ctx.workprec(self.bits):
             terms = self.terms
             y = samples(motion, row) if terms is None else drive(terms, float(motion.t[row]))

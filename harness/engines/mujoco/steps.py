@@ -7,75 +7,36 @@ are set once; all else is set at the start of every step and held over it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.mover import MujocoMover, refine
+from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.mujoco.settings import Settings
+from screwgauge.engines.mujoco.softness import refine
 from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.tree.closure import make_loops
-from screwgauge.engines.tree.forces import BodyAt, Forces, tree_forces
-from screwgauge.engines.tree.start import loops_file
-from screwgauge.engines.tree.stepper import Stepper
-from screwgauge.engines.tree.steps import walk_through
-from screwgauge.problem import ForwardProblem
-from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.engines.tree.forces import Exerted
+from screwgauge.engines.tree.protocol import BodyAt
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import ForwardSolution
-
-_NAMES = {
-    "Euler": "mjINT_EULER",
-    "implicit": "mjINT_IMPLICIT",
-    "implicitfast": "mjINT_IMPLICITFAST",
-    "RK4": "mjINT_RK4",
-    "discrete": "mjINT_DISCRETE",
-}
-_EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-_AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
-def integrate(problem: ForwardProblem, stepper: Stepper) -> ForwardSolution:
-    """Steps through a problem. See `screwgauge.forward.steppers.integrate_steps`."""
-    warnings: list[str] = []
-    # MuJoCo's own handler writes MUJOCO_LOG.TXT into the working directory
-    mujoco.set_mju_user_warning(warnings.append)
-    try:
-        file = loops_file(problem)
-        tree = MujocoTree(problem.model, file, problem.gravity)
-        loops = make_loops(tree, file)
-        tree_forces(problem, tree, loops)  # says which names are wrong before MuJoCo does
-        model, left = sprung_model(problem, tree)
-        model.opt.gravity[:] = problem.gravity
-        _set(model, stepper)
-        held = replace(problem, springs=(), motors=left.motors, loads=left.loads)
-        walker = MujocoWalker(model, tree, stepper, tree_forces(held, tree, loops, left.springs))
-        _constant(walker, problem, left)
-        found = walk_through(problem, file, walker, stepper)
-    finally:
-        mujoco.set_mju_user_warning(None)
-    notes = [f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)]
-    if walker.held.elements:
-        notes.append("some forces vary with time or pose and are held over each step")
-    return replace(found, notes=tuple(notes))
+@dataclass(frozen=True, slots=True, eq=False)
+class Sprung:
+    """A model that carries springs itself, and what is left to be applied in every step."""
+
+    model: mujoco.MjModel
+    left: Applied
 
 
-class _Left:
-    """What the model does not carry itself."""
-
-    def __init__(self) -> None:
-        self.springs: list[Spring] = []
-        self.motors: tuple[Motor, ...] = ()
-        self.loads: tuple[Load, ...] = ()
-
-
-def sprung_model(problem: ForwardProblem, tree: MujocoTree) -> tuple[mujoco.MjModel, _Left]:
-    """The model with the problem's springs in it, and what is left to be applied in every step."""
-    spec, left = mujoco.MjSpec.from_file(str(problem.model)), _Left()
+def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
+    """Puts springs into a model: exact equivalents, which the implicit integrators see."""
+    spec = mujoco.MjSpec.from_file(str(mjcf))
     tendons: dict[str, PointSpring] = {}
-    for i, spring in enumerate(problem.springs):
+    for i, spring in enumerate(applied.springs):
         if isinstance(spring, PointSpring):
             tendons[name := f"spring {i}"] = spring
             tendon = spec.add_tendon(name=name)
@@ -89,12 +50,14 @@ def sprung_model(problem: ForwardProblem, tree: MujocoTree) -> tuple[mujoco.MjMo
     for name, spring in tendons.items():
         k = model.tendon(name).id
         model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping
-    for spring in problem.springs:
-        if isinstance(spring, JointSpring) and not _joint_spring(model, spring, tree):
-            left.springs.append(spring)
-    left.motors = tuple(m for m in problem.motors if not _steady(m, tree))
-    left.loads = tuple(load for load in problem.loads if load.point is not None and load.force.any())
-    return model, left
+    joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
+    left = Applied(
+        gravity=applied.gravity,
+        loads=tuple(load for load in applied.loads if load.point is not None and load.force.any()),
+        springs=tuple(spring for spring in joints if not _joint_spring(model, spring, tree)),
+        motors=tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant)),
+    )
+    return Sprung(model, left)
 
 
 def _joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
@@ -110,53 +73,34 @@ def _joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) 
     return True
 
 
-def _steady(motor: Motor, tree: MujocoTree) -> bool:
-    return motor.coordinate in tree.coordinates and not motor.polynomial[1:].any() and not len(motor.harmonics)
+class MujocoStepper:
+    """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
 
+    def __init__(
+        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings, setting: str
+    ) -> None:
+        """Prepares the steps.
 
-def _constant(walker: MujocoWalker, problem: ForwardProblem, left: _Left) -> None:
-    """Sets what never changes."""
-    tree, data = walker.tree, walker.data
-    for motor in problem.motors:
-        if motor not in left.motors:
-            walker.base[tree.coordinates.index(motor.coordinate)] += motor.force(0.0)
-    for load in problem.loads:
-        if load in left.loads:
-            continue
-        if load.body == GROUND:
-            continue
-        i = tree.ids[tree.bodies.index(load.body)]
-        data.xfrc_applied[i, :3] += load.force
-        data.xfrc_applied[i, 3:] += load.torque
-
-
-def _set(model: mujoco.MjModel, stepper: Stepper) -> None:
-    kind = getattr(mujoco.mjtIntegrator, _NAMES[stepper.integrator], None)
-    if kind is None:
-        raise UnknownNameError("integrator", stepper.integrator, _NAMES, f"MuJoCo {mujoco.__version__}")
-    model.opt.integrator = kind
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
-    model.opt.disableflags &= ~_EQUALITY
-    model.opt.disableflags |= _AUTORESET  # a state that is not finite is to be seen
-    if stepper.solref is not None:
-        model.eq_solref[:] = stepper.solref
-    if stepper.solimp is not None:
-        if not 0.0 < stepper.solimp <= 0.9999:
-            raise DescriptionError(f"solimp {stepper.solimp:g}", "stepper of mujoco", "give a number up to 0.9999")
-        model.eq_solimp[:, :2] = stepper.solimp
-    if stepper.passes:
-        model.opt.tolerance = 1e-15
-
-
-class MujocoWalker:
-    """`mj_step` or its parts. See `screwgauge.engines.tree.steps.Walker`."""
-
-    def __init__(self, model: mujoco.MjModel, tree: MujocoTree, stepper: Stepper, held: Forces) -> None:
-        self.model, self._tree, self.held, self.passes = model, tree, held, stepper.passes
-        self.data = mujoco.MjData(model)
-        self.base, self.tau = np.zeros(model.nv), np.zeros(model.nv)
+        Args:
+            applied: All that acts; what never changes is set once.
+            held: What has to be applied in every step.
+        """
+        self.model, self._tree, self.held = sprung.model, tree, held
+        self.setting, self.passes = setting, settings.passes or 0
+        settings.set_steps(self.model)
+        self.model.opt.gravity[:] = tree.model.opt.gravity
+        self.order = 4 if settings.integrator == "RK4" else 1
+        self.data = mujoco.MjData(self.model)
+        self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover = MujocoMover(tree)
-        self.advance = mujoco.mj_Euler if stepper.integrator == "Euler" else mujoco.mj_implicit
+        self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
+        for motor in applied.motors:
+            if motor not in sprung.left.motors:
+                self.base[tree.coordinates.index(motor.coordinate)] += motor.force(0.0)
+        for load in applied.loads:
+            if load not in sprung.left.loads and load.body != GROUND:
+                i = tree.ids[tree.bodies.index(load.body)]
+                self.data.xfrc_applied[i] += np.concatenate([load.force, load.torque])
 
     @property
     def tree(self) -> MujocoTree:
@@ -200,6 +144,11 @@ class MujocoWalker:
         refine(self.model, self.data, a, self.passes)
         self.data.qfrc_applied[:] = self.base
         return a
+
+    def notes(self) -> tuple[str, ...]:
+        if not self.held.elements:
+            return ()
+        return ("some forces vary with time or pose and are held over each step",)
 
     def look(self, q: Array, v: Array) -> BodyAt:
         self.mover.place(q, v)

@@ -1,52 +1,35 @@
-"""The engines `mujoco` and `mujoco-full`: MuJoCo on an MJCF with equality constraints.
+"""MuJoCo on an MJCF: its open tree.
 
-All of MuJoCo's names, orders and frames stay in this file. Spatial quantities are [angular; linear]; accelerations
+MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
 contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from screwgauge.engines.tree.closed_tree import solve_tree
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
-from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.problem import OldProblem
+from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Frame
-from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution
+from screwgauge.reference.rotations import Array, cross
 
 _BODY = mujoco.mjtObj.mjOBJ_XBODY
+_INERTIAL = mujoco.mjtObj.mjOBJ_BODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
 _EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
-def solve(problem: OldProblem) -> Solution:
-    """Closes the loops of an MJCF by its own equality constraints and solves the problem."""
-    if problem.loops is None:
-        raise ModelFileError("has no loops file", str(problem.model), "put NAME.loops.toml beside it")
-    file = read_loops(problem.loops)
-    warnings: list[str] = []
-    # MuJoCo's own handler writes MUJOCO_LOG.TXT into the working directory
-    mujoco.set_mju_user_warning(warnings.append)
-    try:
-        solution = solve_tree(problem, MujocoTree(problem.model, file, problem.gravity), file)
-    finally:
-        mujoco.set_mju_user_warning(None)
-    return replace(solution, notes=(*solution.notes, *(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))))
-
-
 class MujocoTree:
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
 
-    def __init__(self, mjcf: Path, file: LoopsFile, gravity: Array | None) -> None:
+    def __init__(self, mjcf: Path, file: LoopsFile) -> None:
         try:
             self.model = mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
@@ -54,8 +37,7 @@ class MujocoTree:
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
-        if gravity is not None:
-            self.model.opt.gravity[:] = gravity
+        self.gravity = self.model.opt.gravity.copy()
         self.data = mujoco.MjData(self.model)
         self.engine = "mujoco" if file.cut == "minimal" else f"mujoco-{file.cut}"
         self.version = mujoco.__version__
@@ -68,6 +50,9 @@ class MujocoTree:
         self.com = model.body_ipos[self.ids].copy()
         self.closures = self._closures(file)
         self._check_motors(file)
+
+    def under(self, gravity: Array | None) -> None:
+        self.model.opt.gravity[:] = self.gravity if gravity is None else gravity
 
     def _check_motors(self, file: LoopsFile) -> None:
         """Refuses motors, where the file has any, that are not those of the description."""
@@ -145,44 +130,44 @@ class MujocoTree:
                 mujoco.mj_jacBody(model, data, J[i, k, 3:], J[i, k, :3], body)
         return BodyPoses(R, p, J)
 
-    def _motion(self, q: Array, v: Array, a: Array) -> None:
-        """Fills the velocities and accelerations of all bodies of one sample."""
-        self._rigid()
-        self._set(q, v, a)
+    def _bodies(self, q: Array, v: Array, a: Array, look: Callable[[int], None]) -> None:
+        """Looks at all samples with velocities and accelerations of the bodies filled, gravity not among them."""
+        gravity = self.model.opt.gravity.copy()
+        self.model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
         self.data.xfrc_applied[:] = 0.0
-        mujoco.mj_inverse(self.model, self.data)
-        mujoco.mj_rnePostConstraint(self.model, self.data)
+        self._rigid()
+        for i in range(len(q)):
+            self._set(q[i], v[i], a[i])
+            mujoco.mj_inverse(self.model, self.data)
+            mujoco.mj_rnePostConstraint(self.model, self.data)
+            look(i)
+        self.model.opt.gravity[:] = gravity
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.ids) + 1, 6))
-        gravity = self.model.opt.gravity.copy()
-        self.model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
-        for i in range(len(q)):
-            self._motion(q[i], v[i], a[i])
+
+        def look(i: int) -> None:
             for k, body in enumerate(self.ids, 1):
                 mujoco.mj_objectVelocity(self.model, self.data, _BODY, body, V[i, k], 0)
                 mujoco.mj_objectAcceleration(self.model, self.data, _BODY, body, A[i, k], 0)
-        self.model.opt.gravity[:] = gravity
+
+        self._bodies(q, v, a, look)
         return V, A
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        out, found = np.empty((len(q), len(self.ids), 3)), np.empty(6)
-        gravity = self.model.opt.gravity.copy()
-        self.model.opt.gravity[:] = 0.0
-        for i in range(len(q)):
-            self._motion(q[i], v[i], a[i])
+        out, acceleration = np.empty((len(q), len(self.ids), 3)), np.empty(6)
+
+        def look(i: int) -> None:
             for k, body in enumerate(self.ids):
                 # the inertial frame of the body, whose origin is its centre of mass
-                mujoco.mj_objectAcceleration(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
-                out[i, k] = found[3:]
-        self.model.opt.gravity[:] = gravity
+                mujoco.mj_objectAcceleration(self.model, self.data, _INERTIAL, body, acceleration, 0)
+                out[i, k] = acceleration[3:]
+
+        self._bodies(q, v, a, look)
         return out
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         self._rigid()
-        return self._inverse(q, v, a)
-
-    def _inverse(self, q: Array, v: Array, a: Array) -> Array:
         out = np.empty_like(q)
         self.data.xfrc_applied[:] = 0.0
         for i in range(len(q)):
@@ -212,24 +197,22 @@ class MujocoTree:
         return float((np.abs(data.efc_J.reshape(rows, -1)).T @ f).max(initial=0.0))
 
     def transmitted(self, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        out = np.zeros((len(q), len(self.ids) + 1, 6))
-        model, data = self.model, self.data
+        n, b = len(q), len(self.ids)
+        model, data, ids = self.model, self.data, self.ids
+        moments, forces, arms = np.empty((3, n, b, 3))
+        out = np.zeros((n, b + 1, 6))
         self._rigid()
-        for i in range(len(q)):
+        about = model.body_rootid[ids]
+        for i in range(n):
             self._set(q[i], v[i], a[i])
             data.xfrc_applied[:] = 0.0
             mujoco.mj_inverse(model, data)
-            for k, body in enumerate(self.ids, 1):  # applied at the centre of mass
-                arm = data.xipos[body] - data.xpos[body]
-                force, moment = wrench[i, k, :3], wrench[i, k, 3:]
-                data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:] = (
-                    force,
-                    moment - np.cross(arm, force),
-                )
+            origins, force = data.xpos[ids], wrench[i, 1:, :3]
+            data.xfrc_applied[ids, :3] = force  # applied at the centre of mass
+            data.xfrc_applied[ids, 3:] = wrench[i, 1:, 3:] - cross(data.xipos[ids] - origins, force)
             mujoco.mj_rnePostConstraint(model, data)
-            for k, body in enumerate(self.ids, 1):
-                moment, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]
-                about = data.subtree_com[model.body_rootid[body]]
-                out[i, k, :3], out[i, k, 3:] = force, moment + np.cross(about - data.xpos[body], force)
+            moments[i], forces[i] = data.cfrc_int[ids, :3], data.cfrc_int[ids, 3:]
+            arms[i] = data.subtree_com[about] - origins
+        out[:, 1:, :3], out[:, 1:, 3:] = forces, moments + cross(arms, forces)
         data.xfrc_applied[:] = 0.0
         return out

@@ -1,4 +1,4 @@
-"""Pinocchio driven forward: `constraintDynamics` on a URDF with its loops file, integrated by scipy's methods."""
+"""Pinocchio's accelerations of a closed tree, one state at a time, made as exact as it can: `constraintDynamics`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from screwgauge.engines.pinocchio.constraints import Constraints
 from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.tree.integrate import integrate_tree
-from screwgauge.problem import ForwardProblem
 from screwgauge.reference.errors import SingularPoseError
-from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import ForwardSolution
 
 #: Proximal regularisation [1/kg, like the inverse mass that it is added to], and iterations.
 #: Measured on states of A02 (2 and 40), A03, A04 against the null space of the rows: 5 iterations leave 3e-14 of the
@@ -29,28 +26,16 @@ _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
-def integrate(problem: ForwardProblem) -> ForwardSolution:
-    """Integrates a motion with Pinocchio's accelerations.
-
-    Raises:
-        ScrewgaugeError: A model, start, method or force that cannot be, or a start of unsafe accelerations.
-    """
-    return integrate_tree(problem, lambda file: PinocchioMover(PinocchioTree(problem.model, file, problem.gravity)))
-
-
 class PinocchioMover:
-    """Accelerations of a closed tree. See `screwgauge.engines.tree.integrate.Mover`."""
+    """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
 
     def __init__(self, tree: PinocchioTree, mu: float = MU, iterations: int = ITERATIONS) -> None:
         self._tree, self.model = tree, tree.model
-        self.data, self.kinematics = self.model.createData(), self.model.createData()
-        self.models, self.datas = contacts(tree)
-        if len(self.models):
-            pin.initConstraintDynamics(self.model, self.data, self.models, self.datas)
+        self.kinematics, self.constraints = self.model.createData(), Constraints(tree)
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
         self.more = pin.ProximalSettings(0.0, 0.0, mu, MORE)
-        self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.models) else "aba"
+        self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
 
@@ -76,17 +61,15 @@ class PinocchioMover:
             self.stale = False
 
     def closure(self) -> tuple[Array, Array]:
-        if not len(self.models):
+        if not len(self.constraints):
             return np.zeros(0), np.zeros((0, self.model.nv))
         self._refresh()
         gaps = []
-        for model, data in zip(self.models, self.datas, strict=True):
+        for model, data in zip(self.constraints.models, self.constraints.datas, strict=True):
             model.calc(self.model, self.kinematics, data)
             apart = data.c1Mc2
             gaps.append(apart.translation if model.type == pin.ContactType.CONTACT_3D else pin.log6(apart).vector)
-        G = pin.getConstraintsJacobian(self.model, self.kinematics, self.models, self.datas)
-        # Pinocchio's rows are the velocity of the first side less that of the second
-        return np.concatenate(gaps), -G
+        return np.concatenate(gaps), -self.constraints.jacobian(self.kinematics)
 
     def accelerate(self, tau: Array) -> Array:
         a, left = self._solve(tau, self.settings)
@@ -106,44 +89,8 @@ class PinocchioMover:
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float]:
         """Accelerations, and what those of the loops are off by: the last change of the multipliers times mu."""
-        if not len(self.models):
-            return pin.aba(self.model, self.data, self.q, self.v, tau), 0.0
-        a = pin.constraintDynamics(self.model, self.data, self.q, self.v, tau, self.models, self.datas, settings)
-        return a, settings.mu * settings.relative_residual
+        a = self.constraints.accelerate(self.q, self.v, tau, settings)
+        return a, settings.mu * settings.relative_residual if len(self.constraints) else 0.0
 
     def notes(self) -> tuple[str, ...]:
         return ()
-
-
-def contacts(tree: PinocchioTree) -> tuple[Any, Any]:
-    """Constraint models and their data: a 3D contact for each pair of points, a 6D one for each weld."""
-    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for closure in tree.closures:
-        if closure.type == "weld":
-            kind = pin.ContactType.CONTACT_6D
-            pairs = [
-                (
-                    pin.SE3(closure.parent_frame.R, closure.parent_frame.p),
-                    pin.SE3(closure.child_frame.R, closure.child_frame.p),
-                )
-            ]
-        else:
-            kind = pin.ContactType.CONTACT_3D
-            pairs = [
-                (pin.SE3(np.eye(3), here), pin.SE3(np.eye(3), there))
-                for here, there in zip(closure.parent_points, closure.child_points, strict=True)
-            ]
-        for here, there in pairs:
-            sides = (*_place(tree, closure.parent, here), *_place(tree, closure.child, there))
-            models.append(pin.RigidConstraintModel(kind, tree.model, *sides, pin.ReferenceFrame.LOCAL))
-    for model in models:
-        datas.append(model.createData())
-    return models, datas
-
-
-def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
-    """Joint that carries a body, and a placement in the body in that joint's frame."""
-    if body == GROUND:
-        return 0, at
-    frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]
-    return frame.parentJoint, frame.placement * at

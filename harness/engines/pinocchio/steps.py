@@ -6,31 +6,21 @@ import numpy as np
 
 from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.tree.closure import make_loops
-from screwgauge.engines.tree.forces import BodyAt, Forces, tree_forces
+from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
-from screwgauge.engines.tree.start import loops_file
-from screwgauge.engines.tree.stepper import Stepper
-from screwgauge.engines.tree.steps import walk_through
-from screwgauge.problem import ForwardProblem
+from screwgauge.engines.tree.protocol import BodyAt
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import ForwardSolution
+
+#: Its methods at a fixed step.
+INTEGRATORS = ("Euler", "RK4")
 
 
-def integrate(problem: ForwardProblem, stepper: Stepper) -> ForwardSolution:
-    """Steps through a problem. See `screwgauge.forward.steppers.integrate_steps`."""
-    file = loops_file(problem)
-    mover = PinocchioMover(PinocchioTree(problem.model, file, problem.gravity))
-    forces = tree_forces(problem, mover.tree, make_loops(mover.tree, file))
-    walker = PinocchioWalker(mover, forces, stepper.integrator)
-    return walk_through(problem, file, walker, stepper)
+class PinocchioStepper:
+    """Semi-implicit Euler or RK4. See `screwgauge.engines.tree.protocol.Stepper`."""
 
-
-class PinocchioWalker:
-    """Semi-implicit Euler or RK4. See `screwgauge.engines.tree.steps.Walker`."""
-
-    def __init__(self, mover: PinocchioMover, forces: Forces, integrator: str) -> None:
-        self.mover, self.forces = mover, forces
+    def __init__(self, mover: PinocchioMover, forces: Exerted, integrator: str, setting: str) -> None:
+        self.mover, self.forces, self.setting = mover, forces, setting
+        self.order = 1 if integrator == "Euler" else 4
         self.once = self._euler if integrator == "Euler" else self._rk4
         self.q = self.v = self.tau = np.zeros(mover.model.nv)
 
@@ -52,6 +42,9 @@ class PinocchioWalker:
 
     def accelerations(self, t: float) -> Array:
         return self._slope(t, self.q, self.v)
+
+    def notes(self) -> tuple[str, ...]:
+        return ()
 
     def look(self, q: Array, v: Array) -> BodyAt:
         self.mover.place(q, v)

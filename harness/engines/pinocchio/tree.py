@@ -1,6 +1,6 @@
-"""The engines `pinocchio` and `pinocchio-full`: Pinocchio on a URDF and its loops file.
+"""Pinocchio on a URDF: its open tree.
 
-All of Pinocchio's names, orders and frames stay in this file. A joint's spatial quantities are [linear; angular] in
+Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
 """
 
@@ -14,24 +14,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.closed_tree import solve_tree
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.problem import OldProblem
+from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
-
-
-def solve(problem: OldProblem) -> Solution:
-    """Closes the loops of a URDF by its loops file and solves the problem."""
-    if problem.loops is None:
-        raise ModelFileError("has no loops file", str(problem.model), "put NAME.loops.toml beside it")
-    file = read_loops(problem.loops)
-    return solve_tree(problem, PinocchioTree(problem.model, file, problem.gravity), file)
 
 
 def _load(urdf: Path) -> pin.Model:
@@ -60,12 +49,11 @@ def _load(urdf: Path) -> pin.Model:
 class PinocchioTree:
     """A loaded URDF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
 
-    def __init__(self, urdf: Path, file: LoopsFile, gravity: Array | None) -> None:
+    def __init__(self, urdf: Path, file: LoopsFile) -> None:
         self.model = _load(urdf)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
-        if gravity is not None:
-            self.model.gravity.linear[:] = gravity
+        self.gravity = self.model.gravity.linear.copy()  # the usual one: a URDF says none
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
@@ -87,6 +75,9 @@ class PinocchioTree:
                 for i, joint in zip(self.frames, self.joints, strict=True)
             ]
         )
+
+    def under(self, gravity: Array | None) -> None:
+        self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
 
     def _parent(self, joint: int) -> str:
         """The body that carries a joint, past the massless crosses of composite joints."""

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import BDF, DOP853, OdeSolver, Radau
+from scipy.integrate import DOP853, OdeSolver
 
+from screwgauge.engines.methods import MOST, SIZES, check_method
+from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.branch import Branch
 from screwgauge.reference.errors import (
     ClosureError,
     DescriptionError,
     ScrewgaugeError,
     SingularPoseError,
-    UnknownNameError,
 )
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Rates, rates
@@ -23,17 +24,8 @@ from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 
-#: DOP853 for smooth motion, the others for stiff springs and dampers.
-METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
-#: Poses whose condition number is above this are stepped over: their accelerations have an error of about
-#: eps times its square, and finer steps only meet more of them.
-NEAR = 1e5
-#: More such steps than this are not made: the motion does not lead through, it leads there.
-MOST = 100
 #: Relative step of differences: the root of the rounding error.
 DIFFERENCE = 2.0**-26
-#: Factors on the size of a step that met such a pose, one after the other.
-SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,45 +104,29 @@ class _Run:
 
 def integrate(
     lay: Layout,
+    task: InitialValue,
     forces: Forces | Callable[[float], Forces],
-    times: Array,
-    *,
-    start: Array | None = None,
-    yd: Array | None = None,
-    method: str = "DOP853",
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
-    near: float = NEAR,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Progress = quiet,
 ) -> Trajectory:
-    """Integrates a mechanism under given forces from its first time on.
+    """Integrates a mechanism under given forces; the start is reached from home on one branch.
 
     Args:
         lay: The mechanism.
         forces: What acts on it, constant or a function of time.
-        times: Where the motion is wanted [s], increasing; it starts at the first. Shape (n,).
-        start: Independent coordinates at the start, reached from home on one branch; home itself by default.
-        yd: Their rates; zero by default. Shape (k,).
-        method: One of `METHODS`.
-        rtol, atol: Tolerances of a step, for rad, m and their rates alike.
-        near: Condition number of the closed loops above which a pose is stepped over.
-        progress: Called with the share of the time that is done.
 
     Raises:
         ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
     """
-    times, state = _checked(lay, times, start, yd, method)
-    if not (0.0 < rtol < 1.0 and 0.0 < atol < np.inf):
-        raise DescriptionError(
-            f"tolerances rtol = {rtol:g}, atol = {atol:g}", lay.mechanism.name, "give small positive numbers"
-        )
+    solver, settings = check_method(task.integration.name), task.integration
+    times, state = _checked(lay, task)
     at_any_time = forces if callable(forces) else lambda _: forces
+    near = settings.near
     run = _Run(lay, at_any_time, lay.mechanism.home, near)
     kept = _Kept([run.rates(state[None])], [0.0])
-    options: dict[str, Any] = {"rtol": rtol, "atol": atol, "vectorized": True}
-    if METHODS[method] is not DOP853:
+    options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol, "vectorized": True}
+    if solver is not DOP853:
         options["jac"] = run.jacobian
-    counts, stopped = _steps(run, METHODS[method], times, state, kept, options, progress)
+    counts, stopped = _steps(run, solver, times, state, kept, options, progress)
     n, parts = len(kept.rates), kept.rates
     q, w = np.concatenate([r.pose.q for r in parts]), np.concatenate([r.w for r in parts])
     whole = rates(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
@@ -184,7 +160,7 @@ def _steps(
     state: Array,
     kept: _Kept,
     options: dict[str, Any],
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> tuple[tuple[int, int], str]:
     """Steps through all times and keeps the motion there. Returns (steps, stepped over) and why it stopped."""
     taken = stepped_over = tries = 0
@@ -230,20 +206,21 @@ def _keep(run: _Run, solver: OdeSolver, times: Array, kept: _Kept) -> None:
     run.branch.move(solver.y[: len(solver.y) // 2])
 
 
-def _checked(lay: Layout, times: Array, start: Array | None, yd: Array | None, method: str) -> tuple[Array, Array]:
+def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
     """Times, and the state at the start."""
-    if method not in METHODS:
-        raise UnknownNameError("method", method, METHODS)
-    where, times = lay.mechanism.name, np.asarray(times, dtype=float)
+    where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
         raise DescriptionError("times do not increase", where, "give two or more finite times in order")
-    home = lay.mechanism.home[lay.mechanism.independent_columns]
-    parts = [home if start is None else start, np.zeros_like(home) if yd is None else yd]
-    for part in parts:
-        if np.shape(part) != home.shape or not np.isfinite(part).all():
+    if not (0.0 < settings.rtol < 1.0 and 0.0 < settings.atol < np.inf):
+        raise DescriptionError(
+            f"tolerances rtol = {settings.rtol:g}, atol = {settings.atol:g}", where, "give small positive numbers"
+        )
+    k = len(lay.mechanism.independent)
+    for values in (task.start, task.rates):
+        if np.shape(values) != (k,) or not np.isfinite(values).all():
             raise DescriptionError(
-                f"start or rates of shape {np.shape(part)} for {len(home)} independent coordinates",
+                f"start or rates of shape {np.shape(values)} for {k} independent coordinates",
                 where,
-                f"give {len(home)} finite numbers",
+                f"give {k} finite numbers",
             )
-    return times, np.concatenate([*parts, [0.0]])
+    return times, np.concatenate([task.start, task.rates, [0.0]])

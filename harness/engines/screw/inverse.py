@@ -4,72 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 
-import screwgauge
+from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
-from screwgauge.engines.parts import Clock, Names, assemble, component_names, stages
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import Motion, OldProblem, Rows
+from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
+from screwgauge.reference.applied import Load
 from screwgauge.reference.assembly import closing, fill
-from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
-from screwgauge.reference.pose import Layout, Pose, layout, tree_path
+from screwgauge.reference.pose import Layout, Pose, tree_path
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution
+from screwgauge.solution import Clock, Solution
 
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
 
 
-def solve(problem: OldProblem) -> Solution:
-    """Positions, rates, accelerations and forces of a mechanism described by TOML."""
-    mechanism = load_mechanism(problem.model)
-    if len(mechanism.independent) != problem.motion.y.shape[1]:
-        raise ModelFileError(
-            f"has {len(mechanism.independent)} independent coordinates, the motion {problem.motion.y.shape[1]}",
-            str(problem.model),
-            "name a description of the same mechanism",
-        )
-    for load in problem.loads:
-        if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", str(problem.model), "keep the names of the scene")
-    return solve_layout(problem, layout(mechanism))
-
-
-def solve_layout(problem: OldProblem, lay: Layout) -> Solution:
-    """Solves a problem for a mechanism that is loaded and laid out."""
-    work = _Work(problem, lay)
-    return assemble(
-        "screw",
-        screwgauge.__version__,
-        f"rule {problem.rule}",
-        problem.motion,
-        work.part,
-        work.names,
-        work.clock,
-        problem.progress,
-        length=work.system.length,
-    )
+def solve_motion(lay: Layout, problem: Problem, progress: Progress) -> Solution:
+    """Positions, velocities, accelerations and forces of a given motion."""
+    if not isinstance(problem.task, GivenMotion):
+        raise TypeError("the task is no given motion")
+    work = _Work(problem, problem.task, lay)
+    labels = ("screw", __version__, f"rule {problem.rule}")
+    length = work.system.length
+    return assemble(labels, len(problem.task), work.part, work.names, work.clock, progress, length=length)
 
 
 class _Work:
     """What stays the same from part to part."""
 
-    def __init__(self, problem: OldProblem, lay: Layout) -> None:
-        self.problem, self.lay, self.clock = problem, lay, Clock()
+    def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
+        self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
         self.system = closing(lay)
         open_tree = spanning_tree(lay.mechanism)  # that of the model files
         self.path = tree_path(lay.mechanism, open_tree)[1:]
         kept = {edge.joint.name for edge in open_tree.edges}
         self.tree = [c for j in lay.mechanism.joints if j.name in kept for c in lay.columns[j.name]]
-        self.depth = stages(problem.quantities)
+        self.depth = stages(problem.wanted)
         self.reactions: Reactions | None = None
 
     def part(self, rows: slice) -> Part:
-        motion = self.problem.motion.part(rows)
+        motion = self.motion.part(rows)
         with self.clock.stage("positions"):
             at = positions(self.lay, motion.y, motion.t)
         values, trust, A = self._beyond(at, motion)
@@ -87,9 +65,9 @@ class _Work:
         with self.clock.stage("error estimate"):
             return examined(values, trust, again)
 
-    def _beyond(self, at: Pose, motion: Motion) -> tuple[dict[str, Array], Trust, Array]:
+    def _beyond(self, at: Pose, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """All that is wanted from closed poses: values, what they rest on, and the closing system."""
-        lay, wanted = self.lay, self.problem.quantities
+        lay, wanted = self.lay, self.problem.wanted
         out, forces = {"joint_position": at.q}, dict[str, Array]()
         speed = load = None
         if self.depth in "vaf":
@@ -110,30 +88,28 @@ class _Work:
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
-        self, rate: Rates, given: Motion, out: dict[str, Array], conditions: dict[str, Array]
+        self, rate: Rates, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
     ) -> Array | None:
         """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
         lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
-            if problem.quantities <= _JOINTS:
+            if problem.wanted <= _JOINTS:
                 return None
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
         out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
         out["com_acceleration"] = motion.a.reshape(n, -1)
-        gravity = np.array([0.0, 0.0, -9.81]) if problem.gravity is None else problem.gravity
-        if problem.quantities & {"tree_force", "tree_force_soft"}:
+        applied = problem.applied
+        if problem.wanted & {"tree_force", "tree_force_soft"}:
             with self.clock.stage("tree forces"):
-                F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, ())
+                F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, ())
                 out["tree_force"] = out["tree_force_soft"] = self._tree_force(rate, motion, F, T)
         if self.depth != "f":
             return None
         with self.clock.stage("forces"):
-            loads = [(load.body, load.point, load.force, load.torque) for load in problem.loads]
-            pulls = self._springs_and_motors(rate, t) if problem.springs or problem.motors else None
-            if pulls is not None:
-                loads += pulls[1]
-            F, T = dynamics.required_wrench(lay, rate.pose, motion, gravity, loads)
+            pulls = self._springs_and_motors(rate, t) if applied.springs or applied.motors else None
+            loads = (*applied.loads, *(pulls[1] if pulls else ()))
+            F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, loads)
             if pulls is not None:
                 along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
                 F, T = F - along[..., :3], T - along[..., 3:]
@@ -141,11 +117,11 @@ class _Work:
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
         return np.asarray(np.maximum(*sizes))
 
-    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[springs.Load]]:
+    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[Load]]:
         """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
-        mechanism, problem = self.lay.mechanism, self.problem
-        tau, loads = springs.spring_forces(self.lay, rate, problem.springs)
-        for motor in problem.motors:
+        mechanism, applied = self.lay.mechanism, self.problem.applied
+        tau, loads = springs.spring_forces(self.lay, rate, applied.springs)
+        for motor in applied.motors:
             tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
         return tau, loads
 
@@ -166,13 +142,13 @@ class _Work:
         lay, problem, (F, T) = self.lay, self.problem, wrench
         Q = dynamics.generalized_force(lay, rate, motion, F, T)
         out["generalized_force"] = Q
-        if not problem.quantities & {"actuator_force", "reaction"}:
+        if not problem.wanted & {"actuator_force", "reaction"}:
             return
         B = rate.K[:, lay.mechanism.actuated_columns]
         f = dynamics.min_norm(B, Q)
         conditions["actuator_force"] = linear.condition(B)
         axial = problem.rule == "spherical_axial"
-        if axial or "reaction" in problem.quantities:
+        if axial or "reaction" in problem.wanted:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)

@@ -6,33 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.tree.closure import Loops
-from screwgauge.engines.tree.protocol import BodyPoses, Tree
-from screwgauge.engines.tree.rules import axial_forces
-from screwgauge.engines.tree.sizes import Sizes
+from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
+from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.engines.tree.transmission import joint_reactions, joint_sides
-from screwgauge.models.loops import LoopsFile
-from screwgauge.problem import OldProblem
+from screwgauge.problem import Problem
 from screwgauge.reference import linear
-from screwgauge.reference.dynamics import min_norm
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.dynamics import across_direction, min_norm
+from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State, applied_wrenches
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SetOut:
-    """What stays the same over a trajectory."""
-
-    problem: OldProblem
-    tree: Tree
-    file: LoopsFile
-    loops: Loops
-    sizes: Sizes
-
-    @property
-    def driven(self) -> list[int]:
-        """Columns of the actuated coordinates."""
-        return [self.tree.coordinates.index(j.coordinates[0]) for j in self.file.joints if j.actuated]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,63 +36,85 @@ class ClosedForces:
 
 
 def closed_forces(
-    out: SetOut, at: BodyPoses, A: Array, K: Array, motion: tuple[Array, Array, Array, Array], state: State
+    closed: ClosedTree,
+    problem: Problem,
+    at: BodyPoses,
+    system: tuple[Array, Array],
+    motion: tuple[Array, Array, Array, Array],
+    state: State,
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
     Args:
-        A: Closing system without dimension. Shape (n, m + k, n_v).
-        K: Rates of the tree per rate of y. Shape (n, n_v, k).
-        motion: Coordinates, rates, accelerations and forces of the open tree. Shape (n, n_v) each.
+        system: Closing system without dimension, shape (n, m + k, n_v), and velocities of the tree per velocity of y,
+            shape (n, n_v, k).
+        motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
         state: The same motion as springs and motors see it.
     """
-    tau, wanted = motion[3], out.problem.quantities
-    load = _loads(out, at, state)
-    need = tau - np.einsum("nbxi,nbx->ni", at.J, np.concatenate([load[..., 3:], load[..., :3]], axis=2))
+    (A, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
+    wrench = _applied(closed, problem.applied, at, state)
+    need = tau - along_coordinates(at, wrench)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-    largest = np.abs(need * out.sizes.q).max(axis=1) / out.sizes.length
+    largest = np.abs(need * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
     if not wanted & {"actuator_force", "reaction"}:
         return ClosedForces(values, {}, largest)
-    driven = out.driven
+    driven = closed.driven
     f, condition = min_norm(K[:, driven], Q), linear.condition(K[:, driven])
     conditions = {"actuator_force": condition}
-    if out.problem.rule == "spherical_axial":
-        G = out.loops.jacobian(at)
-        f, condition = axial_forces(out.file, out.loops, at, G, need, driven)
+    if problem.rule == "spherical_axial":
+        f, condition = axial_forces(closed, at, need)
         conditions = dict.fromkeys(("actuator_force", "reaction"), condition)
     values["actuator_force"] = f
     if "reaction" not in wanted:
         return ClosedForces(values, conditions, largest)
     rest = need.copy()
     rest[:, driven] -= f
-    multipliers = _multipliers(out, A[:, : A.shape[1] - K.shape[2]], rest)
-    found = out.tree.transmitted(*motion[:3], load + out.loops.wrenches(at, multipliers))
-    reactions, values["reaction"] = joint_reactions(out.file, out.tree, out.loops, at, found, multipliers)
+    G = A[:, : A.shape[1] - K.shape[2]]
+    scaled = linear.solve(G.swapaxes(1, 2), (rest * sizes.q)[..., None])[..., 0]
+    multipliers = np.asarray(scaled / sizes.rows[: G.shape[1]])
+    transmitted = closed.tree.transmitted(*motion[:3], wrench + closed.loops.wrenches(at, multipliers))
+    reactions, values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
 
 
-def _multipliers(out: SetOut, G: Array, rest: Array) -> Array:
-    """Forces of the closing rows that deliver what the actuators leave. Shape (n, m)."""
-    scaled = linear.solve(G.swapaxes(1, 2), (rest * out.sizes.q)[..., None])
-    return np.asarray(scaled[..., 0] / out.sizes.rows[: G.shape[1]])
+def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array) -> tuple[Array, Array]:
+    """Actuator forces for which the force of the spherical joint lies along its line (eq. 56).
 
+    Args:
+        need: Joint forces that actuators and closures must deliver together. Shape (n, n_v).
 
-def _loads(out: SetOut, at: BodyPoses, state: State) -> Array:
-    """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-    found, problem, loops = np.zeros((*at.p.shape[:2], 6)), out.problem, out.loops
-    if problem.springs or problem.motors:
-        found += applied_wrenches(
-            out.file.joints,
-            problem.springs,
-            problem.motors,
-            state,
-            loops.index,
-            lambda joint: joint_sides(joint, loops),
+    Returns:
+        Forces, shape (n, n_actuator), and the condition of the equations, (n,).
+
+    Raises:
+        ModelFileError: The joint is not among the cut ones.
+    """
+    file, loops, driven = closed.file, closed.loops, closed.driven
+    name, direction = file.axial if file.axial else ("", np.zeros(3))
+    columns = [k for k, anchor in enumerate(loops.anchors) if anchor.joint == name and not anchor.angular]
+    joint = next((joint for joint in loops.cut if joint.name == name), None)
+    if joint is None or len(columns) != 1:
+        raise ModelFileError(
+            f"joint '{name}' is not cut in the {file.cut} cut", "rule spherical_axial", "use the minimal cut"
         )
-    for load in problem.loads:
-        i = loops.index[load.body]
-        arm = at.R[:, i] @ (out.tree.com[i - 1] if load.point is None else load.point)
-        found[:, i, :3] += load.force
-        found[:, i, 3:] += load.torque + np.cross(arm, load.force)
-    return found
+    G = loops.jacobian(at)
+    n, m, nv = G.shape
+    system = np.zeros((n, nv + 2, len(driven) + m))
+    system[:, driven, range(len(driven))] = 1.0
+    system[:, :nv, len(driven) :] = G.swapaxes(1, 2)
+    first = len(driven) + 3 * columns[0]
+    system[:, nv:, first : first + 3] = across_direction(at.R[:, loops.index[joint.child]], direction)
+    right = np.concatenate([need, np.zeros((n, 2))], axis=1)
+    return linear.solve(system, right[..., None])[:, : len(driven), 0], linear.condition(system)
+
+
+def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) -> Array:
+    """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
+    wrench = closed.load_wrenches(at, applied)
+    if applied.springs or applied.motors:
+        sides = {joint.name: joint_sides(joint, closed.loops) for joint in closed.file.joints}
+        wrench += applied_wrenches(
+            closed.file.joints, applied, state, closed.loops.index, lambda joint: sides[joint.name]
+        )
+    return wrench

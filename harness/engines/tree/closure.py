@@ -119,11 +119,11 @@ class Loops:
         return out
 
 
-def check_names(tree: Tree, file: LoopsFile, loaded: list[str]) -> None:
+def check_names(tree: Tree, file: LoopsFile) -> None:
     """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
     closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
     differences = (
-        ("has no body", {*file.bodies, *closed, *loaded} - {GROUND, *tree.bodies}),
+        ("has no body", {*file.bodies, *closed} - {GROUND, *tree.bodies}),
         ("has no joint coordinate", set(file.tree) - set(tree.coordinates)),
         ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
         ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),

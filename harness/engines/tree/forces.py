@@ -5,29 +5,26 @@ Poses and Jacobians of bodies are the engine's own; only those of bodies on whic
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
-from screwgauge.engines.tree.protocol import Tree
-from screwgauge.problem import ForwardProblem
-from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
+from screwgauge.engines.tree.protocol import BodyAt, Tree
+from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.errors import SingularPoseError, UnknownNameError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
-
-BodyAt = Callable[[int], tuple[Array, Array, Array]]
-"""Body (ground is 0) -> its R (3, 3), p (3,) and Jacobian (6, n_v), [angular; linear], in world axes."""
 
 Element = Callable[[float, Array, Array, BodyAt, Array], float]
 """Adds what it exerts at (t, q, v) to a force along the coordinates; returns the power put in that is not stored."""
 
 
 @dataclass(frozen=True, slots=True)
-class Forces:
+class Exerted:
     """All that acts besides gravity. `stores_only`: its springs are without dampers, and nothing else acts."""
 
     elements: tuple[Element, ...]
@@ -39,23 +36,23 @@ class Forces:
         return sum(element(t, q, v, body, tau) for element in self.elements)
 
 
-def tree_forces(problem: ForwardProblem, tree: Tree, loops: Loops, springs: Sequence[Spring] | None = None) -> Forces:
+def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
     """Binds what acts to the bodies and coordinates of a tree.
 
     Args:
-        springs: In place of the problem's: an engine may have taken over some of them.
+        start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
 
     Raises:
         UnknownNameError: There is no such body or coordinate.
     """
-    springs = problem.springs if springs is None else springs
+    tree, loops = closed.tree, closed.loops
     elements = [
-        *(_motor(motor, tree, loops, problem.start) for motor in problem.motors),
-        *(_load(load, tree, loops) for load in problem.loads),
-        *(_spring(spring, tree, loops, problem.start) for spring in springs),
+        *(_motor(motor, tree, loops, start) for motor in applied.motors),
+        *(_load(load, tree, loops) for load in applied.loads),
+        *(_spring(spring, tree, loops, start) for spring in applied.springs),
     ]
-    damped = any(spring.damping for spring in problem.springs)
-    return Forces(tuple(elements), not (damped or problem.motors or problem.loads))
+    damped = any(spring.damping for spring in applied.springs)
+    return Exerted(tuple(elements), not (damped or applied.motors or applied.loads))
 
 
 def _body(name: str, loops: Loops) -> int:
@@ -93,7 +90,7 @@ def _cut_reader(joint: Joint, i: int, loops: Loops, start: Array) -> Callable[[B
 
 def _amount(motor: Motor) -> Callable[[float], float]:
     """The motor's force over time; a constant one costs nothing."""
-    if not len(motor.harmonics) and len(motor.polynomial) <= 1:
+    if motor.constant:
         value = motor.force(0.0)
         return lambda t: value
     return motor.force

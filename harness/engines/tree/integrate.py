@@ -8,66 +8,37 @@ closed loops.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolver
 
-from screwgauge.engines.screw.integrate import METHODS, MOST, SIZES
-from screwgauge.engines.tree.closure import Loops, make_loops
-from screwgauge.engines.tree.forces import Forces, tree_forces
-from screwgauge.engines.tree.project import Closing, project
-from screwgauge.engines.tree.protocol import Tree
+from screwgauge.engines.methods import METHODS, MOST, SIZES, check_method
+from screwgauge.engines.parts import Simulated
+from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.forces import Exerted, tree_forces
+from screwgauge.engines.tree.inverse import solve_motion
+from screwgauge.engines.tree.project import project
+from screwgauge.engines.tree.protocol import Mover
 from screwgauge.engines.tree.reading import Path, read_path
-from screwgauge.engines.tree.start import Stopwatch, loops_file, start_state
-from screwgauge.models.loops import LoopsFile
-from screwgauge.problem import ForwardProblem
+from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, quiet
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.continuation import OPEN
-from screwgauge.reference.errors import ClosureError, SingularPoseError, UnknownNameError
+from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import ForwardSolution
+from screwgauge.solution import Cost, Solution, Stopwatch
 
 #: The largest of so many last steps leads over a pose of unsafe accelerations: before it, steps may have shrunk.
 RECENT = 10
 #: Step of the differences by which implicit methods see the slope's derivative [rad, m and per s].
 DIFFERENCE = 1e-8
 
-Counts = tuple[int, int, float, float]
-"""Steps, steps made anew, wall and processor time [s]."""
-
-
-class Mover(Closing, Protocol):
-    """An engine that gives the accelerations of its closed tree, one state at a time."""
-
-    setting: str
-
-    @property
-    def tree(self) -> Tree:
-        """The open tree of its model."""
-        ...
-
-    def body(self, index: int) -> tuple[Array, Array, Array]:
-        """R, p and Jacobian of a body there, see `screwgauge.engines.tree.forces.BodyAt`."""
-        ...
-
-    def accelerate(self, tau: Array) -> Array:
-        """Accelerations there for forces along the coordinates, an array that stays as it is. Shape (n_v,).
-
-        Raises:
-            SingularPoseError: They are not safe.
-        """
-        ...
-
-    def notes(self) -> tuple[str, ...]:
-        """What is worth saying after a motion."""
-        ...
-
 
 class _Run:
     """The motion while it is integrated."""
 
-    def __init__(self, mover: Mover, forces: Forces) -> None:
+    def __init__(self, mover: Mover, forces: Exerted) -> None:
         self.mover, self.forces = mover, forces
         self.n = len(mover.tree.coordinates)
         self.closed = bool(mover.tree.closures)
@@ -131,118 +102,129 @@ class _Run:
         return float(state[-1])
 
 
-def integrate_tree(problem: ForwardProblem, make: Callable[[LoopsFile], Mover]) -> ForwardSolution:
-    """Integrates a problem with an engine's accelerations.
-
-    Args:
-        make: Loads the engine's model for a loops file.
+def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
+    """Integrates a motion by scipy's methods on an engine's accelerations.
 
     Raises:
-        ScrewgaugeError: A model, start, method or force that cannot be, or a start of unsafe accelerations.
+        ScrewgaugeError: A start, method or force that cannot be, or a start of unsafe accelerations.
     """
-    if problem.method.name not in METHODS:
-        raise UnknownNameError("method", problem.method.name, METHODS)
-    file = loops_file(problem)
-    mover = make(file)
-    loops = make_loops(mover.tree, file)
-    q, v = start_state(problem, mover.tree, file)
-    run = _Run(mover, tree_forces(problem, mover.tree, loops))
+    method = task.integration
+    check_method(method.name)
+    q, v = start_state(closed, task)
+    run = _Run(mover, tree_forces(closed, problem.applied, task.start))
     state = np.concatenate([q, v, [0.0]])
-    work = [run.keep(float(problem.times[0]), state)]
-    counts, stopped = ((0, 0, 0.0, 0.0), "")
-    if len(problem.times) > 1:
-        counts, stopped = _steps(run, problem, state, work)
-    return _solution(run, problem, (file, loops), np.array(work), counts, stopped)
-
-
-def _steps(run: _Run, problem: ForwardProblem, state: Array, work: list[float]) -> tuple[Counts, str]:
-    """Steps through all times. Returns counts and why it stopped."""
-    times, method = problem.times, METHODS[problem.method.name]
-    options: dict[str, Any] = {"rtol": problem.method.rtol, "atol": problem.method.atol}
-    if problem.method.name != "DOP853":
-        options["jac"] = run.jacobian
-    # a multistep method remembers states that no correction reaches
-    back = run.closed and problem.method.name != "BDF"
-    taken = over = tries = 0
-    recent: deque[float] = deque(maxlen=RECENT)
-    clock = Stopwatch()
-    solver, size = method(run.slope, times[0], state, times[-1], **options), None
-    safe = solver.t, solver.y
-    while len(work) < len(times):
-        try:
-            if size is not None:
-                solver = method(run.slope, *safe, times[-1], first_step=size, **options)
-            message = solver.step()
-            if solver.status == "failed":
-                break
-            with clock.aside():
-                between = _between(solver, times, work)
-            if back and solver.status == "running":
-                solver.y = run.back(solver.y)
-                solver.f = run.slope(solver.t, solver.y)
-            with clock.aside():
-                _keep(run, solver, between, times, work)
-        except SingularPoseError as error:
-            if tries == len(SIZES) or over == MOST:
-                message = f"no step leads on; {error}"
-                break
-            size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - safe[0])
-            tries, over = tries + 1, over + 1
-            continue
-        except ClosureError as error:
-            message = str(error)
-            break
-        taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
-        recent.append(solver.step_size)
-        run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
-        problem.progress((solver.t - times[0]) / (times[-1] - times[0]))
-    stopped = "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
-    return (taken, over, *clock.read()), stopped
-
-
-def _between(solver: OdeSolver, times: Array, work: list[float]) -> DenseOutput | None:
-    """The motion within the last step, if it passed a wanted time."""
-    return solver.dense_output() if times[len(work)] <= solver.t else None
-
-
-def _keep(run: _Run, solver: OdeSolver, between: DenseOutput | None, times: Array, work: list[float]) -> None:
-    """Keeps the motion at all wanted times that the last step passed."""
-    while between is not None and len(work) < len(times) and times[len(work)] <= solver.t:
-        t = float(times[len(work)])
-        work.append(run.keep(t, solver.y if t == solver.t else between(t)))
-
-
-def _solution(
-    run: _Run,
-    problem: ForwardProblem,
-    model: tuple[LoopsFile, Loops],
-    work: Array,
-    counts: Counts,
-    stopped: str,
-) -> ForwardSolution:
-    file, loops = model
-    tree, (steps, over, seconds, cpu) = run.mover.tree, counts
-    found = read_path(tree, loops, file, run.path, problem.start)
-    notes = list(run.mover.notes())
+    work = [run.keep(float(task.grid[0]), state)]
+    steps = _Steps(run, task, progress)
+    stopped = steps.all(state, work) if len(task.grid) > 1 else ""
+    path = read_path(closed, run.path, task.start)
+    notes = list(mover.notes())
     if run.closed:
-        gap, rate = run.drift
-        notes.append(f"largest drift off the closed loops that was removed: {gap:.1e} (m, rad), {rate:.1e} /s")
-    if over:
-        notes.append(f"{over} steps were made anew with another size, as they met unsafe accelerations")
-    method = problem.method
-    return ForwardSolution(
-        engine=tree.engine,
-        version=tree.version,
-        setting=f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {run.mover.setting}",
-        q=found.q,
-        v=found.v,
-        a=found.a,
-        work=work,
-        condition=found.condition,
-        steps=steps,
-        evaluations=run.evaluations,
-        seconds=seconds,
-        cpu=cpu,
+        residual, rate = run.drift
+        notes.append(f"largest drift off the closed loops that was removed: {residual:.1e} (m, rad), {rate:.1e} /s")
+    if steps.over:
+        notes.append(f"{steps.over} steps were made anew with another size, as they met unsafe accelerations")
+    simulated = Simulated(
+        q=path.q,
+        v=path.v,
+        a=path.a,
+        work=np.array(work),
+        condition=path.condition,
+        cost=replace(steps.cost, evaluations=run.evaluations),
         stopped=stopped,
         notes=tuple(notes),
     )
+    tree = closed.tree
+    setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"
+    return simulated.solution((tree.engine, tree.version, setting), closed.file.joints, task)
+
+
+class _Steps:
+    """Steps through all times.
+
+    Attributes:
+        over: Steps that were made anew.
+        cost: What the steps took.
+    """
+
+    def __init__(self, run: _Run, task: InitialValue, progress: Progress) -> None:
+        self.run, self.times, self.progress, self.over = run, task.grid, progress, 0
+        self.method, self.cost = METHODS[task.integration.name], Cost(0.0, 0.0)
+        self.options: dict[str, Any] = {"rtol": task.integration.rtol, "atol": task.integration.atol}
+        if task.integration.name != "DOP853":
+            self.options["jac"] = run.jacobian
+        # a multistep method remembers states that no correction reaches
+        self.back = run.closed and task.integration.name != "BDF"
+
+    def all(self, state: Array, work: list[float]) -> str:
+        """Adds to `work` at every wanted time; returns why it stopped."""
+        run, times = self.run, self.times
+        taken = tries = 0
+        recent: deque[float] = deque(maxlen=RECENT)
+        clock, message = Stopwatch(), ""
+        solver, size = self.method(run.slope, times[0], state, times[-1], **self.options), None
+        safe = solver.t, solver.y
+        while len(work) < len(times):
+            try:
+                if size is not None:
+                    solver = self.method(run.slope, *safe, times[-1], first_step=size, **self.options)
+                message = solver.step()
+                if solver.status == "failed":
+                    break
+                with clock.aside():
+                    between = solver.dense_output() if times[len(work)] <= solver.t else None
+                if self.back and solver.status == "running":
+                    solver.y = run.back(solver.y)
+                    solver.f = run.slope(solver.t, solver.y)
+                with clock.aside():
+                    self._keep(solver, between, work)
+            except SingularPoseError as error:
+                if tries == len(SIZES) or self.over == MOST:
+                    message = f"no step leads on; {error}"
+                    break
+                size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - safe[0])
+                tries, self.over = tries + 1, self.over + 1
+                continue
+            except ClosureError as error:
+                message = str(error)
+                break
+            taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
+            recent.append(solver.step_size)
+            run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
+            self.progress((solver.t - times[0]) / (times[-1] - times[0]))
+        self.cost = clock.cost(steps=taken)
+        return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
+
+    def _keep(self, solver: OdeSolver, between: DenseOutput | None, work: list[float]) -> None:
+        """Keeps the motion at all wanted times that the last step passed."""
+        times = self.times
+        while between is not None and len(work) < len(times) and times[len(work)] <= solver.t:
+            t = float(times[len(work)])
+            work.append(self.run.keep(t, solver.y if t == solver.t else between(t)))
+
+
+def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
+    """Closed pose and velocities at the start, reached from home on the engine's own poses. Shape (n_v,) each.
+
+    Raises:
+        ScrewgaugeError: Wrong shapes, or the loops cannot close there.
+    """
+    k = len(closed.file.independent)
+    for what, values in (("start", task.start), ("rates", task.rates)):
+        if np.shape(values) != (k,):
+            raise DescriptionError(
+                f"{what} of shape {np.shape(values)} for {k} independent coordinates",
+                closed.file.mechanism,
+                f"give {k} numbers",
+            )
+    y, yd = task.start[None].astype(float), task.rates[None].astype(float)
+    wanted = frozenset(("joint_position", "joint_velocity"))
+    at_start = Problem(Applied(), GivenMotion(task.grid[:1].astype(float), y, yd, np.zeros_like(y)), wanted)
+    solution = solve_motion(closed, at_start, quiet)
+    q, v = (solution.values[name].pick(closed.tree.coordinates).array[0] for name in sorted(wanted))
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise SingularPoseError(
+            "the independent coordinates do not determine the motion there",
+            f"{closed.tree.engine}, start of {closed.file.mechanism}",
+            "start elsewhere or choose other coordinates",
+        )
+    return q.copy(), v.copy()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from screwgauge.engines.tree.protocol import Mover
 from screwgauge.reference.continuation import ROUNDING
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
@@ -15,18 +15,6 @@ from screwgauge.reference.rotations import Array
 #: the loops the smallest correction would be a long one along what the rows hardly see.
 SMALLEST = 1e-7
 MOST = 4  # from a state that drifted by 1e-6 two corrections are enough
-
-
-class Closing(Protocol):
-    """An engine that says how far its loops are open."""
-
-    def place(self, q: Array, v: Array) -> None:
-        """Goes to a state. Shape (n_v,)."""
-        ...
-
-    def closure(self) -> tuple[Array, Array]:
-        """How far the loops are open there [m or rad], shape (m,), and the derivative G, shape (m, n_v)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +34,7 @@ class Projected:
     left: float
 
 
-def project(closing: Closing, q: Array, v: Array) -> Projected:
+def project(mover: Mover, q: Array, v: Array) -> Projected:
     """Brings a state back onto the closed loops and leaves the engine there.
 
     Newton's method with one factorisation: what drifted by 1e-6 is closed to 1e-12 by the first correction.
@@ -54,8 +42,8 @@ def project(closing: Closing, q: Array, v: Array) -> Projected:
     Raises:
         SingularPoseError: The state has grown until it is no pose any more.
     """
-    closing.place(q, v)
-    gaps, G = closing.closure()
+    mover.place(q, v)
+    gaps, G = mover.closure()
     if not len(gaps):
         return Projected(q, v, 0.0, 0.0, 0.0)
     gap = left = float(np.abs(gaps).max())
@@ -72,18 +60,18 @@ def project(closing: Closing, q: Array, v: Array) -> Projected:
         if not ROUNDING < left < np.inf:
             break
         trial = q - inverse @ gaps
-        closing.place(trial, v)
-        gaps, found = closing.closure()
+        mover.place(trial, v)
+        gaps, found = mover.closure()
         after = float(np.abs(gaps).max())
         if not after < left:
-            closing.place(q, v)
+            mover.place(q, v)
             break
         stalled, (q, G, left) = after > 0.5 * left, (trial, found, after)
         if stalled:
             break
     for _ in range(2):
         v = v - inverse @ (G @ v)
-    closing.place(q, v)
+    mover.place(q, v)
     return Projected(q, v, gap, rate, left)
 
 

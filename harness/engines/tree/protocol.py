@@ -1,12 +1,18 @@
-"""What a tree engine (Pinocchio, MuJoCo) has to say about its open tree; everything else follows from it."""
+"""What a tree engine (Pinocchio, MuJoCo) has to say about its open tree, and how it moves."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
 
 from screwgauge.models.layout import Closure
+from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.rotations import Array
+from screwgauge.solution import Cost
+
+if TYPE_CHECKING:
+    from screwgauge.engines.tree.closed import ClosedTree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +39,10 @@ class Tree(Protocol):
     closures: tuple[Closure, ...]
     parents: tuple[str, ...]  # tree parent of each body
     com: Array  # centre of mass in each body's frame [m], shape (n_body, 3)
+
+    def under(self, gravity: Array | None) -> None:
+        """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
+        ...
 
     def poses(self, q: Array) -> BodyPoses:
         """Shape (n, n_v)."""
@@ -71,4 +81,127 @@ class Tree(Protocol):
         Returns:
             Shape (n, n_body + 1, 6); ground's is zero.
         """
+        ...
+
+
+BodyAt = Callable[[int], tuple[Array, Array, Array]]
+"""Body (ground is 0) -> its R (3, 3), p (3,) and Jacobian (6, n_v), [angular; linear], in world axes."""
+
+
+class Mover(Protocol):
+    """An engine that gives the accelerations of its closed tree, one state at a time."""
+
+    setting: str
+
+    @property
+    def tree(self) -> Tree:
+        """The open tree of its model."""
+        ...
+
+    def place(self, q: Array, v: Array) -> None:
+        """Goes to a state. Shape (n_v,)."""
+        ...
+
+    def closure(self) -> tuple[Array, Array]:
+        """Closure residuals there [m or rad], shape (m,), and their derivative G, shape (m, n_v)."""
+        ...
+
+    def body(self, index: int) -> tuple[Array, Array, Array]:
+        """R, p and Jacobian of a body there, see `BodyAt`."""
+        ...
+
+    def accelerate(self, tau: Array) -> Array:
+        """Accelerations there for forces along the coordinates, an array that stays as it is. Shape (n_v,).
+
+        Raises:
+            SingularPoseError: They are not safe.
+        """
+        ...
+
+    def notes(self) -> tuple[str, ...]:
+        """What is worth saying after a motion."""
+        ...
+
+
+class Stepper(Protocol):
+    """An engine's own integrator at a fixed step."""
+
+    setting: str
+    order: int  # of its method
+
+    @property
+    def tree(self) -> Tree:
+        """The open tree of its model."""
+        ...
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        """Goes to the start."""
+        ...
+
+    def walk(self, t: float, h: float, n: int) -> None:
+        """Makes n steps of size h from time t on.
+
+        Raises:
+            SingularPoseError: It cannot go on.
+        """
+        ...
+
+    def state(self) -> tuple[Array, Array]:
+        """Coordinates and velocities now, arrays that stay as they are. Shape (n_v,) each."""
+        ...
+
+    def accelerations(self, t: float) -> Array:
+        """Accelerations now, an array that stays as it is. Shape (n_v,)."""
+        ...
+
+    def look(self, q: Array, v: Array) -> BodyAt:
+        """Poses of bodies at a state, on another copy of the engine's data."""
+        ...
+
+    def notes(self) -> tuple[str, ...]:
+        """What is worth saying after a motion."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Accelerations:
+    """Accelerations of states for given forces.
+
+    Attributes:
+        a: Of the tree's coordinates. Shape (n, n_v).
+        cost: Of the engine's own calls.
+        condition: Condition number of what was solved, if it was looked at. Shape (n,).
+        tolerances: Quantity -> absolute error that the engine itself admits.
+    """
+
+    a: Array
+    cost: Cost
+    condition: Array | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+class Dynamics(Protocol):
+    """What moves an engine's tree, with the settings that it was loaded with.
+
+    Attributes:
+        setting: In words.
+        dt: Step of the engine's own integrator [s]; None for scipy's methods on its accelerations.
+        naive: What the engine says of the actuated joints is taken for the actuator forces.
+    """
+
+    setting: str
+    dt: float | None
+    naive: bool
+
+    def mover(self) -> Mover:
+        """Its accelerations, made as exact as it can."""
+        ...
+
+    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper:
+        """Its own integrator for a problem."""
+        ...
+
+    def accelerate(self, q: Array, v: Array, tau: Array) -> Accelerations:
+        """Accelerations of states as they are, for forces along the coordinates. Shape (n, n_v) each."""
         ...

@@ -6,12 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.engines.tree.closure import Loops
-from screwgauge.engines.tree.cut_joints import SURE, Chart, Flags, follow
-from screwgauge.engines.tree.protocol import BodyPoses, Tree
-from screwgauge.models.loops import LoopsFile
+from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
 from screwgauge.reference import linear
-from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
 
 _MEMORY = 2e7  # bytes of the Jacobians of all bodies that are held at a time
@@ -58,7 +55,7 @@ class Reading:
     condition: Array
 
 
-def read_path(tree: Tree, loops: Loops, file: LoopsFile, path: Path, start: Array) -> Reading:
+def read_path(closed: ClosedTree, path: Path, start: Array) -> Reading:
     """Reads the wanted states of a path, angles of cut joints followed along all its states.
 
     Args:
@@ -66,83 +63,43 @@ def read_path(tree: Tree, loops: Loops, file: LoopsFile, path: Path, start: Arra
     """
     q, v = np.array(path.q), np.array(path.v)
     rows, a = np.array(path.wanted, dtype=np.intp), np.array(path.a)
-    turned = {name: x[rows] for name, x in _followed(tree, loops, np.array(path.t), (q, v), start).items()}
+    turned = {name: x[rows] for name, x in _followed(closed, np.array(path.t), q, v, start).items()}
     parts = [
-        _part(tree, loops, file, q[rows[i]], v[rows[i]], a[i], {n: x[i] for n, x in turned.items()})
-        for i in _blocks(tree, len(rows))
+        _part(closed, q[rows[i]], v[rows[i]], a[i], {n: x[i] for n, x in turned.items()})
+        for i in _blocks(closed, len(rows))
     ]
-    return Reading(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
+    return Reading(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "a", "condition")))
 
 
-def _blocks(tree: Tree, n: int) -> list[slice]:
+def _blocks(closed: ClosedTree, n: int) -> list[slice]:
+    tree = closed.tree
     size = max(1, int(_MEMORY / (48 * (len(tree.bodies) + 1) * max(1, len(tree.coordinates)))))
     return [slice(i, min(n, i + size)) for i in range(0, n, size)]
 
 
-def _followed(tree: Tree, loops: Loops, t: Array, states: tuple[Array, Array], start: Array) -> dict[str, Array]:
-    """Angles of cut joints at all states, each step from one state to the next predicted by the rates."""
+def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) -> dict[str, Array]:
+    """Angles of cut joints at all states, each step from one state to the next predicted by the velocities."""
+    loops = closed.loops
     if not loops.cut:
         return {}
-    q, v = states
-    found: dict[str, list[tuple[Array, Array, Flags]]] = {joint.name: [] for joint in loops.cut}
-    for block in _blocks(tree, len(t)):
-        at = tree.poses(q[block])
-        for joint, chart in zip(loops.cut, loops.charts(at).values(), strict=True):
-            rates = _rates(joint, chart, loops, at, v[block])
-            found[joint.name].append((chart.q, rates, chart.condition < SURE))
+    blocks: dict[str, list[tuple[Array, Array, Flags]]] = {joint.name: [] for joint in loops.cut}
+    for block in _blocks(closed, len(t)):
+        at = closed.tree.poses(q[block])
+        charts = loops.charts(at)
+        for name, rates in closed.cut_velocities(at, charts, v[block]).items():
+            blocks[name].append((charts[name].q, rates, charts[name].condition < SURE))
     followed = {}
     for joint in loops.cut:
-        angles, rates, sure = (np.concatenate(parts) for parts in zip(*found[joint.name], strict=True))
+        angles, rates, sure = (np.concatenate(parts) for parts in zip(*blocks[joint.name], strict=True))
         followed[joint.name] = follow(loops.begin(joint, start), angles, sure, t, rates)
     return followed
 
 
-def _rates(joint: Joint, chart: Chart, loops: Loops, at: BodyPoses, v: Array) -> Array:
-    """Rates of a cut joint's coordinates. Shape (n, m)."""
-    return np.asarray((chart.rates(loops.relative(joint, at.J)) @ v[..., None])[..., 0])
-
-
-def _part(
-    tree: Tree, loops: Loops, file: LoopsFile, q: Array, v: Array, a: Array, turned: dict[str, Array]
-) -> tuple[Array, Array, Array, Array]:
-    at = tree.poses(q)
-    charts = {name: chart.near(turned[name]) for name, chart in loops.charts(at).items()}
-    cut_v = {joint.name: _rates(joint, charts[joint.name], loops, at, v) for joint in loops.cut}
-    cut_a: dict[str, Array] = {}
-    if loops.cut:
-        V, A = tree.accelerations(q, v, a)
-        cut_a = {
-            joint.name: charts[joint.name].bias(
-                cut_v[joint.name],
-                V[:, loops.index[joint.parent], :3],
-                loops.relative(joint, V),
-                loops.relative(joint, A),
-            )
-            for joint in loops.cut
-        }
-    condition = linear.condition(_closed(loops, at, charts))
-    tables = ((q, turned), (v, cut_v), (a, cut_a))
-    values = [_joints(tree, file, inside, cut) for inside, cut in tables]
-    return values[0], values[1], values[2], condition
-
-
-def _closed(loops: Loops, at: BodyPoses, charts: dict[str, Chart]) -> Array:
-    """Closing rows above one row for each independent coordinate. Shape (n, m + k, n_v)."""
-    rows, joints = [loops.jacobian(at)], {joint.name: joint for joint in loops.cut}
-    for column, name, i in loops.independent:
-        if column is None:
-            row = charts[name].rates(loops.relative(joints[name], at.J))[:, i]
-        else:
-            row = np.tile(np.eye(at.J.shape[3])[column], (len(at.J), 1))
-        rows.append(row[:, None])
-    return np.concatenate(rows, axis=1)
-
-
-def _joints(tree: Tree, file: LoopsFile, inside: Array, cut: dict[str, Array]) -> Array:
-    """All joint coordinates, in the order of the description. Shape (n, n_q)."""
-    columns = [
-        cut[joint.name][:, i] if joint.name in cut else inside[:, tree.coordinates.index(name)]
-        for joint in file.joints
-        for i, name in enumerate(joint.coordinates)
-    ]
-    return np.stack(columns, axis=1)
+def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Array]) -> Reading:
+    at = closed.tree.poses(q)
+    charts = {name: chart.near(turned[name]) for name, chart in closed.loops.charts(at).items()}
+    cut_v, cut_a = closed.cut_velocities(at, charts, v), dict[str, Array]()
+    if closed.loops.cut:
+        cut_a = closed.cut_accelerations(charts, cut_v, *closed.tree.accelerations(q, v, a))
+    condition = linear.condition(closed.closing_rows(at, charts))
+    return Reading(closed.joints(q, turned), closed.joints(v, cut_v), closed.joints(a, cut_a), condition)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
-from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array
 
 
 def joint_reactions(
-    file: LoopsFile, tree: Tree, loops: Loops, at: BodyPoses, transmitted: Array, multipliers: Array
+    closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array
 ) -> tuple[Reactions, Array]:
     """Reaction components of every joint of the description, tree and cut ones alike.
 
@@ -24,7 +24,7 @@ def joint_reactions(
     Returns:
         The components, and their values [N or N m], shape (n, m).
     """
-    n = len(at.p)
+    file, tree, loops, n = closed.file, closed.tree, closed.loops, len(at.p)
     force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
     sides = [joint_sides(joint, loops) for joint in file.joints]
     for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):

@@ -1,4 +1,4 @@
-"""What makes a scene a forward one: start and method, observables, a known solution, published results."""
+"""What is followed in a simulation: observables, their known values, published results."""
 
 from __future__ import annotations
 
@@ -9,35 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.problem import Method
+from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import check_coordinate
 from screwgauge.scene.motion import read_columns
+from screwgauge.solution import Values
 
-METHODS = ("DOP853", "Radau", "BDF")
-EXPLICIT = ("DOP853",)
 #: What a published accuracy is one of.
 MEASURES = ("observable", "energy")
 _AXES = {"x": 0, "y": 1, "z": 2}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Forward:
-    """Where a motion starts and how it is integrated.
-
-    Attributes:
-        start, rates: Independent coordinates [rad or m] and their rates at the start. Shape (k,).
-        since: Time of the start [s].
-    """
-
-    start: Array
-    rates: Array
-    since: float
-    method: Method
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,42 +75,6 @@ class Published:
     accuracy: float
     cpu_s: float
     remark: str
-
-
-def read_forward(table: Any, mechanism: Mechanism, since: float, where: str) -> Forward:
-    """Reads ``[forward]``."""
-    check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
-    home = mechanism.home[mechanism.independent_columns]
-    usual = Method()
-    name = read_text(table, "method", where, usual.name)
-    if name not in METHODS:
-        raise UnknownNameError("method", name, METHODS, where)
-    amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
-    for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
-        if not least < amounts[key] < most:
-            raise DescriptionError(
-                f"{amounts[key]:g} is not between {least:g} and {most:g}",
-                f"{where}.{key}",
-                "give such a number",
-            )
-    return Forward(
-        start=_state(table, "start", mechanism, home, where),
-        rates=_state(table, "rates", mechanism, np.zeros_like(home), where),
-        since=since,
-        method=Method(name, **amounts),
-    )
-
-
-def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
-    """Label -> value, the usual one where a label is not named. Shape (k,)."""
-    labels, given = list(mechanism.independent), table.get(key, {})
-    check_keys(given, labels, f"{where}.{key}")
-    return np.array(
-        [
-            number(given[label], f"{where}.{key}.{label}") if label in given else own
-            for label, own in zip(labels, usual.tolist(), strict=True)
-        ]
-    )
 
 
 def read_observable(table: Any, mechanism: Mechanism, where: str) -> Observable:
@@ -185,3 +134,38 @@ def read_published(table: Any, where: str) -> Published:
         remark=read_text(table, "remark", where, ""),
         **stated,
     )
+
+
+def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
+    """Values of the observables at joint coordinates `q`, shape (n, n_q)."""
+    at, columns = pose(lay, q), []
+    for item in observables:
+        if item.point is None:
+            columns.append(q[:, lay.mechanism.coordinates.index(item.coordinate)])
+        else:
+            i = lay.mechanism.body_index[item.body]
+            columns.append(at.p[:, i, item.axis] + at.R[:, i, item.axis] @ item.point)
+    return _values(observables, np.stack(columns, axis=1))
+
+
+def known_values(known: Known, observables: Sequence[Observable], t: Array, where: str) -> tuple[Values, Rows]:
+    """The reference at the times of a scene, NaN where it has none, and the rows where it has.
+
+    Raises:
+        DescriptionError: It has none of the scene's times.
+    """
+    array = np.full((len(t), len(observables)), np.nan)
+    nearest = np.abs(known.t[None] - t[:, None]).argmin(axis=1)
+    # times that differ only in how their decimals were rounded are the same
+    rows: Rows = np.flatnonzero(np.isclose(known.t[nearest], t, rtol=1e-12, atol=1e-15))
+    if not rows.size:
+        raise DescriptionError(
+            "the reference has none of the scene's times", where, "leave out [time], or change its step"
+        )
+    array[rows] = known.values[nearest[rows]]
+    return _values(observables, array), rows
+
+
+def _values(observables: Sequence[Observable], array: Array) -> Values:
+    names, units = zip(*((item.name, item.unit) for item in observables), strict=True)
+    return Values(names, units, array)

@@ -1,0 +1,114 @@
+"""The engines `mujoco` and `mujoco-full`: MuJoCo on an MJCF with equality constraints."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+
+from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.mujoco.settings import Settings
+from screwgauge.engines.mujoco.softness import EXACT, heard, refine
+from screwgauge.engines.mujoco.steps import MujocoStepper, sprung_model
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.engines.tree.closed import ClosedTree, close_tree
+from screwgauge.engines.tree.forces import tree_forces
+from screwgauge.engines.tree.model import TreeModel, loops_file
+from screwgauge.engines.tree.protocol import Accelerations
+from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
+from screwgauge.reference import linear
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Stopwatch
+
+
+def load(files: ModelFiles, **settings: Any) -> MujocoModel:
+    """Loads an MJCF with its loops file; see `screwgauge.engines.mujoco.settings.Settings`."""
+    file = loops_file(files)
+    with heard():
+        tree = MujocoTree(files.model, file)
+    return MujocoModel(close_tree(tree, file), MujocoDynamics(files.model, tree, Settings(**settings)))
+
+
+class MujocoModel(TreeModel):
+    """A tree whose engine warns."""
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        with heard() as warnings:
+            solution = super().solve(problem, progress)
+        said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
+        return replace(solution, notes=(*solution.notes, *said))
+
+
+class MujocoDynamics:
+    """What moves an MJCF. See `screwgauge.engines.tree.protocol.Dynamics`."""
+
+    def __init__(self, mjcf: Path, tree: MujocoTree, settings: Settings) -> None:
+        self.mjcf, self.tree, self.settings = mjcf, tree, settings
+        self.dt, self.naive = settings.dt, settings.naive
+        self.setting = settings.states
+        self.model = _welded(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
+        settings.soften(self.model)
+        if settings.solimp is not None:
+            self.model.opt.tolerance = EXACT
+        self.data = mujoco.MjData(self.model)
+
+    def mover(self) -> MujocoMover:
+        return MujocoMover(self.tree)
+
+    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
+        applied = problem.applied
+        tree_forces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
+        sprung = sprung_model(self.mjcf, applied, self.tree)
+        held = tree_forces(closed, sprung.left, task.start)
+        return MujocoStepper(sprung, self.tree, applied, held, self.settings, self.settings.steps)
+
+    def accelerate(self, q: Array, v: Array, tau: Array) -> Accelerations:
+        model, data, out, clock = self.model, self.data, np.empty_like(q), Stopwatch()
+        model.opt.gravity[:] = self.tree.model.opt.gravity
+        for i in range(len(q)):
+            data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[i], v[i], tau[i]
+            data.qacc_warmstart[:] = 0.0
+            if self.settings.weld:
+                with clock.aside():
+                    _align(model, data)
+            mujoco.mj_forward(model, data)
+            out[i] = data.qacc
+            refine(model, data, out[i], self.settings.passes, same=0.0)
+        cost = clock.cost(evaluations=len(q))
+        if not self.settings.examine:
+            return Accelerations(out, cost)
+        J = data.efc_J[: data.nefc * model.nv].reshape(-1, model.nv).copy()
+        moved = np.empty_like(J)
+        mujoco.mj_solveM(model, data, moved, J)
+        # J M^-1 J^T + R at the last state, with MuJoCo's regularisation R
+        condition = linear.condition(J @ moved.T + np.diag(data.efc_R[: len(J)]))
+        freedoms = model.nv - linear.rank(J)
+        return Accelerations(out, cost, np.full(len(q), condition), {}, (f"rank leaves {freedoms} freedoms",))
+
+
+def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
+    """The model with every closure a weld of the frames of its cut joint."""
+    root = ET.parse(mjcf).getroot()
+    equality = root.find("equality")
+    if equality is not None:
+        equality.clear()
+        for closure in tree.closures:
+            sides = {"site1": f"{closure.joint}@parent", "site2": f"{closure.joint}@child"}
+            ET.SubElement(equality, "weld", {"name": closure.joint, **sides})
+    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+
+
+def _align(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Turns the second frame of every weld so that it agrees with the first."""
+    mujoco.mj_kinematics(model, data)
+    for e in range(model.neq):
+        if model.eq_type[e] == mujoco.mjtEq.mjEQ_WELD:
+            first, second = model.eq_obj1id[e], model.eq_obj2id[e]
+            body = data.xmat[model.site_bodyid[second]].reshape(3, 3)
+            turn = body.T @ data.site_xmat[first].reshape(3, 3)
+            mujoco.mju_mat2Quat(model.site_quat[second], turn.ravel())

@@ -1,0 +1,163 @@
+"""An engine's open tree with the loops that close it: what inverse dynamics, simulation and states share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.engines.tree.closure import Loops, check_names, make_loops
+from screwgauge.engines.tree.cut_joints import Chart
+from screwgauge.engines.tree.protocol import BodyPoses, Tree
+from screwgauge.engines.tree.sizes import Sizes, make_sizes
+from screwgauge.models.loops import LoopsFile
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.mechanism import Joint, actuator_names
+from screwgauge.reference.rotations import Array
+
+Charts = dict[str, Chart]
+"""Cut joint -> its coordinates at some poses."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedTree:
+    """A loaded tree, the joints that were cut, and the units in which its closing equations have no dimension."""
+
+    tree: Tree
+    file: LoopsFile
+    loops: Loops
+
+    @cached_property
+    def home(self) -> Array:
+        """Tree coordinates at home [rad or m]. Shape (n_v,)."""
+        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
+        return np.array([values[name] for name in self.tree.coordinates])
+
+    @cached_property
+    def y_home(self) -> Array:
+        """Independent coordinates at home [rad or m]. Shape (k,)."""
+        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
+        return np.array([values[name] for name in self.file.independent.values()])
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        return make_sizes(self.tree, self.file, self.loops, self.home)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """All joint coordinates, in the order of the description."""
+        return tuple(name for joint in self.file.joints for name in joint.coordinates)
+
+    @cached_property
+    def tree_names(self) -> tuple[str, ...]:
+        """Coordinates of the tree, in the order of the description."""
+        return tuple(name for name in self.names if name in self.tree.coordinates)
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Where `tree_names` stand among the tree's own coordinates."""
+        return [self.tree.coordinates.index(name) for name in self.tree_names]
+
+    @cached_property
+    def driven(self) -> list[int]:
+        """Columns of the actuated coordinates in the tree."""
+        return [self.tree.coordinates.index(j.coordinates[0]) for j in self.file.joints if j.actuated]
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of the actuators."""
+        return actuator_names(self.file.joints)
+
+    @cached_property
+    def bodies(self) -> list[int]:
+        """The bodies of the description among those of the tree, ground being 0."""
+        return [self.loops.index[name] for name in self.file.bodies]
+
+    def cut_joint(self, name: str) -> Joint:
+        return next(joint for joint in self.loops.cut if joint.name == name)
+
+    def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
+        """All joint coordinates, or their derivatives, in the order of the description.
+
+        Args:
+            tree_values: Shape (n, n_v).
+            cut_values: Cut joint -> shape (n, m).
+
+        Returns:
+            Shape (n, n_q).
+        """
+        columns = [
+            cut_values[joint.name][:, i]
+            if joint.name in cut_values
+            else tree_values[:, self.tree.coordinates.index(name)]
+            for joint in self.file.joints
+            for i, name in enumerate(joint.coordinates)
+        ]
+        return np.stack(columns, axis=1)
+
+    def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
+        """Velocities of the cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
+        return {joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut}
+
+    def cut_velocities(self, at: BodyPoses, charts: Charts, v: Array) -> dict[str, Array]:
+        """Cut joint -> velocities of its coordinates. Shape (n, m)."""
+        return {name: (rows @ v[..., None])[..., 0] for name, rows in self.rate_rows(at, charts).items()}
+
+    def cut_accelerations(self, charts: Charts, rates: dict[str, Array], V: Array, A: Array) -> dict[str, Array]:
+        """Cut joint -> accelerations of its coordinates.
+
+        Args:
+            rates: Cut joint -> velocities. Shape (n, m).
+            V, A: Velocities and accelerations of the bodies. Shape (n, n_body + 1, 6).
+        """
+        return {
+            joint.name: charts[joint.name].bias(
+                rates[joint.name],
+                V[:, self.loops.index[joint.parent], :3],
+                self.loops.relative(joint, V),
+                self.loops.relative(joint, A),
+            )
+            for joint in self.loops.cut
+        }
+
+    def closing_rows(self, at: BodyPoses, charts: Charts) -> Array:
+        """Derivative of the closure residuals over one row for each independent coordinate. (n, m + k, n_v)."""
+        rows, cut = [self.loops.jacobian(at)], self.rate_rows(at, charts)
+        for column, name, i in self.loops.independent:
+            row = cut[name][:, i] if column is None else np.tile(np.eye(at.J.shape[3])[column], (len(at.J), 1))
+            rows.append(row[:, None])
+        return np.concatenate(rows, axis=1)
+
+    def load_wrenches(self, at: BodyPoses, applied: Applied) -> Array:
+        """Loads as force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
+        out = np.zeros((*at.p.shape[:2], 6))
+        for load in applied.loads:
+            i = self.loops.index[load.body]
+            arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
+            out[:, i, :3] += load.force
+            out[:, i, 3:] += load.torque + np.cross(arm, load.force)
+        return out
+
+
+def close_tree(tree: Tree, file: LoopsFile) -> ClosedTree:
+    """Binds a tree to its loops file.
+
+    Raises:
+        ModelFileError: The model lacks what the file names, or has joints of which that knows nothing.
+    """
+    check_names(tree, file)
+    return ClosedTree(tree, file, make_loops(tree, file))
+
+
+def along_coordinates(at: BodyPoses, wrenches: Array) -> Array:
+    """Forces along the tree's coordinates of wrenches on its bodies.
+
+    Args:
+        wrenches: Force and moment about the origin of each body. Shape (n, n_body + 1, 6).
+
+    Returns:
+        Shape (n, n_v).
+    """
+    angular_first = np.concatenate([wrenches[..., 3:], wrenches[..., :3]], axis=2)
+    return np.asarray(np.einsum("nbxi,nbx->ni", at.J, angular_first))

@@ -1,0 +1,92 @@
+"""An engine's own integrator at a fixed step: what its users would run, beside what its accelerations allow."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from screwgauge.engines.parts import Simulated
+from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.forces import Exerted, tree_forces
+from screwgauge.engines.tree.integrate import start_state
+from screwgauge.engines.tree.protocol import Stepper
+from screwgauge.engines.tree.reading import Path, read_path
+from screwgauge.problem import InitialValue, Problem, Progress
+from screwgauge.reference.errors import SingularPoseError
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Stopwatch
+
+#: Angles of cut joints are followed at least this often [s].
+OFTEN = 0.01
+#: From this order on the trapezoidal rule over the steps knows the work less well than the steps know the motion.
+KNOWN = 4
+
+
+def step_through(
+    closed: ClosedTree, stepper: Stepper, problem: Problem, task: InitialValue, dt: float, progress: Progress
+) -> Solution:
+    """Steps from the closed start through all wanted times.
+
+    Args:
+        dt: Step [s]; it is shortened so that steps end at the wanted times.
+
+    Returns:
+        States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
+        where the steps are better than that rule.
+    """
+    times, forces = task.grid, tree_forces(closed, problem.applied, task.start)
+    # every step is looked at where something does work that is not stored
+    known = forces.stores_only or stepper.order < KNOWN
+    often = 0.0 if known and not forces.stores_only else OFTEN
+    q, v = start_state(closed, task)
+    path, clock, steps, stopped = Path(), Stopwatch(), 0, ""
+    stepper.begin(float(times[0]), q, v)
+    with clock.aside():
+        path.add(float(times[0]), q, v, stepper.accelerations(float(times[0])))
+    for begin, end in pairwise(times):
+        n = max(1, int(np.ceil((end - begin) / dt - 1e-9)))
+        h, block = float(end - begin) / n, max(1, int(often / dt))
+        done = 0
+        try:
+            while done < n:
+                count = min(block, n - done)
+                stepper.walk(float(begin) + done * h, h, count)
+                done, steps = done + count, steps + count
+                progress(float(begin + done * h - times[0]) / float(times[-1] - times[0]))
+                q, v = stepper.state()
+                if not (np.isfinite(q).all() and np.isfinite(v).all()):
+                    raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
+                if done < n:
+                    path.add(float(begin) + done * h, q, v)
+            with clock.aside():
+                path.add(float(end), q, v, stepper.accelerations(float(end)))
+        except SingularPoseError as error:
+            stopped = f"t = {begin + done * h:.6g} s: {error}"
+            break
+    cost = clock.cost(steps, steps * (KNOWN if stepper.order == KNOWN else 1))
+    read = read_path(closed, path, task.start)
+    simulated = Simulated(
+        q=read.q,
+        v=read.v,
+        a=read.a,
+        work=_work(stepper, forces, path) if known else np.full(len(read.q), np.nan),
+        condition=read.condition,
+        cost=cost,
+        stopped=stopped,
+        notes=stepper.notes(),
+    )
+    labels = (closed.tree.engine, closed.tree.version, stepper.setting)
+    return simulated.solution(labels, closed.file.joints, task)
+
+
+def _work(stepper: Stepper, forces: Exerted, path: Path) -> Array:
+    """Work put in up to each wanted state [J], from the power at all states of the path."""
+    if forces.stores_only:
+        return np.zeros(len(path.wanted))
+    tau = np.zeros(len(stepper.tree.coordinates))
+    power = np.array(
+        [forces.act(t, q, v, stepper.look(q, v), tau) for t, q, v in zip(path.t, path.q, path.v, strict=True)]
+    )
+    added = 0.5 * np.diff(path.t) * (power[1:] + power[:-1])
+    return np.concatenate([[0.0], np.cumsum(added)])[path.wanted]

@@ -1,0 +1,240 @@
+"""From an engine's open tree to a given motion of the closed mechanism: positions, velocities, accelerations, forces.
+
+The numbers come from the engine (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
+linear algebra that closes the loops and projects the forces is this module's, and the same for every tree engine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
+from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.engines.tree.closed import Charts, ClosedTree
+from screwgauge.engines.tree.closed_forces import closed_forces
+from screwgauge.engines.tree.cut_joints import nearest_turn, unwrapped
+from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.reference import linear
+from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.wrenches import State
+from screwgauge.solution import Clock, Solution
+
+
+def solve_motion(closed: ClosedTree, problem: Problem, progress: Progress) -> Solution:
+    """Solves a given motion with an engine's open tree."""
+    if not isinstance(problem.task, GivenMotion):
+        raise TypeError("the task is no given motion")
+    work, tree = _Work(closed, problem, problem.task), closed.tree
+    labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
+    n, length = len(problem.task), closed.sizes.length
+    solution = assemble(labels, n, work.part, work.names, work.clock, progress, length=length)
+    return replace(solution, tolerances=work.tolerances)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Poses:
+    """Closed poses of some samples: tree coordinates, cut joints, closing system without dimension."""
+
+    motion: GivenMotion
+    q: Array
+    at: BodyPoses
+    charts: Charts
+    cut: dict[str, Array]
+    A: Array
+
+
+class _Work:
+    """What stays the same from part to part, and where the path of poses has got to."""
+
+    def __init__(self, closed: ClosedTree, problem: Problem, motion: GivenMotion) -> None:
+        self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
+        self.depth = stages(problem.wanted)
+        self.q, self.y = closed.home, closed.y_home
+        # angles of cut joints at the last sample
+        self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
+        self.residual = 0.0
+        self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+        self.tolerances: dict[str, float] = {}
+
+    def part(self, rows: slice) -> Part:
+        loops, tree, motion = self.closed.loops, self.closed.tree, self.motion.part(rows)
+        with self.clock.stage("positions"):
+            q, A = self._positions(motion)
+            at = tree.poses(q)
+            charts = loops.charts(at)
+            given = {joint for _, joint, _ in loops.independent}
+            cut = {name: unwrapped(self.cut[name], c, name in given) for name, c in charts.items()}
+            self.cut = {name: angles[-1] for name, angles in cut.items()}
+            charts = {name: c.near(cut[name]) for name, c in charts.items()}
+        values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
+
+        def again(doubtful: Rows) -> list[dict[str, Array]]:
+            clock, self.clock = self.clock, Clock()
+            some, sizes, answers = motion.part(doubtful), self.closed.sizes, []
+            for shake in shakes(A[doubtful], motion.y.shape[1]):
+                there = q[doubtful] + shake * sizes.q
+                moved = tree.poses(there)
+                read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(moved).items()}
+                angles = {name: c.q for name, c in read.items()}
+                matrix = self._scaled(there / sizes.q, some.y / sizes.y)[1]
+                answers.append(_Pass(self, _Poses(some, there, moved, read, angles, matrix)).all()[0])
+            self.clock = clock
+            return answers
+
+        with self.clock.stage("error estimate"):
+            return examined(values, trust, again)
+
+    def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
+        """Closure residuals over those of y, and their derivative."""
+        closed, loops = self.closed, self.closed.loops
+        at = closed.tree.poses(q)
+        charts = loops.charts(at)
+        for k, (_, name, i) in enumerate(loops.independent):
+            if name:
+                charts[name] = charts[name].agreeing(i, y[:, k])
+        errors = [loops.gaps(at)]
+        for k, (column, name, i) in enumerate(loops.independent):
+            if column is None:  # an angle, read within a turn
+                difference = np.remainder(charts[name].q[:, i] - y[:, k] + np.pi, 2 * np.pi) - np.pi
+            else:
+                difference = q[:, column] - y[:, k]
+            errors.append(difference[:, None])
+        return np.concatenate(errors, axis=1), closed.closing_rows(at, charts)
+
+    def _scaled(self, z: Array, y: Array) -> tuple[Array, Array]:
+        """The same without dimension."""
+        sizes = self.closed.sizes
+        error, rows = self._evaluate(z * sizes.q, y * sizes.y)
+        return error / sizes.rows, rows * sizes.q / sizes.rows[:, None]
+
+    def _positions(self, motion: GivenMotion) -> tuple[Array, Array]:
+        sizes = self.closed.sizes
+        goal = motion.y / sizes.y
+        start = follow(corrector(self._scaled), self.q / sizes.q, self.y / sizes.y, goal, motion.t, size=sizes.y)
+        z, A, error = newton(self._scaled, start, goal)
+        check_closed(error, motion.y, motion.t)
+        turning = sizes.turning  # next to a gimbal lock Newton's method may turn a joint right round
+        z[:, turning] = nearest_turn(z[:, turning], start[:, turning])
+        q = z * sizes.q
+        self.q, self.y, self.residual = q[-1], motion.y[-1], float(error.max()) * max(1.0, sizes.length)
+        return q, A
+
+    def names(self) -> Names:
+        file = self.closed.file
+        return component_names(
+            file.joints,
+            file.bodies,
+            file.independent,
+            self.closed.tree_names,
+            self.closed.actuators,
+            self.reaction_names,
+        )
+
+
+class _Pass:
+    """All that is wanted from closed poses, stage after stage.
+
+    Attributes:
+        values: Quantity -> shape (n, m).
+        conditions: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
+        speed, load: Largest velocity and, if forces are wanted, largest force [N], whatever the kind of joint. (n,).
+    """
+
+    def __init__(self, work: _Work, poses: _Poses) -> None:
+        self.work, self.closed, self.poses = work, work.closed, poses
+        self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
+        self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
+        self.conditions: dict[str, Array] = {}
+        self.speed: Array | None = None
+        self.load: Array | None = None
+
+    def all(self) -> tuple[dict[str, Array], Trust]:
+        """The values that are wanted, and what their errors rest on."""
+        depth, A = self.work.depth, self.poses.A
+        if depth in "vaf":
+            with self.clock.stage("velocities"):
+                self._velocities()
+        if depth in "af":
+            with self.clock.stage("accelerations"):
+                self._accelerations()
+            self._tree_forces()
+        if depth == "f":
+            with self.clock.stage("forces"):
+                self._forces()
+        with self.clock.stage("condition"):
+            condition, n = linear.condition(A), len(A)
+            charts = [chart.condition for chart in self.poses.charts.values()]
+            worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), n)
+            trust = Trust(condition, gain(A, condition), worst, self.conditions, self.speed, self.load)
+        return {name: array for name, array in self.values.items() if name in self.wanted}, trust
+
+    def _velocities(self) -> None:
+        """From ``A v = [0; yd]``."""
+        poses, yd = self.poses, self.poses.motion.yd
+        self.K = partial_rates(poses.A, yd.shape[1]) * self.sizes.q[:, None] / self.sizes.y
+        self.v = (self.K @ yd[..., None])[..., 0]
+        self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
+        self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
+        omega = poses.at.J[:, self.closed.bodies, :3] @ self.v[:, None, :, None]
+        self.values["body_angular_velocity"] = omega.reshape(len(yd), -1)
+        self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
+
+    def _accelerations(self) -> None:
+        """From ``A a = [-Jdot v; ydd - bias]``, with the engine's own Jdot v."""
+        poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
+        n, k = poses.motion.ydd.shape
+        V, bias = tree.accelerations(poses.q, self.v, np.zeros_like(self.v))
+        right = np.concatenate([-loops.bias(poses.at, V, bias), poses.motion.ydd], axis=1)
+        cut_bias = closed.cut_accelerations(poses.charts, self.cut_v, V, bias)
+        for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
+            if column is None:
+                right[:, row] -= cut_bias[name][:, i]
+        self.a = linear.solve(poses.A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        if "com_acceleration" in self.wanted:
+            com = tree.com_accelerations(poses.q, self.v, self.a)
+            self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
+        if not self.wanted & {"joint_acceleration", "body_angular_acceleration", "tree_force_soft"}:
+            return
+        V, A = tree.accelerations(poses.q, self.v, self.a)
+        cut_a = closed.cut_accelerations(poses.charts, self.cut_v, V, A)
+        self.values["joint_acceleration"] = closed.joints(self.a, cut_a)
+        self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
+        if "tree_force_soft" in self.wanted:
+            self._measure(V, A)
+
+    def _measure(self, V: Array, A: Array) -> None:
+        """Largest closure residual of position, velocity and acceleration, which a stiff constraint turns to force."""
+        at, loops = self.poses.at, self.closed.loops
+        rate, second = loops.jacobian(at) @ self.v[..., None], loops.bias(at, V, A)
+        measured = [self.work.residual, np.abs(rate).max(initial=0.0), np.abs(second).max(initial=0.0)]
+        # an engine's own evaluation of the same rows rounds differently
+        sizes = [np.abs(array).max(initial=0.0) for array in (at.p, V, A)]
+        self.residuals = np.array(measured) + 8 * linear.EPS * np.array(sizes)
+
+    def _tree_forces(self) -> None:
+        tree, order, state = self.closed.tree, self.closed.order, (self.poses.q, self.v, self.a)
+        if "tree_force" in self.wanted or self.work.depth == "f":
+            with self.clock.stage("tree forces"):
+                self.tau = tree.tree_force(*state)
+            self.values["tree_force"] = self.tau[:, order]
+        if "tree_force_soft" in self.wanted:
+            with self.clock.stage("soft tree forces"):
+                soft, tolerance = tree.soft_force(*state, self.residuals)
+                self.values["tree_force_soft"] = soft[:, order]
+                known = self.work.tolerances.get("tree_force_soft", 0.0)
+                self.work.tolerances["tree_force_soft"] = max(known, tolerance)
+
+    def _forces(self) -> None:
+        at, t = self.poses.at, self.poses.motion.t
+        V = (at.J @ self.v[:, None, :, None])[..., 0]
+        state = State(t, at.R, at.p, V, self.values["joint_position"], self.values["joint_velocity"])
+        motion = (self.poses.q, self.v, self.a, self.tau)
+        forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
+        self.values |= forces.values
+        self.conditions |= forces.conditions
+        self.work.reaction_names = forces.reactions or self.work.reaction_names
+        self.load = forces.largest

@@ -1,0 +1,89 @@
+"""States of an engine's open tree, taken as they are: forces for a motion, or accelerations for forces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.engines.parts import joint_units
+from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
+from screwgauge.engines.tree.protocol import Dynamics
+from screwgauge.problem import Problem, States
+from screwgauge.reference import linear
+from screwgauge.reference.continuation import partial_rates
+from screwgauge.reference.dynamics import min_norm
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Values, empty
+
+_FORCE = {"rad": "N m", "m": "N"}
+
+
+def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
+    """Answers for states of the tree.
+
+    Args:
+        task: With `tau`, accelerations are given; otherwise ``tree_force`` for its accelerations and, if wanted,
+            ``tree_force_soft`` and the smallest ``actuator_force`` on the closed loops.
+
+    Raises:
+        ModelFileError: The states are not those of the tree.
+    """
+    tree = closed.tree
+    if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
+        raise ModelFileError(
+            "takes states of its own tree coordinates, with either accelerations or forces",
+            f"model of {tree.engine}",
+            "give q, v and one of a, tau",
+        )
+    into = [task.coordinates.index(name) for name in tree.coordinates]
+    out = [tree.coordinates.index(name) for name in task.coordinates]
+    q, v = task.q[:, into], task.v[:, into]
+    unit = joint_units(closed.file.joints)
+    if task.tau is not None:
+        answer = dynamics.accelerate(q, v, task.tau[:, into])
+        units = tuple(f"{unit[name]}/s^2" for name in task.coordinates)
+        return Solution(
+            tree.engine,
+            tree.version,
+            {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
+            answer.condition if answer.condition is not None else empty(len(q)),
+            setting=dynamics.setting,
+            tolerances=answer.tolerances,
+            notes=answer.notes,
+            cost=answer.cost,
+        )
+    assert task.a is not None
+    a = task.a[:, into]
+    values, tree_units = {}, tuple(_FORCE[unit[name]] for name in task.coordinates)
+    condition = empty(len(q))
+    if "tree_force_soft" in problem.wanted:
+        soft = tree.soft_force(q, v, a, np.zeros(3))[0]
+        values["tree_force_soft"] = Values(task.coordinates, tree_units, soft[:, out])
+    if problem.wanted & {"tree_force", "actuator_force"}:
+        tau = tree.soft_force(q, v, a, np.zeros(3))[0] if dynamics.naive else tree.tree_force(q, v, a)
+        values["tree_force"] = Values(task.coordinates, tree_units, tau[:, out])
+        if "actuator_force" in problem.wanted:
+            f, condition = _actuator_forces(closed, dynamics, problem, q, tau)
+            driven = [joint for joint in closed.file.joints if joint.actuated]
+            units = tuple(_FORCE[unit[joint.coordinates[0]]] for joint in driven)
+            values["actuator_force"] = Values(closed.actuators, units, f)
+    values = {name: array for name, array in values.items() if name in problem.wanted}
+    return Solution(tree.engine, tree.version, values, condition, setting=dynamics.setting)
+
+
+def _actuator_forces(
+    closed: ClosedTree, dynamics: Dynamics, problem: Problem, q: Array, tau: Array
+) -> tuple[Array, Array]:
+    """Smallest actuator forces that, with the loads, make the joint forces `tau` of the open tree.
+
+    Returns:
+        Shape (n, n_actuator), and the condition number of the closing rows, (n,).
+    """
+    at = closed.tree.poses(q)
+    need = tau - along_coordinates(at, closed.load_wrenches(at, problem.applied))
+    if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
+        return need[:, closed.driven], empty(len(q))
+    A = closed.closing_rows(at, closed.loops.charts(at))
+    K = partial_rates(A, len(closed.loops.independent))
+    Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
+    return min_norm(K[:, closed.driven], Q), linear.condition(A)

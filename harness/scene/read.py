@@ -1,0 +1,202 @@
+"""Reads scenes from TOML, see ``harness/scenes/README.md``. Which engines there are is not looked at here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
+from screwgauge.problem import InitialValue, Integration
+from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.description import check_keys, read_text, read_toml, required
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.elements import read_load, read_motor, read_spring
+from screwgauge.scene.entries import positive, read_figure, read_grid, read_list, read_models, read_names
+from screwgauge.scene.motion import read_drive
+from screwgauge.scene.observables import read_known, read_observable, read_published
+from screwgauge.scene.scene import RULES, Scene, check_order
+
+FOLDER = Path(__file__).parents[1] / "scenes"
+DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
+METHODS = ("DOP853", "Radau", "BDF")
+_GRAVITY = [0, 0, "-9.81"]
+_KEYS = {
+    *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
+    *("engines", "quantities", "tolerances", "models", "figures"),
+    *("springs", "motors", "forward", "observables", "reference", "published"),
+}
+
+
+def scene_names() -> list[str]:
+    """Names of the built-in scenes."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def load_scene(name: str | Path) -> Scene:
+    """Reads a scene by built-in name or path of a TOML file.
+
+    Raises:
+        ScrewgaugeError: It does not exist or is no scene.
+    """
+    if str(name) in scene_names():
+        path = FOLDER / f"{name}.toml"
+    elif Path(name).suffix == ".toml" and is_file(Path(name)):
+        path = Path(name)
+    else:
+        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file"])
+    data, where = read_toml(path), str(path)
+    check_keys(data, _KEYS, where)
+    file = _mechanism_file(read_text(data, "mechanism", where), path.parent, where)
+    mechanism = load_mechanism(file)
+    read = _read_simulated if "forward" in data else _read_given
+    tolerances = data.get("tolerances", {})
+    check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
+    return Scene(
+        name=path.stem,
+        title=read_text(data, "title", where, path.stem),
+        description=read_text(data, "description", where, ""),
+        mechanism=mechanism,
+        mechanism_file=file,
+        engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), f"{where}, engines"),
+        tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
+        models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
+        figures=tuple(read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)),
+        file=path,
+        **read(data, path, mechanism),
+    )
+
+
+def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
+    def items(key: str, read: Callable[[Any, Mechanism, str], Any]) -> tuple[Any, ...]:
+        return tuple(read(item, mechanism, f"{where}, {key}") for item in read_list(data, key, where))
+
+    return Applied(
+        gravity=vector(data.get("gravity", _GRAVITY), f"{where}, gravity"),
+        loads=items("loads", read_load),
+        springs=items("springs", read_spring),
+        motors=items("motors", read_motor),
+    )
+
+
+def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
+    """What only a scene with a given motion has."""
+    where = str(path)
+    for key in ("observables", "reference", "published"):
+        if key in data:
+            raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
+    motion = required(data, "motion", where)
+    drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
+    rule = data.get("rule", RULES[0])
+    if rule not in RULES:
+        raise UnknownNameError("rule", rule, RULES, where)
+    if rule == "spherical_axial" and mechanism.axial is None:
+        raise DescriptionError(
+            f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
+        )
+    return {
+        "applied": _applied(data, mechanism, where),
+        "task": drive(read_grid(data.get("time"), sampled, f"{where}, time")),
+        "rule": rule,
+        "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, GIVEN),
+        "drive": drive,
+        "text": {
+            "motion": motion,
+            "gravity": data.get("gravity", _GRAVITY),
+            "loads": read_list(data, "loads", where),
+        },
+    }
+
+
+def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
+    """What only a scene with a simulated motion has."""
+    where = str(path)
+    for key in ("motion", "rule"):
+        if key in data:
+            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
+    tables = read_list(data, "observables", where)
+    observables = tuple(read_observable(item, mechanism, f"{where}, observables") for item in tables)
+    names = [observable.name for observable in observables]
+    if len(set(names)) < len(names):
+        raise DescriptionError("two observables share a name", f"{where}, observables", "name them apart")
+    known = None
+    if "reference" in data:
+        known = read_known(data["reference"], names, path.parent, f"{where}, reference")
+    t = read_grid(data.get("time"), None if known is None else known.t, f"{where}, time")
+    task = _read_start(data["forward"], mechanism, t, f"{where}, forward")
+    check_order(t, task.since)
+    applied = _applied(data, mechanism, where)
+    if not _acts(applied):
+        raise DescriptionError(
+            "nothing exerts a force in this forward scene", where, "add gravity, [[loads]], [[springs]] or [[motors]]"
+        )
+    published = read_list(data, "published", where)
+    return {
+        "applied": applied,
+        "task": task,
+        "rule": RULES[0],
+        "quantities": check_quantities(data.get("quantities", list(SIMULATED)), where, SIMULATED),
+        "observables": observables,
+        "known": known,
+        "published": tuple(read_published(item, f"{where}, published") for item in published),
+    }
+
+
+def _acts(applied: Applied) -> bool:
+    """Whether anything acts at all; entries that are zero do not."""
+    return (
+        bool(applied.g.any())
+        or any(load.force.any() or load.torque.any() for load in applied.loads)
+        or any(spring.stiffness or spring.damping for spring in applied.springs)
+        or any(motor.polynomial.any() or motor.harmonics[:, 1:].any() for motor in applied.motors)
+    )
+
+
+def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> InitialValue:
+    """Reads ``[forward]``."""
+    check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
+    home, usual = mechanism.home[mechanism.independent_columns], Integration()
+    name = read_text(table, "method", where, usual.name)
+    if name not in METHODS:
+        raise UnknownNameError("method", name, METHODS, where)
+    amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
+    for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
+        if not least < amounts[key] < most:
+            raise DescriptionError(
+                f"{amounts[key]:g} is not between {least:g} and {most:g}", f"{where}.{key}", "give such a number"
+            )
+    return InitialValue(
+        start=_state(table, "start", mechanism, home, where),
+        rates=_state(table, "rates", mechanism, np.zeros_like(home), where),
+        since=float(t[0]),
+        t=t,
+        integration=Integration(name, **amounts),
+    )
+
+
+def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
+    """Label -> value, the usual one where a label is not named. Shape (k,)."""
+    labels, given = list(mechanism.independent), table.get(key, {})
+    check_keys(given, labels, f"{where}.{key}")
+    return np.array(
+        [
+            number(given[label], f"{where}.{key}.{label}") if label in given else value
+            for label, value in zip(labels, usual.tolist(), strict=True)
+        ]
+    )
+
+
+def _mechanism_file(name: str, folder: Path, where: str) -> Path:
+    beside = folder / name
+    if name not in mechanism_names() and is_file(beside):
+        return beside
+    try:
+        return mechanism_path(name)
+    except UnknownNameError as error:
+        raise UnknownNameError("mechanism", name, mechanism_names(), where) from error

@@ -1,0 +1,120 @@
+"""What is checked of a simulated scene before any engine runs: home, start, stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.problem import InitialValue
+from screwgauge.reference.branch import Branch
+from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
+from screwgauge.reference.forward import Forces, forces_at, forward
+from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.preflight import FARTHEST, check_home, check_regular
+from screwgauge.scene.scene import Scene
+
+EXPLICIT = ("DOP853",)
+#: A step h of DOP853 is stable for eigenvalues down to -6.3/h on the real axis and +-5.9i/h on the imaginary one.
+REACH = 6.0
+#: From so many steps on, all of them made only to stay stable, another method is worth while.
+MANY = 1000
+#: Relative step of central differences: the cube root of the rounding error.
+DIFFERENCE = 2.0**-17
+
+
+def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
+    """Refuses a start that cannot be, and warns of a stiff scene.
+
+    Returns:
+        The mechanism laid out, and sentences to be shown.
+
+    Raises:
+        ScrewgaugeError: Home or start do not close, or lie beyond a limit, or no force can move a coordinate.
+    """
+    lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
+    if len(task.grid) < 2:
+        raise DescriptionError(
+            f"the only time, {task.since:g} s, is that of the start", "times", "give later times, too"
+        )
+    away = np.abs(task.start - mechanism.home[mechanism.independent_columns])
+    if not away.max(initial=0.0) <= FARTHEST:
+        raise DescriptionError(
+            f"the start is {away.max():.3g} rad or m away from the home pose",
+            scene.name,
+            f"start within {FARTHEST:g}; check its units",
+        )
+    since = np.array([task.since])
+    at = positions(lay, task.start[None], since)
+    check_regular(lay, at, since, task.start[None], None)
+    low, high = mechanism.limits.T
+    beyond = np.flatnonzero((at.q[0] < low) | (at.q[0] > high))
+    if beyond.size:
+        i = beyond[0]
+        raise JointLimitError(
+            f"joint coordinate '{mechanism.coordinates[i]}' = {at.q[0, i]:.6g} "
+            f"is beyond its limits [{low[i]:g}, {high[i]:g}]",
+            "start of the scene",
+            "start elsewhere or widen the limits",
+        )
+    forces = forces_at(mechanism, scene.applied, task.since)
+    forward(lay, rates(lay, at, task.rates[None]), forces)
+    warning = stiff_warning(stiffness(lay, forces, task), task)
+    return lay, (warning,) if warning else ()
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffness:
+    """The fastest eigenvalue at the start [1/s], and the largest stable step of an explicit method [s]."""
+
+    eigenvalue: complex
+    step: float
+
+
+def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
+    """Eigenvalues of the linearised motion (y, yd) at a state [1/s]. Complex, shape (2 k,).
+
+    Args:
+        start, yd: Independent coordinates and their rates. Shape (k,).
+    """
+    k, state = len(start), np.concatenate([start, yd])
+    size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
+    states = np.concatenate([state + np.diag(size), state - np.diag(size)])
+    branch = Branch(lay, lay.mechanism.home)
+    branch.move(start)
+    rate = rates(lay, branch.poses(states[:, :k]), states[:, k:])
+    slopes = np.concatenate([states[:, k:], forward(lay, rate, forces).ydd], axis=1)
+    return np.asarray(np.linalg.eigvals((slopes[: 2 * k] - slopes[2 * k :]).T / (2.0 * size)))
+
+
+def stiffness(lay: Layout, forces: Forces, task: InitialValue) -> Stiffness:
+    """The fastest eigenvalue at the start; none where poses beside the start do not exist."""
+    try:
+        values = eigenvalues(lay, forces, task.start, task.rates)
+    except ScrewgaugeError:
+        return Stiffness(0j, float("inf"))
+    fastest = complex(values[np.argmax(np.abs(values))])
+    if not fastest or not np.isfinite(fastest):
+        return Stiffness(0j, float("inf"))
+    return Stiffness(fastest, REACH / abs(fastest))
+
+
+def stiff_warning(stiff: Stiffness, task: InitialValue) -> str:
+    """A sentence if the method is explicit and stability alone asks for very many steps, else nothing."""
+    method, steps = task.integration.name, (float(task.t[-1]) - task.since) / stiff.step
+    if method not in EXPLICIT or steps < MANY:
+        return ""
+    return (
+        f"The scene is stiff for {method}: its fastest eigenvalue at the start, "
+        f"{_text(stiff.eigenvalue)} 1/s, bounds a stable step to about {stiff.step:.2g} s, "
+        f"{steps:.2g} steps for the whole motion; use Radau or BDF."
+    )
+
+
+def _text(value: complex) -> str:
+    """``-8117``, ``-20 +- 7.3i``."""
+    if abs(value.imag) <= 1e-6 * abs(value):
+        return f"{value.real:.3g}"
+    return f"{value.real:.3g} +- {abs(value.imag):.3g}i"
