@@ -143,3 +143,8 @@ class Applied:
     def elements(self) -> bool:
         """Whether anything depends on motion or time."""
         return bool(self.springs or self.motors)
+
+    @property
+    def g(self) -> Array:
+        """Gravity, the usual one where the model file would say it. Shape (3,)."""
+        return np.array(GRAVITY) if self.gravity is None else self.gravity
