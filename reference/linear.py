@@ -9,6 +9,10 @@ from screwgauge.reference.rotations import Array
 EPS = float(np.finfo(float).eps)
 #: A matrix whose condition number is above this is called singular: fewer than four digits would be left.
 SINGULAR = 1e12
+#: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
+ROUNDED = 2.0
+#: Relative error from which not one digit is right.
+DIGIT = 0.1
 
 
 def solve(A: Array, b: Array) -> Array:

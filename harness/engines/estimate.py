@@ -18,18 +18,15 @@ import numpy as np
 
 from screwgauge.problem import Rows
 from screwgauge.reference import linear
+from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
 #: have condition numbers of a thousand where nothing is wrong.
 CLEAR, CLEAR_FORCES = 30.0, 1e4
-#: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
-ROUNDED = 2.0
 #: Worst case over the two poses that are tried.
 SAFETY = 4.0
-#: Relative error from which not one digit is right.
-DIGIT = 0.1
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
 _JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")

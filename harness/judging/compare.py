@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from screwgauge.judging.answer import FLOOR, timed
 from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.residual import largest
+from screwgauge.problem import Problem
 from screwgauge.quantities import QUANTITIES, natural_scales
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
@@ -28,12 +31,18 @@ PAIR_COLUMNS = [
     *("rule", "unique", "tolerance", "ok", "reason"),
 ]
 
+Row = dict[str, Any]
+Tolerance = Callable[[str], float]
+"""Quantity -> scaled error up to which two engines agree."""
+
 
 def compare(
-    scene: Scene,
+    mechanism: Mechanism,
+    problem: Problem,
     solutions: Mapping[str, Solution],
     failures: Mapping[str, Failure],
     mobility: Mobility,
+    tolerance_of: Tolerance,
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions.
@@ -45,114 +54,119 @@ def compare(
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
+
+    Raises:
+        TypeError: The task is no motion over time.
     """
-    errors: list[dict[str, Any]] = []
-    pairs: list[dict[str, Any]] = []
-    scales = natural_scales(scene.mechanism)
+    errors: list[Row] = []
+    pairs: list[Row] = []
+    t, scales = timed(problem).t, natural_scales(mechanism)
     # what has radii is the reference: first of its pairs, and the measure of all others
     ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
     for quantity in QUANTITIES:
-        for a, b in combinations(ordered, 2):
-            if quantity not in a.values or quantity not in b.values or not _comparable(quantity, a, b):
+        having = [solution for solution in ordered if quantity in solution.values]
+        rules = _rules(quantity, problem.rule, mobility)
+        for a, b in combinations(having, 2):
+            names, others = (one.values[quantity].components for one in (a, b))
+            if quantity.startswith("tree_force") and ({*names} < {*others} or {*others} < {*names}):
+                continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
+            if names != others:
+                row = nothing(quantity, a.engine, b.engine, "the components differ", tolerance_of(quantity))
+                pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
                 continue
-            if a.values[quantity].components != b.values[quantity].components:
-                pairs.append(_incomparable(scene, quantity, a, b))
-                continue
-            reference = _reference(ordered, a.values[quantity], quantity)
+            # measured by the first engine of the run that has these components: one scale for all pairs
+            reference = next(s.values[quantity] for s in having if s.values[quantity].components == names)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                rows = list(_components(scene, quantity, unit, a, b, scale, mobility))
+                derived = max(one.tolerances.get(quantity, 0.0) for one in (a, b)) / scale
+                rows = [
+                    _scaled(row, scale, tolerance_of(quantity) + derived, *rules.get(row["component"], rules[""]))
+                    for row in _differences(quantity, unit, a, b, t)
+                ]
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     pairs.append(_explained(_pair(compared), a, b, refusals))
-    pairs += _failed(scene, solutions, failures)
+    for solution in solutions.values():
+        for failure in failures.values():
+            for name in solution.values:
+                pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
     return pd.DataFrame(errors, columns=ERROR_COLUMNS), pd.DataFrame(pairs, columns=PAIR_COLUMNS)
 
 
-def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
-    """Joint forces of an open tree have a meaning only for that tree: other cuts have others."""
-    names = [set(solution.values[quantity].components) for solution in (a, b)]
-    return not quantity.startswith("tree_force") or not (names[0] < names[1] or names[1] < names[0])
+def reference_scale(values: Values, unit: str, natural: float) -> float:
+    """S of the scaled error: the largest magnitude of the reference in this unit, at least 1e-6 of the natural one."""
+    return max(largest(values.array[:, [i for i, u in enumerate(values.units) if u == unit]]), FLOOR * natural)
 
 
-def _reference(solutions: Sequence[Solution], like: Values, quantity: str) -> Values:
-    """The values of the first engine of the run that has these components: one scale for all pairs."""
-    found = (s.values[quantity] for s in solutions if quantity in s.values)
-    return next(values for values in found if values.components == like.components)
+def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str, bool]]:
+    """Component -> the rule that fixes it, and whether it is unique whatever the rule; "" stands for all others."""
+    if not QUANTITIES[quantity].ruled:
+        return {"": ("", True)}
+    named = zip(mobility.names, mobility.unique, mobility.determined, strict=True)
+    return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
 
 
-def reference_scale(values: Values, unit: str, floor: float) -> float:
-    """S of the scaled error: the largest magnitude of the reference in this unit, at least 1e-6 S0."""
-    columns = [i for i, u in enumerate(values.units) if u == unit]
-    size = np.abs(values.array[:, columns])
-    return max(float(np.nanmax(size, initial=0.0)) if np.isfinite(size).any() else 0.0, 1e-6 * floor)
-
-
-def _components(
-    scene: Scene, quantity: str, unit: str, a: Solution, b: Solution, scale: float, mobility: Mobility
-) -> Iterator[dict[str, Any]]:
-    first, second = a.values[quantity], b.values[quantity]
-    rows = common_rows(len(scene.motion), a, b)
-    t = scene.motion.t[rows]
-    derived = max(a.tolerances.get(quantity, 0.0), b.tolerances.get(quantity, 0.0)) / scale
-    tolerance = scene.tolerance(quantity) + derived
-    ruled = QUANTITIES[quantity].ruled
-    unique = dict(zip(mobility.names, mobility.unique, strict=True))
-    determined = dict(zip(mobility.names, mobility.determined, strict=True))
+def _differences(quantity: str, unit: str, a: Solution, b: Solution, t: Array) -> Iterator[Row]:
+    """One row per component of a unit, not scaled yet, over the samples that both have solved."""
+    first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     for k, component in enumerate(first.components):
-        if first.units[k] != unit:
-            continue
-        difference = np.abs(first.array[rows, k] - second.array[rows, k])
-        i, worst = _worst(difference)
-        open_ = ruled and not determined.get(component, True)
-        yield {
-            "quantity": quantity,
-            "component": component,
-            "unit": unit,
-            "a": a.engine,
-            "b": b.engine,
-            "max_abs": worst,
-            "rms": float(np.sqrt(np.mean(difference**2))),
-            "max_scaled": worst / scale,
-            "scale": scale,
-            "worst_t": float(t[i]),
-            "rule": UNDETERMINED if open_ else scene.rule if ruled else "",
-            "unique": unique.get(component, True) if ruled else True,
-            "tolerance": tolerance,
-            "ok": open_ or bool(worst / scale <= tolerance),
-        }
+        if first.units[k] == unit:
+            difference = np.abs(first.array[rows, k] - second.array[rows, k])
+            i = _worst(difference)
+            yield {
+                "quantity": quantity,
+                "component": component,
+                "unit": unit,
+                "a": a.engine,
+                "b": b.engine,
+                "max_abs": float(difference[i]) if np.isfinite(difference[i]) else float("nan"),
+                "rms": float(np.sqrt(np.mean(difference**2))),
+                "worst_t": float(t[rows[i]]),
+            }
 
 
-def _worst(difference: Array) -> tuple[int, float]:
-    """Sample and size of the largest difference; what is not a number is worse than anything."""
-    i = int(np.argmax(np.where(np.isfinite(difference), difference, np.inf)))
-    return i, float(difference[i]) if np.isfinite(difference[i]) else float("nan")
+def _scaled(row: Row, scale: float, tolerance: float, rule: str, unique: bool) -> Row:
+    """The row with its scaled error, and whether that is within tolerance."""
+    scaled = row["max_abs"] / scale
+    ok = rule == UNDETERMINED or scaled <= tolerance
+    return {
+        **row,
+        "max_scaled": scaled,
+        "scale": scale,
+        "rule": rule,
+        "unique": unique,
+        "tolerance": tolerance,
+        "ok": ok,
+    }
 
 
-def _pair(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _worst(sizes: Array) -> int:
+    """Where the largest is; what is not a number is worse than anything."""
+    return int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
+
+
+def _pair(rows: Sequence[Row]) -> Row:
     """Sums up the components of one quantity and unit."""
-    sizes = np.array([row["max_scaled"] for row in rows])
-    worst = rows[int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))]
+    worst = rows[_worst(np.array([row["max_scaled"] for row in rows]))]
     lost = not np.isfinite(worst["max_scaled"])
     return {
-        **{key: worst[key] for key in ("quantity", "a", "b", "unit", "max_abs", "max_scaled", "worst_t", "rule")},
+        **worst,
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
         "worst_component": worst["component"],
         "unique": all(row["unique"] for row in rows),
-        "tolerance": worst["tolerance"],
         "ok": all(row["ok"] for row in rows),
         "reason": f"not a number at t = {worst['worst_t']:g} s" if lost else "",
     }
 
 
-def _explained(row: dict[str, Any], a: Solution, b: Solution, refusals: Sequence[Refusal]) -> dict[str, Any]:
+def _explained(row: Row, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> Row:
     """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
     if row["ok"]:
         return row
     for one in refusals:
         if one.engine in (a.engine, b.engine) and row["quantity"] in one.quantities:
             return {**row, "reason": f"{one.engine}: {one.sentence}"}
-    admitted = {s.engine: _admitted(s, row["quantity"]) for s in (a, b)}
+    admitted = {s.engine: largest(s.estimate.get(row["quantity"], np.zeros(1))) for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])
     if row["reason"] or not admitted[engine] >= row["max_scaled"]:
         return row
@@ -160,38 +174,15 @@ def _explained(row: dict[str, Any], a: Solution, b: Solution, refusals: Sequence
     return {**row, "reason": f"within the error that {engine} admits by its conditioning ({size})"}
 
 
-def _admitted(solution: Solution, quantity: str) -> float:
-    return float(np.max(solution.estimate.get(quantity, np.zeros(1)), initial=0.0))
-
-
-def _incomparable(scene: Scene, quantity: str, a: Solution, b: Solution) -> dict[str, Any]:
-    names = [set(solution.values[quantity].components) for solution in (a, b)]
-    odd = sorted(names[0] ^ names[1])
-    row = nothing(scene, quantity, a.engine, b.engine, "the components differ")
-    return {**row, "worst_component": odd[0] if odd else ""}
-
-
-def _failed(
-    scene: Scene, solutions: Mapping[str, Solution], failures: Mapping[str, Failure]
-) -> Iterator[dict[str, Any]]:
-    """Rows of the pairs in which one engine failed: no numbers, but the reason."""
-    for solution in solutions.values():
-        for failure in failures.values():
-            for quantity in solution.values:
-                yield nothing(scene, quantity, solution.engine, failure.engine, failure.reason)
-
-
-def nothing(scene: Scene, quantity: str, a: str, b: str, reason: str) -> dict[str, Any]:
+def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> Row:
     """The row of a pair that has no numbers, with the reason."""
-    lost = dict.fromkeys(("max_abs", "rms", "max_scaled", "worst_t"), float("nan"))
-    empty = {"unit": "", "worst_component": "", "rule": "", "unique": True}
-    tolerance = scene.tolerance(quantity)
     return {
-        **lost,
-        **empty,
+        **dict.fromkeys(("max_abs", "rms", "max_scaled", "worst_t"), float("nan")),
+        **dict.fromkeys(("unit", "worst_component", "rule"), ""),
         "quantity": quantity,
         "a": a,
         "b": b,
+        "unique": True,
         "tolerance": tolerance,
         "ok": False,
         "reason": reason,

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.problem import Rows
 from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, cross, rotation
+from screwgauge.reference.rotations import Array, cross, rotation, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,11 +30,6 @@ class Moving:
     v: Array
     b: Array
     a: Array
-
-    def rows(self, rows: Rows) -> Moving:
-        """Some of the samples."""
-        parts = (self.R, self.p, self.w, self.v, self.b, self.a)
-        return Moving(*(part[rows] for part in parts))
 
     def shifted(self, r: Array, R: Array | None = None) -> Moving:
         """A frame fixed in the same body, its origin displaced by `r` (world axes, shape (n, 3))."""
@@ -80,20 +74,47 @@ def across(joint: Joint, near: Moving, q: Array, qd: Array, qdd: Array, *, rever
     return at.body_of(end)
 
 
-def walk(
-    mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array
-) -> tuple[list[Moving], list[Moving]]:
-    """Motion of every body by the tree (ground first), and of the child of every cut joint by that joint."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Motions:
+    """What joint coordinates make of all bodies.
+
+    Attributes:
+        bodies: Frames of the bodies by the spanning tree, ground first.
+        com: Centres of mass, without ground.
+        cuts: Child of each cut joint, by the tree and by that joint: one motion where the loop is closed.
+    """
+
+    bodies: list[Moving]
+    com: list[Moving]
+    cuts: list[tuple[Moving, Moving]]
+
+    def closure(self, order: int) -> Array:
+        """What closure lacks in position (order 0), velocity or acceleration: the joint's motion less the tree's.
+
+        Returns:
+            For each cut joint an angular and a linear part in world axes. Shape (n, n_cut, 6).
+        """
+        out = np.empty((len(self.bodies[0].p), len(self.cuts), 6))
+        for k, (tree, cut) in enumerate(self.cuts):
+            angular = (vee(cut.R @ tree.R.swapaxes(1, 2)), cut.w - tree.w, cut.b - tree.b)
+            linear = (cut.p - tree.p, cut.v - tree.v, cut.a - tree.a)
+            out[:, k, :3], out[:, k, 3:] = angular[order], linear[order]
+        return out
+
+
+def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
+    """Motion of all bodies. Joint coordinates and derivatives: shape (n, n_q)."""
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
     zero = np.zeros((len(q), 3))
     ground = Moving(np.tile(np.eye(3), (len(q), 1, 1)), zero, zero, zero, zero, zero)
     index = mechanism.body_index
     bodies = [ground] * len(index)
 
-    def cross(joint: Joint, near: Moving, reverse: bool) -> Moving:
+    def over(joint: Joint, near: str, *, reverse: bool = False) -> Moving:
         c = columns[joint.name]
-        return across(joint, near, q[:, c], qd[:, c], qdd[:, c], reverse=reverse)
+        return across(joint, bodies[index[near]], q[:, c], qd[:, c], qdd[:, c], reverse=reverse)
 
     for edge in tree.edges:
-        bodies[index[edge.far]] = cross(edge.joint, bodies[index[edge.near]], edge.reverse)
-    return bodies, [cross(joint, bodies[index[joint.parent]], False) for joint in tree.cuts]
+        bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
+    com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
+    return Motions(bodies, com, [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts])

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.problem import Rows
+from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closing import make_closing
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import chart_lock, near_singularity
-from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
-#: Condition number above which a singularity of the pose, or of a chart, is near enough to be what was met.
+#: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
 NEAR = 1e8
 SHOWN = 5
 
@@ -39,42 +39,40 @@ class Refusal:
     sentence: str
 
 
-def refusals(scene: Scene, solution: Solution) -> tuple[Refusal, ...]:
-    """All samples that an engine solved without giving every number, with their reasons."""
+def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tuple[Refusal, ...]:
+    """All samples of a given motion that an engine solved without giving every number, with their reasons."""
+    motion = problem.task
+    if not isinstance(motion, GivenMotion):
+        return ()
     groups: dict[tuple[int, ...], list[str]] = {}
     for quantity in (name for name in QUANTITIES if name in solution.values):
-        values = solution.values[quantity]
-        missing = np.asarray(~np.isfinite(values.array).all(axis=1))
+        missing = np.asarray(~np.isfinite(solution.values[quantity].array).all(axis=1))
         # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
         missing &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)
         if missing.any():
             groups.setdefault(tuple(np.flatnonzero(missing).tolist()), []).append(quantity)
-    return tuple(
-        _refusal(scene, solution.engine, tuple(quantities), np.array(rows)) for rows, quantities in groups.items()
-    )
+    refused = []
+    for rows, quantities in groups.items():
+        first = motion.y[rows[0]]
+        what = _reason(mechanism, problem.rule, quantities, first)
+        t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
+        sentence = (
+            f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
+            f"{', '.join(quantities)} not given there"
+        )
+        refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))
+    return tuple(refused)
 
 
-def _refusal(scene: Scene, engine: str, quantities: tuple[str, ...], rows: Rows) -> Refusal:
-    motion = scene.motion
-    what = _reason(scene, quantities, motion.y[rows[0]])
-    times = ", ".join(f"{t:.6g}" for t in motion.t[rows[:SHOWN]]) + (", ..." if len(rows) > SHOWN else "")
-    pose = scene.mechanism.described(motion.y[rows[0]])
-    sentence = (
-        f"{what} at {len(rows)} of {len(motion)} samples (t = {times} s; first at {pose}): "
-        f"{', '.join(quantities)} not given there"
-    )
-    return Refusal(engine, quantities, rows, what, sentence)
-
-
-def _reason(scene: Scene, quantities: tuple[str, ...], y: Array) -> str:
-    lay = layout(scene.mechanism)
+def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) -> str:
+    lay = layout(mechanism)
     at = positions(lay, y[None], np.zeros(1))
     system = make_closing(lay)
     if not linear.condition(system.matrix(at))[0] < NEAR:
         return near_singularity(lay, at)
-    charts = system.readers(at)[1][0]
-    if charts.size and not charts.max() < NEAR:
-        return chart_lock(lay, int(np.argmax(np.where(np.isnan(charts), np.inf, charts))))
-    if scene.rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):
-        return f"rule {scene.rule} is singular"
+    orientations = system.readers(at)[1][0]  # condition numbers of the cut joints' coordinates
+    if orientations.size and not orientations.max() < NEAR:
+        return chart_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
+    if rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):
+        return f"rule {rule} is singular"
     return f"the equations of {', '.join(quantities)} are singular"
