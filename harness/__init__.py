@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.scene.scene import Scene, load_scene
-    from screwgauge.study.results import Results
+    from screwgauge.scene.read import load_scene
+    from screwgauge.scene.scene import Scene
+    from screwgauge.study.comparison import Comparison as Results
     from screwgauge.study.run import run
     from screwgauge.study.stream import stream
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
 
 _HOMES = {
-    "Results": "screwgauge.study.results",
+    "Results": "screwgauge.study.comparison",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
-    "load_scene": "screwgauge.scene.scene",
+    "load_scene": "screwgauge.scene.read",
     "run": "screwgauge.study.run",
     "stream": "screwgauge.study.stream",
 }

@@ -67,8 +67,7 @@ def _springs_and_motors(answer: Answer) -> Array | None:
     bodies, index = answer.motions.bodies, answer.mechanism.body_index
     return applied_wrenches(
         answer.mechanism.joints,
-        applied.springs,
-        applied.motors,
+        applied,
         State(
             answer.t,
             np.stack([at.R for at in bodies], axis=1),

@@ -62,16 +62,16 @@ def stream(
     """
     (name,) = check_engines([engine])
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
-    if scene.forward is not None:
+    if scene.simulated:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
     lay, before = check_home(scene.mechanism), None
     for t in parts:
         t = np.asarray(t, dtype=float)
         if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
             raise DescriptionError("a part is no list of finite times", "parts", "give arrays of times in s")
-        motion = scene.drive(t)
+        motion = scene.moved(t)
         before = check_regular(lay, positions(lay, motion.y, t), t, motion.y, before)
-        solutions, failures = solve(replace(scene, motion=motion), (name,), wanted)
+        solutions, failures = solve(replace(scene, task=motion), (name,), wanted)
         if failures:
             where = f"{scene.name}, t = {t[0]:g} to {t[-1]:g} s"
             raise ScrewgaugeError(f"{name} fails: {failures[name].reason}", where, "change the motion there")

@@ -1,0 +1,113 @@
+"""A scene with a given motion, ready for methods: its times, model files, true values and states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.judging.kinetics import walk
+from screwgauge.models.generate import write_models
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.study.reference import Reference, reference_values
+from screwgauge.study.run import model_files
+
+#: What is measured of given motions, in this order.
+QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """A scene prepared for methods.
+
+    Attributes:
+        whole: The scene with its own times, rule ``min_norm``.
+        scene: The same at the compared times.
+        folder: Where the generated model files are.
+    """
+
+    whole: Scene
+    scene: Scene
+    folder: Path
+    reference: Reference
+
+    @property
+    def t(self) -> Array:
+        """Compared times [s]. Shape (n,)."""
+        return self.scene.t
+
+    def files(self, engine: str) -> ModelFiles:
+        """The generated model of an engine."""
+        return model_files(self.scene, engine, self.folder)
+
+    def problem(self, *wanted: str, task: Task | None = None) -> Problem:
+        """The question of the scene, or the same with another task."""
+        return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
+
+    def moving(self, coordinates: tuple[str, ...]) -> States:
+        """The true motion of some joint coordinates."""
+        q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
+        return States(coordinates, q, v, a=a)
+
+    def pushed(self, coordinates: tuple[str, ...]) -> Problem:
+        """The question for accelerations at the true states of a tree, under the true actuator forces and the loads.
+
+        Loads are among the forces along the coordinates, so that engines need not turn them.
+        """
+        states, mechanism = self.moving(coordinates), self.scene.mechanism
+        tau = along_tree(mechanism, coordinates, self.reference.values["joint_position"].array, self.scene.applied)
+        driven = [coordinates.index(joint.coordinates[0]) for joint in mechanism.actuators]
+        tau[:, driven] += self.reference.values["actuator_force"].array
+        task = States(coordinates, states.q, states.v, tau=tau)
+        return Problem(Applied(gravity=self.scene.applied.g), task, frozenset(("joint_acceleration",)))
+
+
+def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, applied: Applied) -> Array:
+    """Loads as forces along coordinates of the spanning tree, by what each coordinate alone moves.
+
+    Args:
+        q: All joint coordinates; those of cut joints move nothing. Shape (n, n_q).
+
+    Returns:
+        Shape (n, n_coordinate).
+    """
+    tree, zero = spanning_tree(mechanism), np.zeros_like(q)
+    out = np.zeros((len(q), len(coordinates)))
+    for k, name in enumerate(coordinates if applied.loads else ()):
+        unit = zero.copy()
+        unit[:, mechanism.coordinates.index(name)] = 1.0
+        bodies = walk(mechanism, tree, q, unit, zero).bodies
+        for load in applied.loads:
+            i = mechanism.body_index[load.body]
+            point = mechanism.body(load.body).com if load.point is None else load.point
+            at = bodies[i].shifted(bodies[i].R @ point)
+            out[:, k] += at.v @ load.force + at.w @ load.torque
+    return out
+
+
+def compared_rows(n: int, most: int) -> Array:
+    """Rows of `n` samples that are compared: at most `most`, evenly spread, both ends among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
+
+
+def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
+    """Writes the model files and computes the reference values.
+
+    Args:
+        folder: For the model files.
+        samples: Compared times, at most.
+
+    Raises:
+        ScrewgaugeError: The scene cannot be computed.
+    """
+    whole = replace(scene, rule="min_norm", models={})
+    motion: GivenMotion = whole.motion
+    here = whole.at(motion.t[compared_rows(len(motion), samples)])
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    return Posed(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

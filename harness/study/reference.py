@@ -1,0 +1,116 @@
+"""What methods are measured against: the engine ``truth`` where it is installed, else ``screw``, and it says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.judging.compare import reference_scale
+from screwgauge.quantities import natural_scales
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Failure, Values
+from screwgauge.study.run import run
+
+TRUTH, STANDIN = "truth", "screw"
+MOST = 200  # times that the truth solves at once
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Values that errors are measured against.
+
+    Attributes:
+        engine: Where they come from.
+        note: A sentence for the report.
+        scales: Quantity -> unit -> S of the scaled error.
+    """
+
+    engine: str
+    values: Mapping[str, Values]
+    note: str
+    scales: Mapping[str, Mapping[str, float]]
+
+    def score(self, quantity: str, values: Values, rows: slice | Array = slice(None)) -> Score:
+        """Error of some components of a quantity, at some samples of the reference."""
+        right = self.values[quantity].pick(values.components).at(rows)
+        return score(values, right, self.scales[quantity])
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Scaled error of one quantity: the largest, and RMS over samples and components. `reason` if there is none."""
+
+    max_scaled: float
+    rms_scaled: float
+    reason: str = ""
+
+
+def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
+    """Largest and RMS scaled error over all samples and components.
+
+    Samples for which the reference itself has no number are left out.
+
+    Args:
+        right: Of the same samples and components.
+        scales: Unit -> S.
+    """
+    known = np.isfinite(right.array).all(axis=1)
+    scale = np.array([scales[unit] for unit in values.units])
+    error = (np.abs(values.array - right.array) / scale)[known]
+    lost = int((~np.isfinite(error)).any(axis=1).sum())
+    if lost or not error.size:
+        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples")
+    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))))
+
+
+def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, dict[str, float]]:
+    """S of the scaled error by quantity and unit."""
+    natural = natural_scales(mechanism)
+    return {
+        name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
+        for name, has in values.items()
+    }
+
+
+def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
+    """Values of a scene at chosen times.
+
+    Args:
+        times: [s]. Shape (n,).
+        quantities: Names.
+
+    Raises:
+        ScrewgaugeError: The scene cannot be computed at all.
+    """
+    names = tuple(quantities)
+    values, note = (
+        _solve(scene, times, names, TRUTH),
+        "Errors are against the engine `truth`: ball arithmetic with a rigorous radius.",
+    )
+    if not isinstance(values, Failure):
+        return Reference(TRUTH, values, note, scales_of(scene.mechanism, values))
+    reason, values = values.reason, _solve(scene, times, names, STANDIN)
+    if isinstance(values, Failure):
+        raise RuntimeError(f"no reference values: {values.reason}")
+    note = (
+        f"Errors are against the engine `{STANDIN}` in double precision, **not against a truth** ({reason}): "
+        "errors below 1e-12 mean nothing, and contestants that share its code look better than they are."
+    )
+    return Reference(STANDIN, values, note, scales_of(scene.mechanism, values))
+
+
+def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str) -> dict[str, Values] | Failure:
+    parts = []
+    for first in range(0, len(times), MOST):
+        results = run(scene.at(times[first : first + MOST]), engines=(engine,), quantities=quantities)
+        if engine in results.failures:
+            return results.failures[engine]
+        parts.append(results.solutions[engine].values)
+    return {
+        name: Values(has.components, has.units, np.concatenate([part[name].array for part in parts]))
+        for name, has in parts[0].items()
+    }
