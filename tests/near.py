@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 from screwgauge.scene.scene import Scene, load_scene
 from screwgauge.solution import Solution
 
@@ -25,7 +25,7 @@ def moving_at(y, *, speed: float = 1.0, seed: int = 0, scene: str | Scene = "3up
     """A scene that passes given poses, shape (n, 2), with general rates and accelerations."""
     rng = np.random.default_rng(seed)
     y = np.asarray(y, dtype=float)
-    motion = Motion(np.arange(len(y)) * 1.0, y, *(speed * rng.normal(size=(2, *y.shape))))
+    motion = GivenMotion(np.arange(len(y)) * 1.0, y, *(speed * rng.normal(size=(2, *y.shape))))
     return replace(load_scene(scene) if isinstance(scene, str) else scene, motion=motion)
 
 

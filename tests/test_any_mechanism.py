@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 
 DATA = Path(__file__).with_name("data")
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
@@ -40,7 +40,7 @@ def test_a_mechanism_without_loops_with_a_thin_rod_and_a_point():
     scene = screwgauge.load_scene(DATA / "pendulum-scene.toml")
     results = screwgauge.run(scene, engines=["screw", "pinocchio"])
     assert results.ok
-    t = scene.motion.t
+    t = scene.t
     a = results.values("joint_position")[:, 0]
     assert a == pytest.approx(7 * t - 3 * t**2, abs=1e-12)  # more than a turn
     assert a.max() > np.pi
@@ -48,7 +48,7 @@ def test_a_mechanism_without_loops_with_a_thin_rod_and_a_point():
 
 def test_a_hanging_pendulum_carries_its_weight():
     scene = screwgauge.load_scene(DATA / "pendulum-scene.toml").at([0.0])
-    still = replace(scene, motion=Motion(np.zeros(1), np.array([[0.3, 0.0]]), np.zeros((1, 2)), np.zeros((1, 2))))
+    still = replace(scene, task=GivenMotion(np.zeros(1), np.array([[0.3, 0.0]]), np.zeros((1, 2)), np.zeros((1, 2))))
     results = screwgauge.run(still, engines=["screw", "pinocchio"])
     assert results.values("generalized_force")[0] == pytest.approx([9.81 * np.sin(0.3) * 2.5, 0.0], abs=1e-13)
     reactions = dict(zip(results.components("reaction"), results.values("reaction")[0], strict=True))

@@ -111,7 +111,7 @@ def test_sampling_a_singular_pose_is_refused(beside, paper_scene, refused):
 def test_a_badly_conditioned_pose_below_the_limit_is_accepted(paper_scene):
     scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 1e-3), time="time = { times = [0] }"))
     lay = layout(scene.mechanism)
-    at = positions(lay, scene.motion.y, scene.motion.t)
+    at = positions(lay, scene.motion.y, scene.t)
     assert 1e3 < condition(closure_system(lay, at))[0] < SINGULAR
     check_scene(scene)
 

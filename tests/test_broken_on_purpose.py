@@ -18,12 +18,12 @@ from screwgauge.report.verdict import first_difference
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])
 def scene(request):
     scene = screwgauge.load_scene(request.param)
-    return scene.at(scene.motion.t[:2000:100])
+    return scene.at(scene.t[:2000:100])
 
 
 def edited(scene, folder: Path, suffix: str, change) -> Path:
     """A model file of the scene's mechanism with one element changed."""
-    write_models(scene.mechanism, folder, gravity=scene.gravity)
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
     path = folder / f"{scene.mechanism.name}{suffix}"
     tree = ET.parse(path)
     change(tree.getroot())
@@ -96,7 +96,7 @@ def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     right = screws.lie_bracket
     monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
     scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.motion.t[:2000:100]))
+    results = screwgauge.run(scene.at(scene.t[:2000:100]))
     status, quantity, engines = found(results)
     assert (status, quantity) == (1, "joint_acceleration")
     assert "screw" in engines
@@ -115,7 +115,7 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
 
     monkeypatch.setattr(screws, "lie_bracket", printed)
     scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.motion.t[:2000:100]), engines=["screw"])
+    results = screwgauge.run(scene.at(scene.t[:2000:100]), engines=["screw"])
     assert results.exit_status == 1
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
 from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.problem import ForwardProblem, Motion, OldProblem
+from screwgauge.problem import ForwardProblem, GivenMotion, Problem
 from screwgauge.reference.applied import Motor
 from screwgauge.reference.rotations import rotation
 
@@ -83,8 +83,8 @@ def test_a_given_motion_is_read_through_the_lock(engine):
     y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, 1.35 + t - 0.2 * t**2], axis=1)
     yd, ydd = np.stack([0.2 + 0.2 * t, 1.0 - 0.4 * t], axis=1), np.tile([0.2, -0.4], (len(t), 1))
     quantities = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
-    motion = Motion(t, y, yd, ydd)
-    problem = OldProblem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
+    motion = GivenMotion(t, y, yd, ydd)
+    problem = Problem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
     found = importlib.import_module(f"screwgauge.engines.{engine}").solve(problem).values
     own = slice(column("s.q1"), column("s.q3") + 1)
     for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):

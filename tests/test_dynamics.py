@@ -71,10 +71,10 @@ def test_forces_derive_from_the_potential_at_rest(paper):
 
     from dataclasses import replace
 
-    from screwgauge.problem import Motion
+    from screwgauge.problem import GivenMotion
 
     zero = np.zeros((1, 2))
-    still = replace(scene, motion=Motion(np.zeros(1), y[None].copy(), zero, zero.copy()), loads=())
+    still = replace(scene, task=GivenMotion(np.zeros(1), y[None].copy(), zero, zero.copy()), loads=())
     Q = solve(still, quantities=["generalized_force"]).values("generalized_force")[0]
     h = 1e-5
     expected = [(potential(y + h * e) - potential(y - h * e)) / (2 * h) for e in np.eye(2)]

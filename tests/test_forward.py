@@ -29,12 +29,12 @@ ROUND_TRIP = 1e-11  # conditions of a few hundred times rounding
 
 def at_rest_or_moving(scene, n=9):
     """Some samples of a scene: layout, rates and the forces that act besides the actuators."""
-    t = scene.motion.t
+    t = scene.t
     scene = scene.at(t[np.linspace(0, len(t) - 1, n).astype(int)])
     lay = layout(scene.mechanism)
-    rate = rates(lay, positions(lay, scene.motion.y, scene.motion.t), scene.motion.yd)
-    loads = [(load.body, load.point, load.force, load.torque) for load in scene.loads]
-    return scene, lay, rate, Forces(gravity=scene.gravity, loads=loads)
+    rate = rates(lay, positions(lay, scene.motion.y, scene.t), scene.motion.yd)
+    loads = [(load.body, load.point, load.force, load.torque) for load in scene.applied.loads]
+    return scene, lay, rate, Forces(gravity=scene.applied.g, loads=loads)
 
 
 @pytest.mark.parametrize("name", SCENES, ids=lambda name: Path(name).stem)

@@ -38,7 +38,7 @@ def constant(coordinate, amount):
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", DATA / "four-bar-scene.toml"], ids=str)
 def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
     scene = screwgauge.load_scene(name)
-    scene = scene.at(scene.motion.t[np.linspace(0, len(scene.motion) - 1, 5).astype(int)])
+    scene = scene.at(scene.t[np.linspace(0, len(scene.motion) - 1, 5).astype(int)])
     run = screwgauge.run(scene, engines=[engine], quantities=["actuator_force", "joint_acceleration"])
     wanted, forces = run.values("joint_acceleration", engine), run.values("actuator_force", engine)
     write_models(scene.mechanism, tmp_path)
@@ -49,8 +49,8 @@ def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
         problem = ForwardProblem(
             tmp_path / f"{model}{ENDINGS[engine]}",
             tmp_path / f"{model}.loops.toml",
-            scene.gravity,
-            scene.loads,
+            scene.applied.g,
+            scene.applied.loads,
             (),
             tuple(constant(name, f) for name, f in zip(driven, forces[i], strict=True)),
             motion.y[i],

@@ -81,7 +81,7 @@ def pendulum(problem):
 def test_established_problems_are_scenes_with_a_reference(name):
     scene = screwgauge.load_scene(name)
     assert tuple(item.name for item in scene.observables) == OBSERVABLES[name]
-    assert np.array_equal(scene.known.t, scene.motion.t)
+    assert np.array_equal(scene.known.t, scene.t)
     assert scene.published
 
 
@@ -100,7 +100,7 @@ def test_pendulum_follows_its_reference():
 def test_three_engines_and_the_reference_agree(name, until):
     """Each from its own model file; loops with redundant constraints, a spring and a motor among them."""
     scene = screwgauge.load_scene(name)
-    results = screwgauge.run(scene.at(scene.motion.t[scene.motion.t <= until]))
+    results = screwgauge.run(scene.at(scene.t[scene.t <= until]))
     assert results.ok
     assert set(results.pairs["b"]) == {"pinocchio", "mujoco", "reference"}
     known = results.pairs[results.pairs["b"] == "reference"]
@@ -192,7 +192,7 @@ def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
 def test_eigenvalues_of_the_governor_are_the_known_ones():
     """-8117, -1450, -20.30, -20.05, +-7.346i (published with its reference), and two zeros of the spin."""
     scene = screwgauge.load_scene("a05-governor")
-    forces = Forces(gravity=scene.gravity, springs=scene.springs)
+    forces = Forces(gravity=scene.applied.g, springs=scene.applied.springs)
     lay = layout(load_mechanism("a05-governor"))
     found = eigenvalues(lay, forces, scene.forward.start, scene.forward.rates)
     found = found[np.abs(found) > 1.0]

@@ -103,8 +103,8 @@ def held():
     def problem(engine):
         return ForwardProblem(
             *model_files("3ups-upu-s", engine),
-            scene.gravity,
-            scene.loads,
+            scene.applied.g,
+            scene.applied.loads,
             (),
             hold(dict(zip(driven, force, strict=True))),
             y,

@@ -108,7 +108,7 @@ def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
     ]
     scene = moving_at(near, speed=10.0 ** rng.uniform(-2, 1), seed=seed)
     for row in range(len(near)):  # one by one: every sample is measured by its own size
-        one = replace(scene, motion=scene.motion.part(slice(row, row + 1)))
+        one = replace(scene, task=scene.motion.part(slice(row, row + 1)))
         results = screwgauge.run(one, engines=["screw", "pinocchio", "truth"])
         if "truth" not in results.solutions:
             continue  # not to be certified: too near
@@ -163,7 +163,7 @@ def test_a_rule_without_solution_is_blamed_and_not_the_engine():
 
 def test_a_locked_chart_is_named_where_rates_are_refused():
     scene = moving_at([[0.0, 0.1], [WRIST, 0.0]])
-    scene = replace(scene, motion=replace(scene.motion, y=at_lock(scene)))
+    scene = replace(scene, task=replace(scene.motion, y=at_lock(scene)))
     results = screwgauge.run(scene, engines=["screw"])
     (refusal,) = results.refusals
     assert flagged(results.solutions["screw"])["joint_position"].tolist() == [False, True]

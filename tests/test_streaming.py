@@ -60,7 +60,7 @@ def test_bad_input_is_one_sentence(make, words: str) -> None:
 
 def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch) -> None:
     def solve(scene, engines, quantities):
-        if scene.motion.t[0] < 1.0:
+        if scene.t[0] < 1.0:
             return {"screw": "solved"}, {}
         return {}, {"screw": Failure("screw", "ClosureError: a loop cannot close")}
 

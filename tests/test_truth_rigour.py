@@ -12,7 +12,7 @@ from flint import arb, ctx, fmpq
 import screwgauge
 from screwgauge.engines.parts import Clock
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import Motion, OldProblem
+from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
 from screwgauge.truth import exact, forces
@@ -23,11 +23,11 @@ from screwgauge.truth.samples import Sampler
 
 
 def problem_of(scene, **changes):
-    problem = OldProblem(
+    problem = Problem(
         model=scene.mechanism_file,
         loops=None,
-        gravity=scene.gravity,
-        loads=scene.loads,
+        gravity=scene.applied.g,
+        loads=scene.applied.loads,
         rule=scene.rule,
         motion=scene.motion,
         quantities=frozenset(["reaction"]),
@@ -39,11 +39,11 @@ def problem_of(scene, **changes):
 def balls(scene, bits):
     """All quantities of the first sample."""
     mechanism = load_mechanism(scene.mechanism_file)
-    start = positions(layout(mechanism), scene.motion.y, scene.motion.t).q[0].tolist()
+    start = positions(layout(mechanism), scene.motion.y, scene.t).q[0].tolist()
     with ctx.workprec(bits):
         sampler = Sampler(Linkage(mechanism, mechanism_tables(scene.mechanism_file)), problem_of(scene), "f", Clock())
         terms = read_terms(scene.wording().motion, list(mechanism.independent))
-        return sampler.sample(drive(terms, float(scene.motion.t[0])), start)
+        return sampler.sample(drive(terms, float(scene.t[0])), start)
 
 
 @pytest.mark.parametrize("name", ["3ups-upu-s-fast", "3ups-upu-s-offset"])
@@ -88,7 +88,7 @@ def test_motion_replaced_by_hand_is_taken_as_doubles():
     assert scene.wording().loads is not None
     y = scene.motion.y.copy()
     y[1, 0] = np.nextafter(y[1, 0], 1.0)
-    changed = replace(scene, motion=Motion(scene.motion.t, y, scene.motion.yd, scene.motion.ydd))
+    changed = replace(scene, task=GivenMotion(scene.t, y, scene.motion.yd, scene.motion.ydd))
     assert changed.wording().motion is None
     results = screwgauge.run(changed, engines=["truth"], quantities=["joint_position", "joint_velocity"])
     assert (results.values("joint_position")[:, -3:-1] == y).all()
@@ -97,8 +97,8 @@ def test_motion_replaced_by_hand_is_taken_as_doubles():
 
 def test_gravity_and_loads_replaced_by_hand_are_taken_as_doubles():
     scene = screwgauge.load_scene("3ups-upu-s").at([0.3])
-    load = replace(scene.loads[0], force=scene.loads[0].force * 2)
-    changed = replace(scene, gravity=np.array([0.0, 1.0, -9.0]), loads=(load,))
+    load = replace(scene.applied.loads[0], force=scene.applied.loads[0].force * 2)
+    changed = scene.under(gravity=np.array([0.0, 1.0, -9.0]), loads=(load,))
     assert changed.wording().gravity is None
     assert changed.wording().loads is None
     assert screwgauge.run(changed, engines=["screw", "truth"]).ok
@@ -107,7 +107,7 @@ def test_gravity_and_loads_replaced_by_hand_are_taken_as_doubles():
 def test_csv_motion_has_a_truth(write):
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.25])
     lines = ["t,a,ad,add,b,bd,bdd"]
-    for row in zip(scene.motion.t, scene.motion.y, scene.motion.yd, scene.motion.ydd, strict=True):
+    for row in zip(scene.t, scene.motion.y, scene.motion.yd, scene.motion.ydd, strict=True):
         t, y, yd, ydd = row
         lines.append(",".join(repr(float(x)) for x in (t, y[0], yd[0], ydd[0], y[1], yd[1], ydd[1])))
     write("motion.csv", "\n".join(lines) + "\n")

@@ -19,7 +19,7 @@ OURS = {"3ups-upu-s": 1e-12, "3ups-upu-s-fast": 1e-11, "3ups-upu-s-offset": 1e-1
 def results(request):
     scene = screwgauge.load_scene(request.param)
     rows = np.linspace(0, len(scene.motion) - 1, 9).astype(int)
-    return screwgauge.run(scene.at(scene.motion.t[rows]), engines=["screw", "truth"])
+    return screwgauge.run(scene.at(scene.t[rows]), engines=["screw", "truth"])
 
 
 def test_radius_of_every_quantity_is_below_the_promise(results):
@@ -66,7 +66,7 @@ def test_known_forces_of_the_paper_scene(t, Q, f):
 @pytest.mark.parametrize("name", ["four-bar", "slider-crank", "rscr", "pendulum"])
 def test_any_mechanism_has_a_truth(name):
     scene = screwgauge.load_scene(DATA / f"{name}-scene.toml")
-    results = screwgauge.run(scene.at(scene.motion.t[::5]), engines=["screw", "truth"])
+    results = screwgauge.run(scene.at(scene.t[::5]), engines=["screw", "truth"])
     assert results.ok, results.failures
     assert results.pairs["max_scaled"].max() < 1e-12
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from screwgauge.engines.screw import inverse as screw
-from screwgauge.problem import OldProblem
+from screwgauge.problem import Problem
 from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"
 
 
-def solve(problem: OldProblem) -> Solution:
+def solve(problem: Problem) -> Solution:
     """Shifts one component of two quantities by `ERROR` of its quantity's largest value in that unit."""
     solution = screw.solve(problem)
     changed = dict(solution.values)
