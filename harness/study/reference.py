@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.judging.compare import reference_scale
+from screwgauge.problem import Rows
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -34,7 +35,7 @@ class Reference:
     note: str
     scales: Mapping[str, Mapping[str, float]]
 
-    def score(self, quantity: str, values: Values, rows: slice | Array = slice(None)) -> Score:
+    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Score:
         """Error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
         return score(values, right, self.scales[quantity])

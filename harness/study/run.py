@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -226,7 +227,7 @@ def _answers(
             files = model_files(scene, name, folder)
             # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
             problem = scene.problem(wanted, own_gravity=name in scene.models and engine.reads == ".xml")
-            answer = engine.load(files).solve(problem, lambda share, name=name: progress(name, share))
+            answer = engine.load(files).solve(problem, partial(progress, name))
             answer = replace(answer, engine=name)
             _check_answer(answer, len(scene.t), expected)
             solutions[name] = answer
@@ -278,9 +279,8 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
     estimate = np.pad(way.estimate, (0, n - m), constant_values=np.inf)  # there is no number
     met = np.pad(way.condition, (0, n - m), mode="edge")
     stopped = (f"stopped: {answer.stopped}",) if answer.stopped else ()
-    counts = ()
-    if answer.cost is not None:
-        cost = answer.cost
+    counts: tuple[str, ...] = ()
+    if (cost := answer.cost) is not None:
         counts = (f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations",)
     return replace(
         answer,
