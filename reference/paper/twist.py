@@ -49,10 +49,8 @@ def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right")
         raise UnknownNameError("twist", twist, TWISTS)
     if twist != "right":
         V, A = fixed_axes(motion)
-        if twist == "literal":
-            body = lay.mechanism.body(output_body(lay.mechanism))
-            V = subtracted(V, body.com)
-        return V, A
+        com = lay.mechanism.body(output_body(lay.mechanism)).com
+        return (subtracted(V, com), A) if twist == "literal" else (V, A)
     alone = _driver_alone(lay, motion)
     if alone is not None:
         return alone
@@ -66,13 +64,12 @@ def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
     q = closed_form(lay, motion.y)
     if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).gap).max() > CLOSED:
         return None
-    mechanism, n = lay.mechanism, len(q)
-    joint = next(j for j in mechanism.joints if set(mechanism.independent.values()) <= set(j.coordinates))
-    columns = lay.columns[joint.name]
+    chosen = lay.mechanism.independent_columns
+    columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))
     S = tree_pose(lay, q)[2][:, columns].swapaxes(1, 2)
-    w, beta = np.zeros((2, n, q.shape[1]))
-    w[:, mechanism.independent_columns], beta[:, mechanism.independent_columns] = motion.yd, motion.ydd
-    w, beta = w[:, columns], beta[:, columns]
+    w, beta = np.zeros((2, len(q), len(columns)))
+    at = [columns.index(column) for column in chosen]
+    w[:, at], beta[:, at] = motion.yd, motion.ydd
     return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
 
 
