@@ -65,16 +65,13 @@ def _turned(side: Chains, theta: Array, turns: tuple[int, ...]) -> Array:
 
 
 def wrist_centre(side: Chains, theta: Array, L: float | None, turns: tuple[int, ...]) -> Array:
-    """Centres C of the legs by eq. (24), ``R_Z (r_A + product of R_n  r_AC)``, in a reading of one's choice.
+    """Centres C of the legs by eq. (24), ``R_Z (r_A + product of R_n  r_AC)``, in some reading. Shape (n, 4, 3).
 
     Args:
         side: The chains, the four legs first.
         theta: Coordinates chain by chain. Shape (n, n_chain, m).
         L: Constant length of r_AC [m]; None for the length of the leg.
         turns: Numbers n of the rotations in the product; (2, 5) as printed, (1, 2) is right.
-
-    Returns:
-        Shape (n, 4, 3).
     """
     length = theta[:, :4, 2] if L is None else L
     return np.asarray(side.p0[:4] + (_turned(side, theta, turns) @ _Z) * np.asarray(length)[..., None])
@@ -93,14 +90,11 @@ def lie_bracket(first: Array, second: Array) -> Array:
 
 
 def chain_bias(side: Chains, S: Array, w: Array) -> Array:
-    """Sum of brackets of eqs. (42)-(43): the last one joins joints N-2 and N in place of N-1 and N.
+    """Sum of brackets of eqs. (42)-(43): the last joins joints N-2 and N, not N-1 and N. Shape (n, n_chain, 6).
 
     Args:
         S: Screws. Shape (n, n_chain, m, 6).
-        w: Rates. Shape (n, n_chain, m).
-
-    Returns:
-        Shape (n, n_chain, 6).
+        w: Joint velocities. Shape (n, n_chain, m).
     """
     terms, out = S * w[..., None], np.asarray(brackets(S, w).sum(axis=-2))
     for k, N in enumerate(side.used.sum(axis=1)):

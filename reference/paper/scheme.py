@@ -171,10 +171,10 @@ class Trajectory:
 
     def rows(self, times: Array) -> tuple[Index, Index]:
         """Where the grid meets given times: rows of the trajectory, and of `times`."""
-        near = np.searchsorted(self.t, times).clip(1, len(self.t) - 1)
-        near -= times - self.t[near - 1] < self.t[near] - times
-        met = np.flatnonzero(np.abs(self.t[near] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
-        return near[met], met
+        last = len(self.t) - 1
+        nearest = np.rint((times - self.t[0]) / (self.t[-1] - self.t[0]) * last).astype(np.intp).clip(0, last)
+        met = np.flatnonzero(np.abs(self.t[nearest] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
+        return nearest[met], met
 
 
 def brackets(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:

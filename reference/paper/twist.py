@@ -34,13 +34,10 @@ Drive = Callable[[Array], Driven]
 
 
 def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right") -> tuple[Array, Array]:
-    """Twist and acceleration screw of the platform at O, the input of the scheme.
+    """Twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
     The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
     that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
-
-    Returns:
-        Shapes (n, 6), (n, 6).
 
     Raises:
         UnknownNameError: There is no such twist.
@@ -74,11 +71,9 @@ def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
 
 
 def fixed_axes(motion: Driven) -> tuple[Array, Array]:
-    """Eq. (60) in structure: rates and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
-    V, A = np.zeros((2, len(motion.y), 6))
-    k = motion.y.shape[1]
-    V[:, :k], A[:, :k] = motion.yd, motion.ydd
-    return V, A
+    """Eq. (60) in structure: first and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
+    to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
+    return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 
 
 def subtracted(V: Array, r_P: Array) -> Array:
