@@ -13,7 +13,8 @@ from screwgauge.reference.paper.scheme import Chains, chains
 from screwgauge.reference.paper.twist import Driven, platform_screws
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import Scene, load_scene
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
 
 SCENE = "3ups-upu-s"
 TABLE_2 = "3ups-upu-s-table2"  # the mechanism with the wrist angles of the paper's Table 2; the bodies move alike
@@ -66,8 +67,8 @@ class Case:
         self, gravity: Array | None = None, *, loaded: bool = True, bodies: dynamics.BodyMotion | None = None
     ) -> tuple[Array, Array]:
         """Required force and moment of each body, by the case's gravity, loads and motion or others. (n, n_body, 3)."""
-        gravity = self.scene.gravity if gravity is None else gravity
-        loads = [(load.body, load.point, load.force, load.torque) for load in self.scene.loads if loaded]
+        applied = self.scene.applied
+        gravity, loads = applied.g if gravity is None else gravity, applied.loads if loaded else ()
         return dynamics.required_wrench(self.lay, self.rate.pose, bodies or self.bodies, gravity, loads)
 
     def generalized(self, F: Array, T: Array) -> Array:
@@ -87,7 +88,7 @@ def every(step: float) -> Array:
 def paper_case(t: Array) -> Case:
     """Solves the paper's case at times `t`, shape (n,)."""
     scene, lay = load_scene(SCENE), layout(load_mechanism(TABLE_2))
-    motion = scene.drive(t)
+    motion = scene.moved(t)
     rate = rates(lay, positions(lay, motion.y, t), motion.yd)
     beta, A = accelerations(lay, rate, motion.ydd)
     bodies, twist = dynamics.body_motion(lay, rate.pose, rate.V, A), platform_screws(lay, motion, t)

@@ -66,7 +66,7 @@ def solve_forces(case: Case, rule: str = "min_norm") -> Forces:
 
 def gravity(case: Case, forces: Forces) -> list[Values]:
     """Generalised and driving forces, each where the two differ most."""
-    wrong, right = case.wrench(-case.scene.gravity), (forces.F, forces.T)
+    wrong, right = case.wrench(-case.scene.applied.g), (forces.F, forces.T)
     return [
         _farthest(case.generalized(*wrong)[:, 0], case.generalized(*right)[:, 0]),
         _farthest(case.driving(*wrong), case.driving(*right)),

@@ -92,10 +92,10 @@ def references() -> list[Values]:
 def units(case: Case) -> list[Values]:
     """Eq. (26) on a twist that the UPU chain cannot make: what is left over, and what the units of length do."""
     side, V, right = case.side, fixed_axes(case.motion)[0], case.twist[0]
-    run = integrate(case.lay, case.scene.drive, STEP_RK4, case.t[-1], twist="printed", method="rk4")
+    run = integrate(case.lay, case.scene.moved, STEP_RK4, case.t[-1], twist="printed", method="rk4")
     S = side.walk(side.gather(run.q))[0][:, 0]
     made = (S.swapaxes(1, 2) @ side.gather(run.w)[:, 0, :, None])[..., 0]
-    left_over = longest(made - fixed_axes(case.scene.drive(run.t))[0])
+    left_over = longest(made - fixed_axes(case.scene.moved(run.t))[0])
 
     def first(V: Array, unit: float) -> Array:
         scale = np.repeat([1.0, unit], 3)
@@ -133,7 +133,7 @@ def _second_difference(case: Case) -> Array:
     local = np.stack([body.com for body in case.lay.mechanism.bodies[:-1]])
 
     def com(t: Array) -> Array:
-        at = positions(case.lay, case.scene.drive(t).y, t)
+        at = positions(case.lay, case.scene.moved(t).y, t)
         return np.asarray(at.p[:, 1:-1] + (at.R[:, 1:-1] @ local[..., None])[..., 0])
 
     weights = {-2: -1, -1: 16, 0: -30, 1: 16, 2: -1}

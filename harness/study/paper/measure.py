@@ -75,8 +75,7 @@ def measured() -> Paper:
 
 def is_the_papers(scene: Scene) -> bool:
     """Whether a scene is the paper's mechanism in the motion of eq. (59)."""
-    motion = scene.motion
-    if scene.mechanism.name != SCENE or motion.y.shape[1] != 2:
+    if scene.simulated or scene.mechanism.name != SCENE or scene.motion.y.shape[1] != 2:
         return False
-    right = printed.trajectory(motion.t)[0][:, :2]
-    return bool(np.allclose(motion.y, right, rtol=0.0, atol=1e-12))
+    right = printed.trajectory(scene.t)[0][:, :2]
+    return bool(np.allclose(scene.motion.y, right, rtol=0.0, atol=1e-12))

@@ -69,9 +69,9 @@ def scheme_runs(case: Case, progress: Callable[[float], None]) -> SchemeRuns:
 
 
 def _run(case: Case, label: str, twist: str, method: str, step: float) -> Run:
-    found = integrate(case.lay, case.scene.drive, step, DURATION, twist=twist, method=method)
+    found = integrate(case.lay, case.scene.moved, step, DURATION, twist=twist, method=method)
     legs, chain = case.leg_ends(found.R[:, :4], found.p[:, :4]), case.leg_ends(found.R[:, 4:], found.p[:, 4:])
-    a, b = case.scene.drive(found.t).y.T
+    a, b = case.scene.moved(found.t).y.T
     attitude = rotation(np.eye(3)[0], a) @ rotation(np.eye(3)[1], b)
     tilt = 2.0 * np.arcsin(np.linalg.norm(found.R[:, 4] - attitude, axis=(1, 2)) / np.sqrt(8.0))
     return Run(label, found.t, np.asarray(np.linalg.norm(legs - chain, axis=-1)), np.asarray(tilt))
