@@ -6,7 +6,7 @@ import numpy as np
 
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.pose import Layout, across, place
-from screwgauge.reference.rotations import Array, triad_angles
+from screwgauge.reference.rotations import Array, triad, triad_angles
 
 
 def closed_form(lay: Layout, y: Array) -> Array | None:
@@ -71,6 +71,5 @@ def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> 
     n = len(q)
     ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
     R_leg = across(base, q[:, lay.columns[base.name]], *ground)[0]
-    axes = wrist.axes if len(wrist.axes) == 3 else np.vstack([wrist.axes, np.cross(*wrist.axes)])
-    angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, axes)
+    angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, triad(wrist.axes))
     q[:, lay.columns[wrist.name]] = angles[:, : len(wrist.axes)]

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.rotations import Array, cross, triad_angles
+from screwgauge.reference.rotations import Array, cross, nearest_angles, triad, triad_angles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,16 +58,8 @@ def cut_columns(lay: Layout) -> CutColumns:
         if joint.kind == "S":
             balls[0].append([first, first + 1, first + 2])
             balls[1].append(c)
-    triads = np.array([_triad(joint.axes) for joint in lay.tree.cuts], dtype=lay.path.dtype).reshape(-1, 3, 3)
+    triads = np.array([triad(joint.axes) for joint in lay.tree.cuts], dtype=lay.path.dtype).reshape(-1, 3, 3)
     return CutColumns(triads, angles, slides, np.array(axes).reshape(-1, 3), balls, owner)
-
-
-def _triad(axes: Array) -> Array:
-    """Completes one or two orthogonal axes to three."""
-    if len(axes) == 3:
-        return axes
-    second = axes[1] if len(axes) == 2 else np.linalg.svd(axes)[2][1]
-    return np.vstack([axes[0], second, cross(axes[0], second)])
 
 
 def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Array:
@@ -90,31 +82,13 @@ def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Arra
     near = np.zeros((*R_from.shape[:2], 3), dtype=q.dtype)
     near[:, owner, number] = guess[:, columns[place]]
     angles = triad_angles(R_from.swapaxes(-1, -2) @ (R[:, j] @ R_j), cut.triads)
-    q[:, columns[place]] = _nearest(angles, near)[:, owner, number]
+    q[:, columns[place]] = nearest_angles(angles, near)[0][:, owner, number]
     if cut.slides[0]:
         apart = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
         place, owner = cut.slides
         along = (R_from[:, owner] @ cut.slide_axes[..., None])[..., 0]
         q[:, columns[place]] = np.sum(along * apart[:, owner], axis=-1)
     return q
-
-
-def _nearest(angles: Array, near: Array) -> Array:
-    """Of the two triples of angles of a rotation, and of all their whole turns, those nearest to a guess.
-
-    Args:
-        angles, near: Shape (n, n_cut, 3); what a joint does not have is near zero.
-    """
-    other = angles * np.array([1.0, -1.0, 1.0], dtype=near.dtype) + np.pi
-    one, two = near + _within(angles - near), near + _within(other - near)
-    farther = np.abs(two - near).sum(axis=-1) < np.abs(one - near).sum(axis=-1)
-    turns = np.round((angles - near) / (2.0 * np.pi))
-    exact = np.where(turns == 0.0, angles, one)  # what needs no turning keeps its last bit
-    return np.asarray(np.where(farther[..., None], two, exact))
-
-
-def _within(angle: Array) -> Array:
-    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
 
 
 def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Array, Array]:

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+TURN = 2.0 * np.pi
+#: A rotation has two triples of angles about orthogonal axes: (x, y, z) and (x, -y, z) + pi.
+MIDDLE = np.array([1.0, -1.0, 1.0])
+
 
 def skew(v: Array) -> Array:
     """Matrix of the cross product, ``skew(v) @ x = v x x``. Shape (..., 3) -> (..., 3, 3)."""
@@ -76,3 +80,43 @@ def triad_angles(R: Array, axes: Array) -> Array:
     q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
     q3 = np.arctan2(-M[..., 0, 1], M[..., 0, 0])
     return np.asarray(sign[..., None] * np.stack([q1, q2, q3], axis=-1))
+
+
+def triad(axes: Array) -> Array:
+    """Completes one or two orthogonal unit axes to three, right-handed. Shape (1 to 3, 3) -> (3, 3)."""
+    if len(axes) == 3:
+        return axes
+    second = axes[1] if len(axes) == 2 else np.linalg.svd(axes)[2][1]
+    return np.vstack([axes[0], second, cross(axes[0], second)])
+
+
+def within_half_turn(angles: Array) -> Array:
+    """Angles less whole turns, between -pi and pi. Any shape."""
+    return np.asarray(angles - TURN * np.round(angles / TURN))
+
+
+def nearest_turn(angles: Array, near: Array) -> Array:
+    """The same angles, whole turns added so that they come near to others. Any shape."""
+    return np.asarray(angles + TURN * np.round((near - angles) / TURN))
+
+
+def other_triple(angles: Array) -> Array:
+    """The other triple of angles of the same rotation about three orthogonal axes. Shape (..., 3)."""
+    return np.asarray(MIDDLE.astype(angles.dtype) * angles + np.pi)
+
+
+def nearest_angles(angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Of the triples of the same rotation, and of all whole turns, the angles nearest to others.
+
+    Args:
+        angles, near: Angles about orthogonal axes [rad]; fewer than three have no other triple. Shape (..., m).
+
+    Returns:
+        The angles, shape (..., m), and where they are the other triple, shape (...).
+    """
+    one = nearest_turn(angles, near)
+    if angles.shape[-1] < 3:
+        return one, np.zeros(angles.shape[:-1], dtype=bool)
+    other = nearest_turn(other_triple(angles), near)
+    swapped = np.abs(other - near).sum(axis=-1) < np.abs(one - near).sum(axis=-1)
+    return np.where(swapped[..., None], other, one), swapped

@@ -5,14 +5,13 @@ None of them is used by the solver. What is right stands in `screws`, `pose`, `k
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 
 from screwgauge.reference import screws
 from screwgauge.reference.linear import null_space
-from screwgauge.reference.paper.scheme import Bracket, Chains
+from screwgauge.reference.paper.scheme import Chains, brackets
 from screwgauge.reference.rotations import Array, rotation
 
 _X, _Y, _Z = np.eye(3)
@@ -57,38 +56,30 @@ def trajectory(t: Array) -> tuple[Array, Array, Array]:
     return D, V, A
 
 
+def _turned(side: Chains, theta: Array, turns: tuple[int, ...]) -> Array:
+    """``R_Z`` times the product of ``R_n`` over some rotations n, for each leg. Shape (n, 4, 3, 3)."""
+    R = np.broadcast_to(side.R0[:4], (len(theta), 4, 3, 3))
+    for n in turns:
+        R = R @ rotation(_X if n in (1, 4) else _Y, theta[:, :4, n - 1])
+    return R
+
+
 def wrist_centre(side: Chains, theta: Array, L: float | None, turns: tuple[int, ...]) -> Array:
-    """Centres C of the legs by eq. (24), ``R_Z (r_A + product of R_n  r_AC)``, in a reading of one's choice.
+    """Centres C of the legs by eq. (24), ``R_Z (r_A + product of R_n  r_AC)``, in some reading. Shape (n, 4, 3).
 
     Args:
         side: The chains, the four legs first.
         theta: Coordinates chain by chain. Shape (n, n_chain, m).
         L: Constant length of r_AC [m]; None for the length of the leg.
         turns: Numbers n of the rotations in the product; (2, 5) as printed, (1, 2) is right.
-
-    Returns:
-        Shape (n, 4, 3).
     """
-    legs = theta[:, :4]
-    R = np.broadcast_to(side.R0[:4], (*legs.shape[:2], 3, 3))
-    for n in turns:
-        R = R @ rotation(_X if n in (1, 4) else _Y, legs[..., n - 1])
-    length = legs[..., 2] if L is None else np.full(legs.shape[:2], L)
-    return np.asarray(side.p0[:4] + (R @ _Z) * length[..., None])
+    length = theta[:, :4, 2] if L is None else L
+    return np.asarray(side.p0[:4] + (_turned(side, theta, turns) @ _Z) * np.asarray(length)[..., None])
 
 
-def wrist_axis(side: Chains, theta: Array, first: int) -> Array:
-    """Second axis of the wrist, e_5, by eq. (24) with its product from joint `first` (2 as printed, 1 is right).
-
-    Returns:
-        Shape (n, 4, 3).
-    """
-    legs = theta[:, :4]
-    R = np.broadcast_to(side.R0[:4], (*legs.shape[:2], 3, 3))
-    for n in (1, 2, 4):
-        if n >= first:
-            R = R @ rotation(_Y if n == 2 else _X, legs[..., n - 1])
-    return np.asarray(R @ _Y)
+def wrist_axis(side: Chains, theta: Array, turns: tuple[int, ...]) -> Array:
+    """Second axis of the wrist, e_5, by eq. (24): `turns` is (2, 4) as printed, (1, 2, 4) is right. Shape (n, 4, 3)."""
+    return np.asarray(_turned(side, theta, turns) @ _Y)
 
 
 def lie_bracket(first: Array, second: Array) -> Array:
@@ -99,23 +90,16 @@ def lie_bracket(first: Array, second: Array) -> Array:
 
 
 def chain_bias(side: Chains, S: Array, w: Array) -> Array:
-    """Sum of brackets of eqs. (42)-(43): the last one joins joints N-2 and N in place of N-1 and N.
+    """Sum of brackets of eqs. (42)-(43): the last joins joints N-2 and N, not N-1 and N. Shape (n, n_chain, 6).
 
     Args:
         S: Screws. Shape (n, n_chain, m, 6).
-        w: Rates. Shape (n, n_chain, m).
-
-    Returns:
-        Shape (n, n_chain, 6).
+        w: Joint velocities. Shape (n, n_chain, m).
     """
-    terms = S * w[..., None]
-    out = np.zeros((*S.shape[:2], 6))
-    for k, used in enumerate(side.used):
-        N = int(used.sum())
-        for i in range(N - 1):
-            for j in range(i + 1, N):
-                left = N - 3 if (i, j) == (N - 2, N - 1) else i
-                out[:, k] += screws.lie_bracket(terms[:, k, left], terms[:, k, j])
+    terms, out = S * w[..., None], np.asarray(brackets(S, w).sum(axis=-2))
+    for k, N in enumerate(side.used.sum(axis=1)):
+        third_last, second_last, last = (terms[:, k, N - i] for i in (3, 2, 1))
+        out[:, k] += screws.lie_bracket(third_last - second_last, last)
     return out
 
 
@@ -143,23 +127,3 @@ def body_moment(arms: Array, F: Array, T: Array, side: Side, reading: Reading) -
     wrong = {"right": None, "to": "child", "from": "parent"}[reading] == side
     moment = (-1.0 if wrong else 1.0) * np.cross(arms, F) + T
     return np.asarray(moment if side == "child" else -moment)
-
-
-def accelerations(side: Chains, S: Array, w: Array, A: Array, bracket: Bracket | None = None) -> tuple[Array, Array]:
-    """Joint accelerations of every chain by eqs. (44), (26), and the acceleration screws after each freedom.
-
-    Args:
-        S: Screws. Shape (n, n_chain, m, 6).
-        w: Rates. Shape (n, n_chain, m).
-        A: Acceleration screw of the platform. Shape (n, 6).
-        bracket: The Lie bracket of eq. (48); the right one by default.
-
-    Returns:
-        Shapes (n, n_chain, m), (n, n_chain, m, 6).
-    """
-    form: Callable[[Array, Array], Array] = bracket or screws.lie_bracket
-    terms = S * w[..., None]
-    before = np.cumsum(terms, axis=-2) - terms
-    brackets = form(before, terms)
-    beta = side.solve(S, A[:, None] - brackets.sum(axis=-2))
-    return beta, np.cumsum(S * beta[..., None] + brackets, axis=-2)

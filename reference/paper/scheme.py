@@ -1,4 +1,4 @@
-"""The paper's own scheme, one more contestant: rates of each chain by eq. (26), joint angles by steps in time.
+"""The paper's own scheme, one more method: velocities of each chain by eq. (26), joint angles by steps in time.
 
 Every chain is driven on its own by the twist of the platform and nothing corrects its closure (eqs. 15-27). The
 twist is that of eq. (60) as printed or the right one, the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
@@ -7,7 +7,7 @@ Steps follow each other, so one step is kept cheap: all chains side by side as o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +19,7 @@ from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.paper.twist import Drive, platform_screws
 from screwgauge.reference.pose import Layout, place, unplace
-from screwgauge.reference.rotations import Array, skew
-
-METHODS = ("euler", "rk4")
+from screwgauge.reference.rotations import Array, cross, skew
 
 Bracket = Callable[[Array, Array], Array]
 Index = NDArray[np.intp]
@@ -85,9 +83,7 @@ class Chains:
         p[..., 0, :] = self.p0
         np.cumsum((R[..., :m, :, :] @ shift[..., None])[..., 0], axis=-2, out=p[..., 1:, :])
         p[..., 1:, :] += self.p0[:, None]
-        at = p[..., :m, :]
-        moment = _cross(at, e)
-        S = np.concatenate([self.turns * e, np.where(self.turns, moment, e)], axis=-1)
+        S = np.concatenate([self.turns * e, np.where(self.turns, cross(p[..., :m, :], e), e)], axis=-1)
         return S, R[..., m, :, :], p[..., m, :]
 
     def solve(self, S: Array, V: Array) -> Array:
@@ -102,14 +98,6 @@ class Chains:
         """
         normal = S @ S.swapaxes(-1, -2) + (~self.used)[..., None] * np.eye(S.shape[-2])
         return np.asarray(np.linalg.solve(normal, S @ V[..., None])[..., 0])
-
-
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """`np.cross` on stacks, without its preparations: they take ten times longer than the product."""
-    return np.asarray(a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1))
 
 
 def chains(lay: Layout) -> Chains:
@@ -128,10 +116,10 @@ def chains(lay: Layout) -> Chains:
         )
     if any(edge.reverse for chain in found for edge in chain):
         raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
-    parts = [_parts(lay, chain) for chain in found]
-    m = max(len(part) for part in parts)
-    rows = [[*part, *[_NOTHING] * (m - len(part))] for part in parts]
-    columns, used, turns, axis, R, p = (np.array([[item[k] for item in row] for row in rows]) for k in range(6))
+    freedoms = [list(_freedoms(lay, chain)) for chain in found]
+    m = max(map(len, freedoms))
+    rows = [[*row, *[_NOTHING] * (m - len(row))] for row in freedoms]
+    columns, used, turns, axis, R, p = (np.array([[freedom[k] for freedom in row] for row in rows]) for k in range(6))
     turns = turns[..., None].astype(float)
     K = skew(axis) * turns[..., None]
     first = [chain[0].joint.parent_frame for chain in found]
@@ -148,22 +136,20 @@ def chains(lay: Layout) -> Chains:
     )
 
 
-_Part = tuple[int, bool, bool, Array, Array, Array]
-_NOTHING: _Part = (0, False, False, np.zeros(3), np.eye(3), np.zeros(3))
+_Freedom = tuple[int, bool, bool, Array, Array, Array]
+_REST = np.eye(3), np.zeros(3)
+_NOTHING: _Freedom = (0, False, False, np.zeros(3), *_REST)
 
 
-def _parts(lay: Layout, chain: tuple[Edge, ...]) -> list[_Part]:
+def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
     """(column, used, turns, axis, rotation after it, displacement after it) of each freedom."""
-    parts: list[_Part] = []
     for edge, following in zip(chain, [*chain[1:], None], strict=True):
-        R, p = unplace(np.eye(3), np.zeros(3), edge.joint.child_frame)
+        after = unplace(*_REST, edge.joint.child_frame)
         if following is not None:
-            R, p = place(R, p, following.joint.parent_frame)
-        columns, last = lay.columns[edge.joint.name], len(edge.joint.freedoms) - 1
-        for i, (turns, axis) in enumerate(edge.joint.freedoms):
-            after = (R, p) if i == last else (np.eye(3), np.zeros(3))
-            parts.append((columns[i], True, turns, axis, *after))
-    return parts
+            after = place(*after, following.joint.parent_frame)
+        steps = [_REST] * (len(edge.joint.freedoms) - 1) + [after]
+        for column, freedom, step in zip(lay.columns[edge.joint.name], edge.joint.freedoms, steps, strict=True):
+            yield column, True, *freedom, *step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +158,7 @@ class Trajectory:
 
     Attributes:
         t: Time [s]. Shape (n,).
-        q, w, beta: Joint coordinates [rad or m], rates and accelerations. Shape (n, n_q).
+        q, w, beta: Joint coordinates [rad or m], velocities and accelerations. Shape (n, n_q).
         R, p: Where each chain puts the platform. Shapes (n, n_chain, 3, 3), (n, n_chain, 3).
     """
 
@@ -185,57 +171,35 @@ class Trajectory:
 
     def rows(self, times: Array) -> tuple[Index, Index]:
         """Where the grid meets given times: rows of the trajectory, and of `times`."""
-        near = np.searchsorted(self.t, times).clip(1, len(self.t) - 1)
-        near -= times - self.t[near - 1] < self.t[near] - times
-        met = np.flatnonzero(np.abs(self.t[near] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
-        return near[met], met
+        last = len(self.t) - 1
+        nearest = np.rint((times - self.t[0]) / (self.t[-1] - self.t[0]) * last).astype(np.intp).clip(0, last)
+        met = np.flatnonzero(np.abs(self.t[nearest] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
+        return nearest[met], met
 
 
-def integrate(
-    lay: Layout,
-    drive: Drive,
-    step: float,
-    duration: float,
-    *,
-    start: float = 0.0,
-    twist: str = "right",
-    method: str = "euler",
-    bracket: Bracket = screws.lie_bracket,
-) -> Trajectory:
-    """Runs the scheme of eqs. (15)-(27) over a trajectory, then eq. (44) for the accelerations.
+def brackets(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
+    """Terms of ``w^T S_L w`` of eq. (44), for each freedom j: [V before j, S_j w_j]. Shape (..., m, 6)."""
+    terms = S * w[..., None]
+    return bracket(np.cumsum(terms, axis=-2) - terms, terms)
+
+
+def chain_accelerations(
+    side: Chains, S: Array, w: Array, A: Array, bracket: Bracket = screws.lie_bracket
+) -> tuple[Array, Array]:
+    """Joint accelerations of every chain by eqs. (44), (26), and the acceleration screws after each freedom.
 
     Args:
-        duration: The last whole step within it ends the trajectory [s].
-        start: Time of the first sample [s], at which the loops are closed.
-        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
-        method: ``euler``, eq. (27), or ``rk4``.
+        S: Screws. Shape (n, n_chain, m, 6).
+        w: Joint velocities. Shape (n, n_chain, m).
+        A: Acceleration screw of the platform. Shape (n, 6).
         bracket: The Lie bracket of eq. (48).
 
-    Raises:
-        ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
+    Returns:
+        Shapes (n, n_chain, m), (n, n_chain, m, 6).
     """
-    _check(step, duration, method)
-    parts = 1 if method == "euler" else 2
-    n = int(duration / step * (1 + 1e-12))
-    t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
-    motion = drive(t)
-    V, A = platform_screws(lay, motion, t, twist)
-    side = chains(lay)
-    theta = np.empty((n + 1, *side.used.shape))
-    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
-    STEPPERS[method](side, theta, V[:, None], step)
-    S, R, p = side.walk(theta)
-    w = side.solve(S, V[::parts, None])
-    beta = side.solve(S, A[::parts, None] - bias(S, w, bracket))
-    q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
-    return Trajectory(t[::parts], q, qd, qdd, R, p)
-
-
-def _check(step: float, duration: float, method: str) -> None:
-    if method not in METHODS:
-        raise UnknownNameError("method", method, METHODS)
-    if not 0.0 < step <= duration:
-        raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
+    terms = brackets(S, w, bracket)
+    beta = side.solve(S, A[:, None] - terms.sum(axis=-2))
+    return beta, np.cumsum(S * beta[..., None] + terms, axis=-2)
 
 
 def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:
@@ -259,12 +223,46 @@ def _rk4(side: Chains, theta: Array, V: Array, step: float) -> None:
         theta[i + 1] = here + step / 6.0 * (first + 2.0 * (second + third) + fourth)
 
 
-def bias(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
-    """The term ``w^T S_L w`` of eq. (44): sum over j of [V before j, S_j w_j]. Shape (..., m, 6) -> (..., 6)."""
-    terms = S * w[..., None]
-    before = np.cumsum(terms, axis=-2) - terms
-    return np.asarray(bracket(before, terms).sum(axis=-2))
-
-
 #: Method -> steps in place: ``(chains, theta, V, step)``, the first row of theta given, V as the method needs it.
 STEPPERS = {"euler": _euler, "rk4": _rk4}
+
+
+def integrate(
+    lay: Layout,
+    drive: Drive,
+    step: float,
+    duration: float,
+    *,
+    start: float = 0.0,
+    twist: str = "right",
+    method: str = "euler",
+) -> Trajectory:
+    """Runs the scheme of eqs. (15)-(27) over a trajectory, then eq. (44) for the accelerations.
+
+    Args:
+        duration: The last whole step within it ends the trajectory [s].
+        start: Time of the first sample [s], at which the loops are closed.
+        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
+        method: ``euler``, eq. (27), or ``rk4``.
+
+    Raises:
+        ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
+    """
+    if method not in STEPPERS:
+        raise UnknownNameError("method", method, STEPPERS)
+    if not 0.0 < step <= duration:
+        raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
+    parts = 1 if method == "euler" else 2
+    n = int(duration / step * (1 + 1e-12))
+    t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
+    motion = drive(t)
+    V, A = platform_screws(lay, motion, t, twist)
+    side = chains(lay)
+    theta = np.empty((n + 1, *side.used.shape))
+    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
+    STEPPERS[method](side, theta, V[:, None], step)
+    S, R, p = side.walk(theta)
+    w = side.solve(S, V[::parts, None])
+    beta, _ = chain_accelerations(side, S, w, A[::parts])
+    q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
+    return Trajectory(t[::parts], q, qd, qdd, R, p)

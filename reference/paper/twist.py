@@ -34,13 +34,10 @@ Drive = Callable[[Array], Driven]
 
 
 def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right") -> tuple[Array, Array]:
-    """Twist and acceleration screw of the platform at O, the input of the scheme.
+    """Twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
     The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
     that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
-
-    Returns:
-        Shapes (n, 6), (n, 6).
 
     Raises:
         UnknownNameError: There is no such twist.
@@ -49,10 +46,8 @@ def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right")
         raise UnknownNameError("twist", twist, TWISTS)
     if twist != "right":
         V, A = fixed_axes(motion)
-        if twist == "literal":
-            body = lay.mechanism.body(output_body(lay.mechanism))
-            V = subtracted(V, body.com)
-        return V, A
+        com = lay.mechanism.body(output_body(lay.mechanism)).com
+        return (subtracted(V, com), A) if twist == "literal" else (V, A)
     alone = _driver_alone(lay, motion)
     if alone is not None:
         return alone
@@ -66,22 +61,19 @@ def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
     q = closed_form(lay, motion.y)
     if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).gap).max() > CLOSED:
         return None
-    mechanism, n = lay.mechanism, len(q)
-    joint = next(j for j in mechanism.joints if set(mechanism.independent.values()) <= set(j.coordinates))
-    columns = lay.columns[joint.name]
+    chosen = lay.mechanism.independent_columns
+    columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))
     S = tree_pose(lay, q)[2][:, columns].swapaxes(1, 2)
-    w, beta = np.zeros((2, n, q.shape[1]))
-    w[:, mechanism.independent_columns], beta[:, mechanism.independent_columns] = motion.yd, motion.ydd
-    w, beta = w[:, columns], beta[:, columns]
+    w, beta = np.zeros((2, len(q), len(columns)))
+    at = [columns.index(column) for column in chosen]
+    w[:, at], beta[:, at] = motion.yd, motion.ydd
     return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
 
 
 def fixed_axes(motion: Driven) -> tuple[Array, Array]:
-    """Eq. (60) in structure: rates and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
-    V, A = np.zeros((2, len(motion.y), 6))
-    k = motion.y.shape[1]
-    V[:, :k], A[:, :k] = motion.yd, motion.ydd
-    return V, A
+    """Eq. (60) in structure: first and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
+    to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
+    return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 
 
 def subtracted(V: Array, r_P: Array) -> Array:

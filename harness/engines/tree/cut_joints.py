@@ -11,18 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference import linear
+from screwgauge.reference import linear, rotations
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import Array, rotation, triad_angles
+from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
 
 Flags = NDArray[np.bool_]
 
 #: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
 SURE = 1e8
-_TURN = 2.0 * np.pi
-#: A rotation has two triples of angles about orthogonal axes: (x, y, z) and (x, -y, z) + pi.
-_MIDDLE = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,22 +68,22 @@ class Chart:
         Args:
             angles: Shape (n, m).
         """
-        q, swapped = _nearest(self.q, angles)
+        q, swapped = rotations.nearest_angles(self.q, angles)
         return self._swapped(swapped, q)
 
     def agreeing(self, i: int, angle: Array) -> Chart:
         """The same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
         if self.q.shape[1] < 3:
             return self
-        two = _other(self.q)
-        swapped = np.abs(_within(two[:, i] - angle)) < np.abs(_within(self.q[:, i] - angle))
+        two = other_triple(self.q)
+        swapped = np.abs(within_half_turn(two[:, i] - angle)) < np.abs(within_half_turn(self.q[:, i] - angle))
         return self._swapped(swapped, np.where(swapped[:, None], two, self.q))
 
     def _swapped(self, where: Flags, q: Array) -> Chart:
         """With the second triples somewhere: their middle axis, and with it its rate, points the other way."""
         if not where.any():
             return replace(self, q=q)
-        sign = np.where(where[:, None], _MIDDLE, 1.0)[..., None]
+        sign = np.where(where[:, None], MIDDLE, 1.0)[..., None]
         return replace(self, q=q, inverse=self.inverse * sign, axes=self.axes * sign)
 
 
@@ -102,7 +99,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
             f"joint '{joint.name}'",
             "cut another joint",
         )
-    axes = _triad(joint.axes)
+    axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
     if joint.kind == "U":
@@ -138,11 +135,6 @@ def _two_axes(M: Array, R: Array, axes: Array) -> Chart:
     return Chart(np.stack([first, angle], axis=1), R, own, own, np.ones(len(R)))
 
 
-def nearest_turn(angles: Array, near: Array) -> Array:
-    """The same angles, whole turns added so that they come near to others. Shapes (n, m)."""
-    return np.asarray(angles + _TURN * np.round((near - angles) / _TURN))
-
-
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
     """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
 
@@ -165,15 +157,15 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
     half[:1] = 0.0
     if len(begin) == 3:
         same = x[1:] - x[:-1] - half * (r[1:] + r[:-1])
-        other = _other(x[1:]) - x[:-1] - half * (_MIDDLE * r[1:] + r[:-1])
+        other = other_triple(x[1:]) - x[:-1] - half * (MIDDLE * r[1:] + r[:-1])
         # whether a sample goes on by its other triple does not depend on which triple the one before took
-        change = np.abs(_within(other)).sum(axis=1) < np.abs(_within(same)).sum(axis=1)
+        change = np.abs(within_half_turn(other)).sum(axis=1) < np.abs(within_half_turn(same)).sum(axis=1)
         swapped = (np.cumsum(change) % 2 == 1)[:, None]
-        x[1:], r[1:] = np.where(swapped, _other(x[1:]), x[1:]), np.where(swapped, _MIDDLE * r[1:], r[1:])
-    x[1:] -= _TURN * np.cumsum(np.round((np.diff(x, axis=0) - half * (r[1:] + r[:-1])) / _TURN), axis=0)
+        x[1:], r[1:] = np.where(swapped, other_triple(x[1:]), x[1:]), np.where(swapped, MIDDLE * r[1:], r[1:])
+    x[1:] -= TURN * np.cumsum(np.round((np.diff(x, axis=0) - half * (r[1:] + r[:-1])) / TURN), axis=0)
     out, last = np.empty_like(angles), np.cumsum(sure)[~sure]
     out[sure] = x[1:]
-    out[~sure] = _nearest(angles[~sure], x[last] + (t[~sure] - at[last])[:, None] * r[last])[0]
+    out[~sure] = rotations.nearest_angles(angles[~sure], x[last] + (t[~sure] - at[last])[:, None] * r[last])[0]
     return out
 
 
@@ -188,37 +180,3 @@ def unwrapped(begin: Array, chart: Chart, given: bool) -> Array:
     if given:
         return follow(begin, chart.q, chart.condition < SURE)
     return np.asarray(np.unwrap(np.vstack([begin, chart.q]), axis=0)[1:])
-
-
-def _nearest(angles: Array, near: Array) -> tuple[Array, Flags]:
-    """Of the triples of the same rotation, and all whole turns, those nearest to others. Shapes (n, m).
-
-    Returns:
-        The angles, and where they are the second triple. Shapes (n, m), (n,).
-    """
-    one = nearest_turn(angles, near)
-    if angles.shape[1] < 3:
-        return one, np.zeros(len(one), dtype=bool)
-    two = nearest_turn(_other(angles), near)
-    swapped = np.abs(two - near).sum(axis=1) < np.abs(one - near).sum(axis=1)
-    return np.where(swapped[:, None], two, one), swapped
-
-
-def _other(angles: Array) -> Array:
-    """The other triple of angles of the same rotation. Shape (..., 3)."""
-    return np.asarray(_MIDDLE * angles + np.pi)
-
-
-def _within(angle: Array) -> Array:
-    """Less whole turns, within half a turn."""
-    return np.asarray(angle - _TURN * np.round(angle / _TURN))
-
-
-def _triad(axes: Array) -> Array:
-    """Completes one or two orthogonal axes to three."""
-    if len(axes) == 3:
-        return axes
-    if len(axes) == 2:
-        return np.vstack([axes, np.cross(axes[0], axes[1])])
-    second = np.linalg.svd(axes)[2][1]
-    return np.vstack([axes, second, np.cross(axes[0], second)])

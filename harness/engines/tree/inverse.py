@@ -14,12 +14,12 @@ from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
-from screwgauge.engines.tree.cut_joints import nearest_turn, unwrapped
+from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, nearest_turn
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
 

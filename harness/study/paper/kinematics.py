@@ -1,6 +1,8 @@
-"""Errata of the paper's kinematics, measured: numbers 1 to 5, 7 and 9 to 11."""
+"""Errata of the paper's kinematics (1 to 7, 9 to 11) and of its numerical case (17, 18), each by a function."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -8,273 +10,154 @@ from screwgauge.reference import screws
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility, output_freedoms
 from screwgauge.reference.paper import printed
-from screwgauge.reference.paper import scheme as paper
-from screwgauge.reference.paper import twist as paper_twist
-from screwgauge.reference.pose import Pose
+from screwgauge.reference.paper.scheme import brackets, chain_accelerations, integrate
+from screwgauge.reference.paper.twist import fixed_axes, subtracted
 from screwgauge.reference.rotations import Array
-from screwgauge.study.paper.errata import Case, Erratum, erratum, largest, longest, percent
+from screwgauge.study.paper.case import HALF, Case, largest, longest, percent
+from screwgauge.study.paper.errata import TABLE, Values
 
 MILLIMETRES = 1e3
 STEP_RK4 = 0.01  # s
-MOMENT = 2.0  # s, at which rates in two units are set side by side
+AT_2_S = 40  # the sample at t = 2 s, where velocities in two units are set side by side
 
 
-def kinematic_errata(case: Case) -> list[Erratum]:
-    """All of them, in the order of their numbers."""
-    return [
-        _overconstraint(case),
-        _free_axes(case),
-        *_reciprocal_screws(case),
-        _subtraction(case),
-        *_joint_places(case),
-        *_units(case),
-        _bracket(case),
-        _last_bracket(case),
-        _point_acceleration(case),
-    ]
-
-
-def _sample(at: Pose, i: int) -> Pose:
-    return Pose(at.q[i : i + 1], at.R[i : i + 1], at.p[i : i + 1], at.S[i : i + 1], at.gap[i : i + 1])
-
-
-def _overconstraint(case: Case) -> Erratum:
-    found = mobility(case.lay, _sample(case.rate.pose, len(case.t) // 3))
+def overconstraint(case: Case) -> list[Values]:
+    found = mobility(case.lay, case.rate.pose.rows([len(case.t) // 3]))
     unknowns, equations = len(found.names), 6 * found.bodies
-    return erratum(
-        1,
-        "title, sect. 2",
-        "redundant constraints",
-        (f"{unknowns} unknowns less {equations} equations", "constraint components less their rank"),
-        (unknowns - equations, found.overconstraints),
-        "count",
-    )
+    return [Values(unknowns - equations, found.overconstraints, words={"unknowns": unknowns, "equations": equations})]
 
 
-def _free_axes(case: Case) -> Erratum:
-    """Angle between the y-axis and the twists that the chains allow."""
-    fixed, angles, right = printed.FREE_TWISTS[:, 1], [], []
-    a = case.motion.y[:, 0]
+def free_axes(case: Case) -> list[Values]:
+    """Angle between the second free axis and the twists that the chains allow."""
+    a, fixed = case.motion.y[:, 0], printed.FREE_TWISTS[:, 1]
     moved = np.stack([0 * a, np.cos(a), np.sin(a), 0 * a, 0 * a, 0 * a], axis=1)
-    for i in range(len(case.t)):
-        free = output_freedoms(case.lay, _sample(case.rate.pose, i))
-        angles.append(_angle(free, fixed))
-        right.append(_angle(free, moved[i]))
-    return erratum(
-        2,
-        "(14), abstract",
-        "angle of the second free axis",
-        ("the y-axis, whatever the pose", "(0, cos a, sin a)"),
-        (max(angles), max(right)),
-        "rad",
-    )
+    free = [output_freedoms(case.lay, case.rate.pose.rows([i])) for i in range(len(a))]
+    right = max(_angle(space, axis) for space, axis in zip(free, moved, strict=True))
+    return [Values(max(_angle(space, fixed) for space in free), right)]
 
 
 def _angle(free: Array, twist: Array) -> float:
     """Angle [rad] between a unit twist and the space of free ones."""
-    outside = twist - free @ (free.T @ twist)
-    return float(np.arcsin(min(1.0, float(np.linalg.norm(outside)))))
+    return float(np.arcsin(min(1.0, float(np.linalg.norm(twist - free @ (free.T @ twist))))))
 
 
-def _reciprocal_screws(case: Case) -> list[Erratum]:
+def reciprocal_screws(case: Case) -> list[Values]:
     R, L = (float(case.side.p0[0, 0]), float(case.lay.mechanism.home[2]))
-    leaning, upright = np.linspace(0.2, 1.2, 11), 0.0
-    left = [_work(printed.upu_screws(x, R, L), printed.upu_wrench(x, R, L)) for x in leaning]
-    straight = printed.upu_wrench(upright, R, L), printed.upu_wrench_right(upright, R, L)
-    chain = len(case.lay.columns["leg2.base"]) + 1 + len(case.lay.columns["leg2.wrist"])
+    forms, leaning = (printed.upu_wrench, printed.upu_wrench_right), np.linspace(0.2, 1.2, 11)
+
+    def work(form: Callable[[float, float, float], Array], angle: float) -> float:
+        return largest(screws.reciprocal_product(form(angle, R, L), printed.upu_screws(angle, R, L).T))
+
+    freedoms = len(case.lay.columns["leg2.base"]) + 1 + len(case.lay.columns["leg2.wrist"])
     return [
-        erratum(
-            3,
-            "(6)-(9)",
-            "work of the wrench on the screws",
-            ("(9), leaning leg: it holds", "null space of (8)"),
-            (
-                max(left),
-                max(_work(printed.upu_screws(x, R, L), printed.upu_wrench_right(x, R, L)) for x in leaning),
-            ),
-            "m",
-            kind="A",
-        ),
-        erratum(
-            3,
-            "(9)",
-            "infinite entries at theta = 0",
-            ("R - L / sin theta", "null space of (8)"),
-            (np.sum(~np.isfinite(straight[0])), np.sum(~np.isfinite(straight[1]))),
-            "count",
-            kind="A",
-        ),
-        erratum(
-            3,
-            "(4)",
-            "terms in the sum of a UPS chain",
-            ("i = 0 ... N", "i = 0 ... N - 1"),
-            (len(range(chain + 1)), len(range(chain))),
-            "count",
-            kind="A",
-        ),
+        Values(*(max(work(form, angle) for angle in leaning) for form in forms)),
+        Values(*(np.sum(~np.isfinite(form(0.0, R, L))) for form in forms)),
+        Values(freedoms + 1, freedoms),
     ]
 
 
-def _work(S: Array, wrench: Array) -> float:
-    return largest(screws.reciprocal_product(wrench, S.T))
-
-
-def _residual(case: Case, V: Array, chain: int) -> float:
+def _violation(case: Case, V: Array, chain: int) -> float:
     """What eq. (15) leaves over for one chain, largest over time."""
-    S = case.S[:, chain].swapaxes(1, 2)
     w = case.side.solve(case.S, V[:, None])[:, chain]
-    return longest((S @ w[..., None])[..., 0] - V)
+    return longest((case.S[:, chain].swapaxes(1, 2) @ w[..., None])[..., 0] - V)
 
 
-def _subtraction(case: Case) -> Erratum:
+def subtraction(case: Case) -> list[Values]:
     D, V, _ = printed.trajectory(case.t)
-    right, _ = paper_twist.platform_screws(case.lay, case.motion, case.t)
-    return erratum(
-        4,
-        "(22)-(23)",
-        "violation of the S chain",
-        ("(60), less [0; w x r_P]", "nothing subtracted"),
-        (_residual(case, paper_twist.subtracted(V, D[:, 3:]), 4), _residual(case, right, 4)),
-        "m/s",
-    )
+    return [Values(_violation(case, subtracted(V, D[:, 3:]), 4), _violation(case, case.twist[0], 4))]
 
 
-def _joint_places(case: Case) -> list[Erratum]:
+def joint_places(case: Case) -> list[Values]:
     """Where eq. (24) puts the centres C, against where the closed mechanism has them."""
-    mechanism, at = case.lay.mechanism, case.rate.pose
-    platform = mechanism.body_index["platform"]
-    levers = np.stack([mechanism.joint(f"leg{k}.wrist").child_frame.p for k in range(1, 5)])
-    C = at.p[:, None, platform] + (at.R[:, None, platform] @ levers[..., None])[..., 0]
-    L = float(mechanism.home[2])
+    at, L = case.rate.pose, float(case.lay.mechanism.home[2])
+    C = case.leg_ends(at.R[:, -1:], at.p[:, -1:])
 
-    def off(length: float | None, turns: tuple[int, ...], rows: slice = slice(None)) -> float:
-        return longest((printed.wrist_centre(case.side, case.theta, length, turns) - C)[rows])
+    def off(length: float | None, turns: tuple[int, ...]) -> Array:
+        found = printed.wrist_centre(case.side, case.theta, length, turns)
+        return np.asarray(np.linalg.norm(found - C, axis=-1))
 
-    best = off(None, (1, 2))
-    tilt = [printed.wrist_axis(case.side, case.theta, first) for first in (1, 2)]
-    angle = 2.0 * np.arcsin(0.5 * longest(tilt[1] - tilt[0]))
-    rates = case.lay.columns["leg1.wrist"][1]
-    e5 = case.rate.pose.S[:, rates, :3]
-    return [
-        erratum(5, "(24)", what, (form, "R_1 R_2 (0.3 + p_3) z"), (value, best), "m")
-        for what, form, value in (
-            ("C off, at home", "R_2 R_5 r_AC", off(L, (2, 5), slice(0, 1))),
-            ("C off, without R_5, t = 1 s", "R_2 (0.3 + p_3) z", off(None, (2,), slice(20, 21))),
-            ("C off, without R_5, at most", "R_2 (0.3 + p_3) z", off(None, (2,))),
-            ("C off, r_AC constant, at most", "R_1 R_2 0.6 z", off(L, (1, 2))),
-        )
-    ] + [
-        erratum(
-            5,
-            "(24)",
-            "axis e_5 off, at most",
-            ("product from n = 2", "product from n = 1"),
-            (angle, longest(tilt[0][:, 0] - e5)),
-            "rad",
-        )
-    ]
+    right, one = off(None, (1, 2)).max(), off(None, (2,))
+    wrong = (off(L, (2, 5))[0], one[20], one, off(L, (1, 2)))
+    axis, printed_axis = (printed.wrist_axis(case.side, case.theta, turns) for turns in ((1, 2, 4), (2, 4)))
+    e5 = at.S[:, case.lay.columns["leg1.wrist"][1], :3]
+    tilt = 2.0 * np.arcsin(0.5 * longest(printed_axis - axis))
+    return [*(Values(distance.max(), right) for distance in wrong), Values(tilt, longest(axis[:, 0] - e5))]
 
 
-def _units(case: Case) -> list[Erratum]:
+def references() -> list[Values]:
+    table = TABLE["references"]
+    return [Values(sum(said != meant for _, said, meant in table), 0, words={"references": len(table)})]
+
+
+def units(case: Case) -> list[Values]:
     """Eq. (26) on a twist that the UPU chain cannot make: what is left over, and what the units of length do."""
-    side, (V, _) = case.side, paper_twist.fixed_axes(case.motion)
-    own = paper.integrate(case.lay, case.scene.drive, STEP_RK4, case.t[-1], twist="printed", method="rk4")
-    S = side.walk(side.gather(own.q))[0][:, 0]
-    made = (S.swapaxes(1, 2) @ side.gather(own.w)[:, 0, :, None])[..., 0]
-    left = longest(made - paper_twist.fixed_axes(case.scene.drive(own.t))[0])
-    right, _ = paper_twist.platform_screws(case.lay, case.motion, case.t)
-    metres = side.solve(case.S, V[:, None])[:, 0, 0]
-    longer = np.array([1.0] * 3 + [MILLIMETRES] * 3)
-    millimetres = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[:, 0, 0]
-    i = int(np.argmin(np.abs(case.t - MOMENT)))
+    side, V, right = case.side, fixed_axes(case.motion)[0], case.twist[0]
+    run = integrate(case.lay, case.scene.moved, STEP_RK4, case.t[-1], twist="printed", method="rk4")
+    S = side.walk(side.gather(run.q))[0][:, 0]
+    made = (S.swapaxes(1, 2) @ side.gather(run.w)[:, 0, :, None])[..., 0]
+    left_over = longest(made - fixed_axes(case.scene.moved(run.t))[0])
+
+    def first(V: Array, unit: float) -> Array:
+        scale = np.repeat([1.0, unit], 3)
+        return side.solve(np.where(side.turns > 0, case.S * scale, case.S), (V * scale)[:, None])[:, 0, 0]
+
+    metres, millimetres = first(V, 1.0), first(V, MILLIMETRES)
     return [
-        erratum(
-            7,
-            "(25)-(26), (60)",
-            "UPU chain: |S w - V|",
-            ("V of (60), along the scheme's own path", "right V"),
-            (left, _residual(case, right, 0)),
-            "rad/s, m/s",
-        ),
-        erratum(
-            7,
-            "(25)-(26), (60)",
-            f"UPU w_1, t = {MOMENT:g} s, in m and in mm",
-            ("lengths in metres", "lengths in millimetres"),
-            (metres[i], millimetres[i]),
-            "rad/s",
-        ),
-        erratum(
-            7,
-            "(25)-(26), (60)",
-            "UPU w_1, largest change by units",
-            ("V of (60), m against mm", "right V, m against mm"),
-            (largest(metres - millimetres), _unit_change(case, right, longer)),
-            "rad/s",
-        ),
+        Values(left_over, _violation(case, right, 0)),
+        Values(metres[AT_2_S], millimetres[AT_2_S]),
+        Values(largest(metres - millimetres), largest(first(right, 1.0) - first(right, MILLIMETRES))),
     ]
 
 
-def _unit_change(case: Case, V: Array, longer: Array) -> float:
-    side = case.side
-    metres = side.solve(case.S, V[:, None])[:, 0, 0]
-    other = side.solve(np.where(side.turns > 0, case.S * longer, case.S), (V * longer)[:, None])[:, 0, 0]
-    return largest(metres - other)
+def bracket(case: Case) -> list[Values]:
+    exact, forms = case.side.gather(case.beta), (printed.lie_bracket, screws.lie_bracket)
+    found = (chain_accelerations(case.side, case.S, case.w, case.A[:, -1], form)[0] for form in forms)
+    return [Values(*(percent(beta, exact) for beta in found))]
 
 
-def _bracket(case: Case) -> Erratum:
-    exact, V_dot = case.side.gather(case.beta), case.A[:, -1]
-    forms = (printed.lie_bracket, screws.lie_bracket)
-    wrong, right = (printed.accelerations(case.side, case.S, case.w, V_dot, form)[0] for form in forms)
-    return erratum(
-        9,
-        "(32), (36)",
-        "joint accelerations, error",
-        ("first row w1 x v2 - w2 x v1", "first row w1 x w2"),
-        (percent(wrong, exact), percent(right, exact)),
-        "%",
-    )
+def last_bracket(case: Case) -> list[Values]:
+    exact, A = case.side.gather(case.beta), case.A[:, -1:]
+    sums = printed.chain_bias(case.side, case.S, case.w), brackets(case.S, case.w).sum(axis=-2)
+    return [Values(*(percent(case.side.solve(case.S, A - one), exact) for one in sums))]
 
 
-def _last_bracket(case: Case) -> Erratum:
-    exact, V_dot = case.side.gather(case.beta), case.A[:, -1]
-    wrong = case.side.solve(case.S, V_dot[:, None] - printed.chain_bias(case.side, case.S, case.w))
-    right = case.side.solve(case.S, V_dot[:, None] - paper.bias(case.S, case.w))
-    return erratum(
-        10,
-        "(38a)-(43)",
-        "joint accelerations, error",
-        ("last bracket [N-2, N]", "last bracket [N-1, N]"),
-        (percent(wrong, exact), percent(right, exact)),
-        "%",
-    )
-
-
-def _point_acceleration(case: Case) -> Erratum:
-    legs = slice(1, -1)
-    V, A, com = case.rate.V[:, legs], case.A[:, legs], case.bodies.com[:, :-1]
-    exact = _second_difference(case)
-    wrong, right = printed.acceleration_at(V, A, com), screws.acceleration_at(V, A, com)
-    return erratum(
-        11,
-        "(49)",
-        "centres of mass of the legs, error",
-        ("v_C = w x r_C", "v_C = v_O + w x r_C"),
-        (percent(wrong, exact), percent(right, exact)),
-        "%",
-    )
+def point_acceleration(case: Case) -> list[Values]:
+    V, A, com = case.rate.V[:, 1:-1], case.A[:, 1:-1], case.bodies.com[:, :-1]
+    exact, forms = _second_difference(case), (printed.acceleration_at, screws.acceleration_at)
+    return [Values(*(percent(form(V, A, com), exact) for form in forms))]
 
 
 def _second_difference(case: Case) -> Array:
     """Accelerations of the legs' centres of mass from positions alone. Shape (n, 8, 3)."""
     h = 2e-3
-    bodies = case.lay.mechanism.bodies[:-1]
-    local = np.stack([body.com for body in bodies])
+    local = np.stack([body.com for body in case.lay.mechanism.bodies[:-1]])
 
     def com(t: Array) -> Array:
-        at = positions(case.lay, case.scene.drive(t).y, t)
+        at = positions(case.lay, case.scene.moved(t).y, t)
         return np.asarray(at.p[:, 1:-1] + (at.R[:, 1:-1] @ local[..., None])[..., 0])
 
-    c2, c1, c0, d1, d2 = (com(case.t + k * h) for k in (-2, -1, 0, 1, 2))
-    return np.asarray((-c2 + 16 * c1 - 30 * c0 + 16 * d1 - d2) / (12 * h * h))
+    weights = {-2: -1, -1: 16, 0: -30, 1: 16, 2: -1}
+    return np.asarray(sum(weight * com(case.t + k * h) for k, weight in weights.items()) / (12 * h * h))
+
+
+def trajectory(case: Case) -> list[Values]:
+    D, V, A = printed.trajectory(case.t)
+    w, beta, P = case.rate.V[:, -1, :3], case.A[:, -1, :3], case.bodies.com[:, -1]
+    (a, b), (ad, bd) = case.motion.y.T, case.motion.yd.T
+    angular = np.stack([ad, bd * np.cos(a), bd * np.sin(a)], axis=1)
+    # Rx(a) Ry(b) (0, 0, H)
+    turned = np.stack([np.sin(b), -np.sin(a) * np.cos(b), np.cos(a) * np.cos(b)], axis=1)
+    turned *= case.lay.mechanism.body("platform").com[2]
+    h = 1e-5  # s; central differences: is A the derivative of V, both as printed?
+    slope = (printed.trajectory(case.t + h)[1] - printed.trajectory(case.t - h)[1]) / (2 * h)
+    return [
+        Values(largest(V[:, :3] - w), longest(angular - w)),
+        Values(longest((A - slope)[:, :3]), longest((fixed_axes(case.motion)[1] - slope)[:, :3])),
+        Values(longest(A[:, :3] - beta), longest(case.twist[1][:, :3] - beta)),
+        Values(longest(D[:, 3:] - P), longest(turned - P)),
+    ]
+
+
+def leg_halves(case: Case) -> list[Values]:
+    L = case.rate.pose.q[:, case.lay.mechanism.actuated_columns]
+    return [Values(2.0 * HALF, L.max(), words={"shortest": L.min(), "longest": L.max()})]

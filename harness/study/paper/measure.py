@@ -10,14 +10,12 @@ import numpy as np
 
 from screwgauge.reference.paper import printed
 from screwgauge.scene.scene import Scene
-from screwgauge.study.paper.axial import AxialRule, axial_errata, axial_rule
-from screwgauge.study.paper.dynamics import dynamic_errata
-from screwgauge.study.paper.errata import SCENE, STEP, Erratum, every, paper_case
-from screwgauge.study.paper.given_case import given_case_errata
-from screwgauge.study.paper.kinematics import kinematic_errata
+from screwgauge.study.paper import dynamics, kinematics
+from screwgauge.study.paper.axial import AxialRule, axial_rule, axial_values
+from screwgauge.study.paper.case import SCENE, STEP, every, paper_case
+from screwgauge.study.paper.errata import Erratum, tabulated
 from screwgauge.study.paper.reach import Reach, reach
-from screwgauge.study.paper.references import shifted_references
-from screwgauge.study.paper.scheme import SchemeRuns, scheme_errata, scheme_runs
+from screwgauge.study.paper.scheme import SchemeRuns, scheme_runs, scheme_values
 
 NUMBERS = range(1, 19)
 
@@ -37,20 +35,36 @@ class Paper:
         return {row.number for row in self.errata if np.isfinite(row.effect)} >= set(NUMBERS)
 
 
-Report = Callable[[str, float], None]
-
-
-def measure(progress: Report = lambda step, share: None) -> Paper:
+def measure(progress: Callable[[str, float], None] = lambda step, share: None) -> Paper:
     """Measures all errata: some seconds, most of them for the paper's 10 000 steps."""
     case = paper_case(every(STEP))
     progress("kinematics", 0.0)
-    rows = [*kinematic_errata(case), *given_case_errata(case), shifted_references()]
+    values = {
+        1: kinematics.overconstraint(case),
+        2: kinematics.free_axes(case),
+        3: kinematics.reciprocal_screws(case),
+        4: kinematics.subtraction(case),
+        5: kinematics.joint_places(case),
+        6: kinematics.references(),
+        7: kinematics.units(case),
+        9: kinematics.bracket(case),
+        10: kinematics.last_bracket(case),
+        11: kinematics.point_acceleration(case),
+        17: kinematics.trajectory(case),
+        18: kinematics.leg_halves(case),
+    }
     progress("dynamics", 0.1)
-    axial = axial_rule()
-    rows += [*dynamic_errata(case), *axial_errata(axial)]
+    forces, axial = dynamics.solve_forces(case), axial_rule()
+    values |= {
+        12: dynamics.gravity(case, forces),
+        13: dynamics.levers(case, forces),
+        14: dynamics.platform(case, forces),
+        15: axial_values(axial),
+        16: dynamics.right_inverse(forces),
+    }
     runs = scheme_runs(case, lambda share: progress("scheme", 0.3 + 0.7 * share))
-    rows += scheme_errata(runs)
-    return Paper(tuple(sorted(rows, key=lambda row: row.number)), reach(case), runs, axial)
+    values[8] = scheme_values(runs)
+    return Paper(tabulated(values), reach(case), runs, axial)
 
 
 @lru_cache(maxsize=1)
@@ -61,8 +75,7 @@ def measured() -> Paper:
 
 def is_the_papers(scene: Scene) -> bool:
     """Whether a scene is the paper's mechanism in the motion of eq. (59)."""
-    motion = scene.motion
-    if scene.mechanism.name != SCENE or motion.y.shape[1] != 2:
+    if scene.simulated or scene.mechanism.name != SCENE or scene.motion.y.shape[1] != 2:
         return False
-    right = printed.trajectory(motion.t)[0][:, :2]
-    return bool(np.allclose(motion.y, right, rtol=0.0, atol=1e-12))
+    right = printed.trajectory(scene.t)[0][:, :2]
+    return bool(np.allclose(scene.motion.y, right, rtol=0.0, atol=1e-12))

@@ -8,9 +8,9 @@ import numpy as np
 
 from screwgauge.reference import dynamics, screws
 from screwgauge.reference.paper import printed
-from screwgauge.reference.paper.scheme import Bracket
+from screwgauge.reference.paper.scheme import Bracket, chain_accelerations
 from screwgauge.reference.rotations import Array
-from screwgauge.study.paper.errata import Case, largest
+from screwgauge.study.paper.case import Case, largest, percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,34 +43,32 @@ class Reach:
 
 
 def reach(case: Case) -> Reach:
-    """Splits Q_a into its causes, and runs the wrong bracket through to the driving forces."""
-    still = np.zeros(3)
-    parts = []
-    inertia = case.wrench(still, [])
-    for gravity, loads in ((still, case.loads), (case.scene.gravity, [])):
-        F, T = case.wrench(gravity, loads)
-        parts.append(largest(case.generalized(F - inertia[0], T - inertia[1])[:, 0]))
-    right, wrong = (_driving_by(case, form) for form in (screws.lie_bracket, printed.lie_bracket))
-    beta = printed.accelerations(case.side, case.S, case.w, case.A[:, -1], printed.lie_bracket)[0]
-    exact = case.side.gather(case.beta)
+    """Splits Q_a into its causes, and carries the wrong bracket through to the driving forces."""
+    inertia = case.generalized(*case.wrench(np.zeros(3), loaded=False))[:, 0]
+    load = case.generalized(*case.wrench(np.zeros(3)))[:, 0] - inertia
+    gravity = case.generalized(*case.wrench(loaded=False))[:, 0] - inertia
+    (right, _), (wrong, beta) = (_by_bracket(case, form) for form in (screws.lie_bracket, printed.lie_bracket))
     return Reach(
-        load=parts[0],
-        gravity=parts[1],
-        inertia=largest(case.generalized(*inertia)[:, 0]),
+        load=largest(load),
+        gravity=largest(gravity),
+        inertia=largest(inertia),
         driving=largest(right),
         bracket=largest(wrong - right),
-        joint_error=100.0 * largest(beta - exact) / largest(exact),
+        joint_error=percent(beta, case.side.gather(case.beta)),
     )
 
 
-def _driving_by(case: Case, bracket: Bracket) -> Array:
-    """Driving forces [N] with all accelerations by eqs. (44) and (26) under a bracket. Shape (n, 4)."""
+def _by_bracket(case: Case, bracket: Bracket) -> tuple[Array, Array]:
+    """Driving forces [N] and joint accelerations chain by chain, by eqs. (44) and (26) under a bracket.
+
+    Returns:
+        Shapes (n, 4), (n, 5, m).
+    """
     lay, side = case.lay, case.side
-    _, along = printed.accelerations(side, case.S, case.w, case.A[:, -1], bracket)
+    beta, along = chain_accelerations(side, case.S, case.w, case.A[:, -1], bracket)
     A = np.zeros_like(case.A)
     for joint in lay.mechanism.joints:
         chain, last = np.argwhere(side.used & (side.columns == lay.columns[joint.name][-1]))[0]
         A[:, lay.mechanism.body_index[joint.child]] = along[:, chain, last]
-    motion = dynamics.body_motion(lay, case.rate.pose, case.rate.V, A)
-    F, T = dynamics.required_wrench(lay, case.rate.pose, motion, case.scene.gravity, case.loads)
-    return case.driving(F, T)
+    bodies = dynamics.body_motion(lay, case.rate.pose, case.rate.V, A)
+    return case.driving(*case.wrench(bodies=bodies)), beta
