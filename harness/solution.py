@@ -27,6 +27,15 @@ class Values:
             raise ValueError(f"{self.array.shape} values for {len(self.components)} components")
         self.array.setflags(write=False)
 
+    def pick(self, components: tuple[str, ...]) -> Values:
+        """Some components, in the order given."""
+        columns = [self.components.index(name) for name in components]
+        return Values(components, tuple(self.units[i] for i in columns), self.array[:, columns].copy())
+
+    def at(self, rows: slice | Rows) -> Values:
+        """Some samples."""
+        return Values(self.components, self.units, self.array[rows])
+
 
 @dataclass(frozen=True, slots=True)
 class Timing:
@@ -41,9 +50,24 @@ class Timing:
     covers: str
 
 
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a simulation, or a pass over states, took.
+
+    Attributes:
+        wall_s, cpu_s: Wall and processor time of the engine's own work [s]; NaN where it was not measured.
+        steps, evaluations: Steps taken, and accelerations computed.
+    """
+
+    wall_s: float
+    cpu_s: float = float("nan")
+    steps: int = 0
+    evaluations: int = 0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What an engine returns.
+    """What a model answers, for every kind of task.
 
     Attributes:
         values: Quantity -> values.
@@ -56,6 +80,11 @@ class Solution:
             infinite where not one digit is right, or there is no number. Shape (n,).
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
+        setting: Method and settings, in words.
+        work: Of a simulation: what motors, loads and dampers have put in since the start [J]; NaN where it is not
+            known. Shape (n,).
+        stopped: Why a simulation ended early, empty if it did not.
+        cost: What it took, where the engine has measured it.
     """
 
     engine: str
@@ -69,6 +98,15 @@ class Solution:
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)
     rows: Rows | None = None
+    setting: str = ""
+    work: Array | None = None
+    stopped: str = ""
+    cost: Cost | None = None
+
+    @property
+    def n_solved(self) -> int:
+        """How many of the samples it solved."""
+        return len(self.condition) if self.rows is None else len(self.rows)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:

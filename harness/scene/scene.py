@@ -11,9 +11,9 @@ import numpy as np
 
 from screwgauge.engines.registry import check_engines
 from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
-from screwgauge.problem import Motion, Wording
+from screwgauge.problem import InitialValue, Motion, Problem, Wording
 from screwgauge.quantities import FORWARD, INVERSE, QUANTITIES, check_quantities, integrated_tolerance
-from screwgauge.reference.applied import Load, Motor, Spring
+from screwgauge.reference.applied import Applied, Load, Motor, Spring
 from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import vector
@@ -100,6 +100,19 @@ class Scene:
         if self.forward is not None:
             return replace(self, motion=_clock(read_times(list(times), "times"), self.motion, self.forward.since))
         return replace(self, motion=self.drive(read_times(list(times), "times")))
+
+    def problem(self, wanted: Sequence[str] | frozenset[str]) -> Problem:
+        """The question that the scene puts to every engine.
+
+        Args:
+            wanted: Names of quantities.
+        """
+        applied = Applied(self.gravity, self.loads, self.springs, self.motors)
+        task: Motion | InitialValue = self.motion
+        if self.forward is not None:
+            start = self.forward
+            task = InitialValue(start.start, start.rates, t=self.motion.t, integration=start.method)
+        return Problem(applied, task, frozenset(wanted), self.rule)
 
     def wording(self) -> Wording:
         """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""

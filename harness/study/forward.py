@@ -14,9 +14,9 @@ import pandas as pd
 from screwgauge.engines.integrators import check_integrators, load_integrator
 from screwgauge.environment import environment
 from screwgauge.judging.compare import compare, nothing
-from screwgauge.judging.energy import judge_motion
-from screwgauge.judging.judge import COLUMNS
-from screwgauge.judging.passed import passed
+from screwgauge.judging.conditioning import passed
+from screwgauge.judging.judge import judge
+from screwgauge.judging.residual import COLUMNS
 from screwgauge.models.generate import write_models
 from screwgauge.quantities import FORWARD, check_quantities
 from screwgauge.reference.errors import DescriptionError
@@ -27,7 +27,7 @@ from screwgauge.scene.observe import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.setting import Forward
 from screwgauge.scene.start import check_start, make_problem
-from screwgauge.solution import REFERENCE, Failure, ForwardSolution, Solution, Timing, Values
+from screwgauge.solution import REFERENCE, Cost, Failure, ForwardSolution, Solution, Timing, Values
 from screwgauge.study.results import Results
 from screwgauge.study.run import Report, facts, failed, model_files
 
@@ -72,9 +72,10 @@ def run_forward(
     if scene.known is not None and "observable" in wanted:
         solutions[REFERENCE] = _known(scene)
     counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    errors, pairs = compare(scene, solutions, {}, counts)
+    problem = scene.problem(wanted)
+    errors, pairs = compare(scene.mechanism, problem, solutions, {}, counts, scene.tolerance)
     lost = pd.DataFrame(_lost(scene, wanted, found, failures, list(solutions)), columns=pairs.columns)
-    judged = [judge_motion(scene, one, scene.motion.t[: len(one.q)], start.method) for one in found.values()]
+    judged = [judge(scene.mechanism, problem, integrated(scene, one)) for one in found.values()]
     return Results(
         scene=scene,
         solutions=solutions,
@@ -133,14 +134,33 @@ def trimmed(found: ForwardSolution, extra: int) -> ForwardSolution:
     return replace(found, **fields)
 
 
-def _solution(scene: Scene, start: Forward, lay: Layout, found: ForwardSolution, wanted: Sequence[str]) -> Solution:
-    """The integrated motion in the terms of a comparison; NaN where it was not reached."""
+def integrated(scene: Scene, found: ForwardSolution) -> Solution:
+    """The integrated motion at the times of the scene; NaN where it was not reached."""
     mechanism, n, m = scene.mechanism, len(scene.motion), len(found.q)
     names, units = tuple(mechanism.coordinates), tuple(mechanism.units)
-    values = {}
-    for name, array, per in zip(FORWARD, (found.q, found.v, found.a), ("", "/s", "/s^2"), strict=False):
-        if name in wanted:
-            values[name] = Values(names, tuple(f"{unit}{per}" for unit in units), _filled(array, n))
+    values = {
+        name: Values(names, tuple(f"{unit}{per}" for unit in units), _filled(array, n))
+        for name, array, per in zip(FORWARD, (found.q, found.v, found.a), ("", "/s", "/s^2"), strict=False)
+    }
+    return Solution(
+        engine=found.engine,
+        version=found.version,
+        values=values,
+        condition=_filled(found.condition[:, None], n)[:, 0],
+        notes=found.notes,
+        rows=None if m == n else np.arange(m),
+        setting=found.setting,
+        work=_filled(found.work[:, None], n)[:, 0],
+        stopped=found.stopped,
+        cost=Cost(found.seconds, found.cpu, found.steps, found.evaluations),
+    )
+
+
+def _solution(scene: Scene, start: Forward, lay: Layout, found: ForwardSolution, wanted: Sequence[str]) -> Solution:
+    """The integrated motion in the terms of a comparison."""
+    n, m = len(scene.motion), len(found.q)
+    whole = integrated(scene, found)
+    values = {name: has for name, has in whole.values.items() if name in wanted}
     if "observable" in wanted:
         has = observe(lay, scene.observables, found.q)
         values = {"observable": Values(has.components, has.units, _filled(has.array, n)), **values}
@@ -150,11 +170,9 @@ def _solution(scene: Scene, start: Forward, lay: Layout, found: ForwardSolution,
     met = np.pad(way.condition, (0, n - m), mode="edge")
     counts = f"{found.setting}: {found.steps} steps, {found.evaluations} evaluations of the accelerations"
     stages = {"integration": found.seconds, "integration, processor time": found.cpu}
-    return Solution(
-        engine=found.engine,
-        version=found.version,
+    return replace(
+        whole,
         values=values,
-        condition=_filled(found.condition[:, None], n)[:, 0],
         estimate=dict.fromkeys(values, estimate),
         conditions=dict.fromkeys(values, met),
         timings=tuple(
@@ -163,7 +181,6 @@ def _solution(scene: Scene, start: Forward, lay: Layout, found: ForwardSolution,
             if np.isfinite(seconds)
         ),
         notes=(*stopped, counts, *found.notes, *filter(None, [way.note]), *_beyond(scene, found)),
-        rows=None if m == n else np.arange(m),
     )
 
 
@@ -215,4 +232,5 @@ def _lost(
     for name, reason in reasons.items():
         for other in [each for each in compared if each != name] or [""]:
             a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
-            yield nothing(scene, "observable" if "observable" in wanted else wanted[0], a, b, reason)
+            quantity = "observable" if "observable" in wanted else wanted[0]
+            yield nothing(quantity, a, b, reason, scene.tolerance(quantity))

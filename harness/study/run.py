@@ -13,8 +13,9 @@ from screwgauge.engines.parts import component_names
 from screwgauge.engines.registry import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
 from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import COLUMNS, judge
+from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
+from screwgauge.judging.residual import COLUMNS
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import OldProblem
 from screwgauge.quantities import INVERSE, check_quantities
@@ -63,12 +64,13 @@ def run(
     check_actuation(scene, mobility, wanted)
     solutions, failures = solve(scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress)
     progress("comparison", 0.0)
-    refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
+    mechanism, problem = scene.mechanism, scene.problem(wanted)
+    refused = tuple(one for solution in solutions.values() for one in refusals(mechanism, problem, solution))
     for one in refused:
         solution = solutions[one.engine]
         solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
-    errors, pairs = compare(scene, solutions, failures, mobility, refused)
-    judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
+    errors, pairs = compare(mechanism, problem, solutions, failures, mobility, scene.tolerance, refused)
+    judged = [judge(mechanism, problem, solution, refused=refused) for solution in solutions.values()]
     return Results(
         scene=scene,
         solutions=solutions,
