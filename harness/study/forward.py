@@ -15,8 +15,7 @@ from screwgauge.engines.integrators import check_integrators, load_integrator
 from screwgauge.environment import environment
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
-from screwgauge.judging.judge import judge
-from screwgauge.judging.residual import COLUMNS
+from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.models.generate import write_models
 from screwgauge.quantities import FORWARD, check_quantities
 from screwgauge.reference.errors import DescriptionError

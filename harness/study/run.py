@@ -13,9 +13,8 @@ from screwgauge.engines.parts import component_names
 from screwgauge.engines.registry import GENERATED, check_engines, load_engine
 from screwgauge.environment import environment
 from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
+from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.judging.refusals import refusals
-from screwgauge.judging.residual import COLUMNS
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import OldProblem
 from screwgauge.quantities import INVERSE, check_quantities

@@ -157,8 +157,8 @@ class Work:
         lost = not np.isfinite(error).all()
         short = found.stopped or (f"only {m} of {len(self.scene.motion)} samples" if m < len(self.scene.motion) else "")
         solution = integrated(self.scene, found)
-        balance = energy_balance(answer_at(self.scene.mechanism, self.scene.problem(()), solution, np.arange(m)))
-        drift = float("nan") if balance is None else float(np.abs(balance.values).max())
+        answer = answer_at(self.scene.mechanism, self.scene.problem(()), solution, np.arange(m))
+        balance = next(energy_balance(answer), None)
         return Outcome(
             entrant,
             FAILED if short or lost else OK,
@@ -166,8 +166,8 @@ class Work:
             scaled=float((error / self.scale).max(initial=0.0)),
             rms=float(np.sqrt(np.mean((error / self.scale) ** 2))) if error.size else float("nan"),
             largest=self._by_unit(error),
-            energy=drift,
-            energy_scaled=float("nan") if balance is None else drift / float(balance.scale),
+            energy=float("nan") if balance is None else balance["max_abs"],
+            energy_scaled=float("nan") if balance is None else balance["max_scaled"],
             wall=wall,
             cpu=cpu,
             n_sample=m,
