@@ -9,9 +9,9 @@ import pytest
 
 import screwgauge
 from screwgauge.engines.screw.forward import integrate
-from screwgauge.judging.energy import judge_motion
+from screwgauge.judging.judge import judge
 from screwgauge.scene.start import make_problem
-from screwgauge.study.forward import started
+from screwgauge.study.forward import integrated, started
 
 DRIVEN = """
 mechanism = "a02-fourbar-2"
@@ -51,7 +51,7 @@ def driven(write):
 def judged(scene, **changes: object):
     start = started(scene)
     found = integrate(replace(make_problem(scene, start, scene.mechanism_file, None), **changes))
-    return judge_motion(scene, found, scene.motion.t, start.method).set_index("residual")
+    return judge(scene.mechanism, scene.problem(()), integrated(scene, found)).set_index("residual")
 
 
 def test_a_right_motion_passes(driven):
@@ -73,6 +73,6 @@ def test_an_acceleration_that_is_slightly_off_is_found(driven):
     start = started(driven)
     found = integrate(make_problem(driven, start, driven.mechanism_file, None))
     wrong = replace(found, a=found.a * (1 + np.array([[0.0], [1e-9], [0.0]])))
-    rows = judge_motion(driven, wrong, driven.motion.t, start.method).set_index("residual")
+    rows = judge(driven.mechanism, driven.problem(()), integrated(driven, wrong)).set_index("residual")
     assert not rows.loc["virtual_work", "ok"]
     assert rows.loc["virtual_work", "worst_t"] == 0.1

@@ -93,7 +93,7 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
 )
 def test_one_wrong_number_is_named_with_its_place_and_time(scene, quantity, component, residual, named):
     solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
-    found = judge(scene, _disturbed(solution, quantity, component, row=7))
+    found = judge(scene.mechanism, scene.problem(()), _disturbed(solution, quantity, component, row=7))
     rows = found[(found["residual"] == residual) & ~found["ok"]]
     assert any(name.startswith(named) for name in rows["worst_component"]), found[~found["ok"]].to_string()
     assert scene.motion.t[7] in set(rows["worst_t"])
@@ -112,7 +112,7 @@ def test_what_is_not_a_number_fails(scene):
     array = values.array.copy()
     array[3, 5] = np.nan
     lost = replace(solution, values={**solution.values, "reaction": Values(values.components, values.units, array)})
-    rows = judge(scene, lost).set_index(["residual", "unit"])
+    rows = judge(scene.mechanism, scene.problem(()), lost).set_index(["residual", "unit"])
     assert not rows.loc[("newton_euler", "N"), "ok"]
     assert "not a number" in rows.loc[("newton_euler", "N"), "reason"]
 

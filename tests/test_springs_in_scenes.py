@@ -90,7 +90,8 @@ def test_springs_and_motors_make_a_difference(scene, results):
 
 @pytest.mark.parametrize("missing", ["springs", "motors"])
 def test_judge_misses_what_is_left_out(scene, results, missing):
-    found = judge(replace(scene, **{missing: ()}), results.solutions["mujoco"])
+    problem = replace(scene, **{missing: ()}).problem(())
+    found = judge(scene.mechanism, problem, results.solutions["mujoco"])
     assert {"newton_euler", "power_balance", "virtual_work"} <= set(found[~found["ok"]]["residual"])
 
 

@@ -1,28 +1,28 @@
-"""What one engine answered at the samples that are judged, and the motion of the bodies that follows from it."""
+"""One engine's answer at the samples that are judged, and what equations leave over of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from screwgauge.judging.kinetics import Motions, walk
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
-from screwgauge.quantities import natural_scales
+from screwgauge.quantities import SOLVED, natural_scales
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
 
-#: Motion of the bodies: quantity -> field of `Moving`, and the joint quantities that it follows from.
-BODY_MOTION = {
-    "body_angular_velocity": ("w", {"joint_velocity"}),
-    "body_angular_acceleration": ("b", {"joint_velocity", "joint_acceleration"}),
-    "com_acceleration": ("a", {"joint_velocity", "joint_acceleration"}),
-}
-#: Share of its natural scale below which no magnitude is the measure of a residual.
+Row = dict[str, Any]
+COLUMNS = [
+    *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
+    *("tolerance", "ok", "reason"),
+]
+#: Share of its natural scale below which no magnitude is a measure.
 FLOOR = 1e-6
 
 
@@ -35,10 +35,12 @@ class Answer:
         t: Times [s]. Shape (n,).
         values: Quantity -> values.
         work: What motors, loads and dampers have put in [J], shape (n,); None if it is not known.
-        motions: Of all bodies, by the joint coordinates; derivatives that were not answered count as zero.
+        motions: What its joint coordinates make of the mechanism; derivatives that it lacks count as zero.
         scales: Natural scale of each unit.
+        tolerance: Scaled residual up to which an equation holds.
     """
 
+    engine: str
     mechanism: Mechanism
     applied: Applied
     tree: SpanningTree
@@ -47,17 +49,63 @@ class Answer:
     work: Array | None
     motions: Motions
     scales: Mapping[str, float]
+    tolerance: float
 
-    def array(self, quantity: str) -> Array:
-        """Shape (n, n_component)."""
+    def __getitem__(self, quantity: str) -> Array:
+        """Values of a quantity. Shape (n, n_component)."""
         return self.values[quantity].array
 
     def has(self, *quantities: str) -> bool:
+        """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
 
-    def walked(self, quantity: str) -> Array:
-        """One of `BODY_MOTION` by the joint coordinates. Shape (n, 3 n_body)."""
-        return np.concatenate([getattr(at, BODY_MOTION[quantity][0]) for at in self.motions.com], axis=1)
+    def residual(self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array) -> Row:
+        """The worst of what an equation leaves over: how large, where, when. One row of `COLUMNS`.
+
+        Args:
+            components: Names of the columns.
+            missing: What the equation leaves over. Shape (n, m).
+            size: What that is measured by, one number or one for each component, shape (m,).
+        """
+        scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
+        lost = ~np.isfinite(scaled)
+        i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
+        return {
+            "engine": self.engine,
+            "residual": name,
+            "unit": unit,
+            "max_abs": float(np.abs(missing).max()),
+            "max_scaled": float(scaled[i, k]),
+            "worst_component": components[k],
+            "worst_t": float(self.t[i]),
+            "tolerance": self.tolerance,
+            "ok": bool(scaled[i, k] <= self.tolerance),
+            "reason": f"not a number at t = {self.t[i]:g} s" if lost.any() else "",
+        }
+
+
+def answer_at(
+    mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows, tolerance: float = SOLVED
+) -> Answer:
+    """The answer at some samples. It has to have joint positions."""
+    values = {name: values.at(rows) for name, values in solution.values.items()}
+    q = values["joint_position"].array
+    qd, qdd = (
+        values[name].array if name in values else np.zeros_like(q) for name in ("joint_velocity", "joint_acceleration")
+    )
+    tree, scales = spanning_tree(mechanism), natural_scales(mechanism)
+    return Answer(
+        engine=solution.engine,
+        mechanism=mechanism,
+        applied=problem.applied,
+        tree=tree,
+        t=timed(problem).t[rows],
+        values=values,
+        work=None if solution.work is None else solution.work[rows],
+        motions=walk(mechanism, tree, q, qd, qdd),
+        scales={**scales, "J": scales["N m"]},
+        tolerance=tolerance,
+    )
 
 
 def timed(problem: Problem) -> GivenMotion | InitialValue:
@@ -71,20 +119,6 @@ def timed(problem: Problem) -> GivenMotion | InitialValue:
     return problem.task
 
 
-def answer_at(mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows) -> Answer:
-    """The answer at some samples. It must have joint positions."""
-    values = {name: Values(has.components, has.units, has.array[rows]) for name, has in solution.values.items()}
-    q = values["joint_position"].array
-    zero = np.zeros_like(q)
-    qd, qdd = (values[name].array if name in values else zero for name in ("joint_velocity", "joint_acceleration"))
-    tree = spanning_tree(mechanism)
-    return Answer(
-        mechanism=mechanism,
-        applied=problem.applied,
-        tree=tree,
-        t=timed(problem).t[rows],
-        values=values,
-        work=None if solution.work is None else solution.work[rows],
-        motions=walk(mechanism, tree, q, qd, qdd),
-        scales=natural_scales(mechanism),
-    )
+def largest(*arrays: Array) -> float:
+    """The largest magnitude, numbers only; 0 if there is none."""
+    return max(float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays)

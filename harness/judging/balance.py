@@ -6,21 +6,32 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from screwgauge.judging.answer import BODY_MOTION, FLOOR, Answer
+from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.kinetics import walk
-from screwgauge.judging.residual import Residual, largest
-from screwgauge.problem import Rows
 from screwgauge.reference.continuation import partial_rates
 from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
 
-MOST = 201  # samples at which virtual work is asked for: it takes a walk for every joint coordinate
+#: Motion of the bodies: quantity -> field of `Moving`, and the joint quantities that it follows from.
+BODY_MOTION = {
+    "body_angular_velocity": ("w", {"joint_velocity"}),
+    "body_angular_acceleration": ("b", {"joint_velocity", "joint_acceleration"}),
+    "com_acceleration": ("a", {"joint_velocity", "joint_acceleration"}),
+}
+_FORCE = {"rad": "N m", "m": "N"}
 
 
-def spread(n: int) -> Rows:
-    """At most `MOST` of n samples, both ends among them."""
-    return np.unique(np.linspace(0, n - 1, MOST).astype(np.intp))
+def walked(answer: Answer, quantity: str) -> Array:
+    """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, 3 n_body)."""
+    motion: Array = getattr(answer.motions.com, BODY_MOTION[quantity][0])
+    return motion.reshape(len(motion), -1)
+
+
+def judgeable(answer: Answer) -> bool:
+    """Whether the forces of a given motion can be judged: with springs and motors that takes velocities, too."""
+    acting = answer.applied.springs or answer.applied.motors
+    return answer.has(*BODY_MOTION, "actuator_force", *(["joint_velocity"] if acting else []))
 
 
 def required_wrenches(answer: Answer) -> tuple[Array, Array]:
@@ -32,147 +43,134 @@ def required_wrenches(answer: Answer) -> tuple[Array, Array]:
     Returns:
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
-    mechanism, applied, n = answer.mechanism, answer.applied, len(answer.t)
-    w, b, a = (
-        (answer.array(name) if answer.has(name) else answer.walked(name)).reshape(n, -1, 3) for name in BODY_MOTION
-    )
-    wrenches, sizes = np.empty((n, len(mechanism.bodies), 6)), np.empty((len(mechanism.bodies), 2))
-    exerted = _springs_and_motors(answer)
-    for i, body in enumerate(mechanism.bodies):
-        R = answer.motions.com[i].R
-        J = R @ body.inertia @ R.swapaxes(1, 2)
-        forces = [body.mass * a[:, i], -body.mass * applied.g]
-        moments = [(J @ b[:, i, :, None])[..., 0], cross(w[:, i], (J @ w[:, i, :, None])[..., 0])]
-        for load in applied.loads:
-            if load.body == body.name:
-                forces.append(-load.force)
-                moments.append(-load.torque)
-                if load.point is not None:
-                    moments.append(-cross(R @ (load.point - body.com), load.force))
-        if exerted is not None:
-            force, moment = exerted[:, i + 1, :3], exerted[:, i + 1, 3:]
-            forces.append(-force)
-            moments += [-moment, cross(R @ body.com, force)]
-        for part, terms in enumerate((forces, moments)):
-            wrenches[:, i, 3 * part : 3 * part + 3] = sum(terms)
-            sizes[i, part] = largest(*terms)
-    return wrenches, sizes
+    mechanism, applied, R = answer.mechanism, answer.applied, answer.motions.com.R
+    shape = *R.shape[:2], 3
+    w, b, a = ((answer[name] if answer.has(name) else walked(answer, name)).reshape(shape) for name in BODY_MOTION)
+    mass = np.array([body.mass for body in mechanism.bodies])[:, None]
+    com = np.stack([body.com for body in mechanism.bodies])
+    J = R @ np.stack([body.inertia for body in mechanism.bodies]) @ R.swapaxes(-1, -2)
+    terms = [(mass * a, _times(J, b)), (np.broadcast_to(-mass * applied.g, shape), cross(w, _times(J, w)))]
+    for load in applied.loads:
+        i = mechanism.body_index[load.body] - 1
+        force, torque, moment = np.zeros((3, *shape))
+        force[:, i], torque[:, i] = -load.force, -load.torque
+        if load.point is not None:
+            moment[:, i] = -cross(R[:, i] @ (load.point - com[i]), load.force)
+        terms += [(force, torque), (np.zeros(shape), moment)]
+    if applied.springs or applied.motors:
+        exerted = _springs_and_motors(answer)[:, 1:]
+        force, moment = exerted[..., :3], exerted[..., 3:]
+        terms += [(-force, -moment), (np.zeros(shape), cross(_times(R, com), force))]
+    wrenches = np.concatenate([sum(parts) for parts in zip(*terms, strict=True)], axis=2)
+    sizes = [[np.nanmax(np.abs(part), axis=(0, 2), initial=0.0) for part in term] for term in terms]
+    return wrenches, np.max(sizes, axis=0).T
 
 
-def _springs_and_motors(answer: Answer) -> Array | None:
-    """Force and moment about its origin on each body, ground first, shape (n, b, 6); None if there are none."""
-    applied = answer.applied
-    if not (applied.springs or applied.motors):
-        return None
+def _times(matrix: Array, vector: Array) -> Array:
+    """Matrix times vector. Shapes (..., 3, 3), (..., 3)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _springs_and_motors(answer: Answer) -> Array:
+    """Force and moment about its origin on each body, ground first. Shape (n, n_body + 1, 6)."""
     bodies, index = answer.motions.bodies, answer.mechanism.body_index
+    twists = np.concatenate([bodies.w, bodies.v], axis=2)
     return applied_wrenches(
         answer.mechanism.joints,
-        applied,
-        State(
-            answer.t,
-            np.stack([at.R for at in bodies], axis=1),
-            np.stack([at.p for at in bodies], axis=1),
-            np.stack([np.concatenate([at.w, at.v], axis=1) for at in bodies], axis=1),
-            answer.array("joint_position"),
-            answer.array("joint_velocity"),
-        ),
+        answer.applied,
+        State(answer.t, bodies.R, bodies.p, twists, answer["joint_position"], answer["joint_velocity"]),
         index,
         lambda joint: (index[joint.parent], index[joint.child]),
     )
 
 
-def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Residual]:
+def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
-    mechanism, index = answer.mechanism, answer.mechanism.body_index
-    rest, sizes = -required, sizes.copy()
+    if not answer.has("reaction"):
+        return
+    mechanism, com, index = answer.mechanism, answer.motions.com, answer.mechanism.body_index
+    missing, sizes = required.copy(), sizes.copy()
     for k, force, moment, point in _exerted(answer):
         joint = mechanism.joints[k]
         for side, sign in ((joint.child, 1.0), (joint.parent, -1.0)):
             i = index[side] - 1
             if i >= 0:
-                terms = force, moment + cross(point - answer.motions.com[i].p, force)
-                rest[:, i] += sign * np.concatenate(terms, axis=1)
+                terms = force, moment + cross(point - com.p[:, i], force)
+                missing[:, i] -= sign * np.concatenate(terms, axis=1)
                 sizes[i] = np.maximum(sizes[i], [largest(term) for term in terms])
     for part, (unit, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
-        values = rest[:, :, 3 * part : 3 * part + 3].reshape(len(rest), -1)
-        scale = np.repeat(np.maximum(sizes[:, part], FLOOR * answer.scales[unit]), 3)
-        yield Residual("newton_euler", unit, names, answer.t, values, scale)
+        values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
+        yield answer.residual("newton_euler", unit, names, values, np.repeat(sizes[:, part], 3))
 
 
 def _exerted(answer: Answer) -> Iterator[tuple[int, Array, Array, Array]]:
     """(joint, force, moment, point) of every reaction component and every actuator, parent on child. (n, 3) each."""
-    mechanism, bodies, index = answer.mechanism, answer.motions.bodies, answer.mechanism.body_index
-    joints, reaction = mechanism.joints, answer.values["reaction"]
-    children = [bodies[index[joint.child]] for joint in joints]
-    parts = reaction_components(
-        joints,
-        [bodies[index[joint.parent]].R for joint in joints],
-        [child.R for child in children],
-        [child.p for child in children],
-    )
+    mechanism, bodies = answer.mechanism, answer.motions.bodies
+    joints, index = mechanism.joints, mechanism.body_index
+    parents, children = ([index[getattr(joint, side)] for joint in joints] for side in ("parent", "child"))
+    R_parent, R_child, p_child = bodies.R[:, parents], bodies.R[:, children], bodies.p[:, children]
+    parts = reaction_components(joints, *(list(np.moveaxis(array, 1, 0)) for array in (R_parent, R_child, p_child)))
     for k, name in enumerate(parts.names):
-        value = reaction.array[:, [reaction.components.index(name)]]
+        value = answer["reaction"][:, [answer.values["reaction"].components.index(name)]]
         yield parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k]
-    for k, joint in enumerate(mechanism.actuators):
-        at = bodies[index[joint.child]].frame(joint.child_frame)
-        value = at.R @ joint.axes[0] * answer.array("actuator_force")[:, [k]]
-        none = np.zeros_like(value)
-        force, moment = (none, value) if joint.kind == "R" else (value, none)
-        yield joints.index(joint), force, moment, at.p
+    for column, joint in enumerate(mechanism.actuators):
+        k, frame = joints.index(joint), joint.child_frame
+        value = R_child[:, k] @ (frame.R @ joint.axes[0]) * answer["actuator_force"][:, [column]]
+        pair = (np.zeros_like(value), value) if joint.kind == "R" else (value, np.zeros_like(value))
+        yield k, *pair, p_child[:, k] + R_child[:, k] @ frame.p
 
 
-def power_balance(answer: Answer, required: Array) -> Residual:
-    """Power of the actuators less what motion, gravity and loads take up."""
-    velocities = answer.array("joint_velocity")[:, answer.mechanism.actuated_columns]
-    given = answer.array("actuator_force") * velocities
-    bodies = np.stack([np.concatenate([at.v, at.w], axis=1) for at in answer.motions.com], axis=1)
-    taken = required * bodies
+def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
+    """What motion, gravity and loads take up less the power of the actuators."""
+    if not answer.has("joint_velocity"):
+        return
+    given = answer["actuator_force"] * answer["joint_velocity"][:, answer.mechanism.actuated_columns]
+    taken = required * answer.motions.velocities
+    missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    scale = max(largest(given, taken), FLOOR * answer.scales["W"])
-    values = np.sum(given, axis=1) - np.sum(taken, axis=(1, 2))
-    return Residual("power_balance", "W", ["all actuators"], answer.t, values[:, None], scale)
+    yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], largest(given, taken))
 
 
-def virtual_work(answer: Answer, required: Array, sizes: Array) -> Iterator[Residual]:
-    """Generalised and actuator forces against the work of the required wrenches on every allowed motion.
+def virtual_work(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
+    """Work of the required wrenches on every allowed motion less that of the generalised and actuator forces.
 
-    Where an answer has no forces that work must vanish, whatever the reactions, and is measured by its largest term.
-    The allowed motions come from walking the mechanism with one joint velocity at a time, at up to `MOST` samples.
+    Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
     """
-    mechanism, rows = answer.mechanism, spread(len(answer.t))
-    joints, bodies = allowed_motions(answer, answer.array("joint_position")[rows])
-    needed = np.einsum("nbx,nbxj->nj", required[rows], bodies)
-    terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies))
-    given: dict[str, Array] = {}
+    mechanism = answer.mechanism
+    joints, bodies = allowed_motions(answer)
+    needed = np.einsum("nbx,nbxj->nj", required, bodies)
+    terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies)).max(axis=0)
+    given = {}
     if answer.has("generalized_force"):
-        given[""] = answer.array("generalized_force")[rows]
+        given[""] = answer["generalized_force"]
     if answer.has("actuator_force"):
         driven = joints[:, mechanism.actuated_columns]
-        given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer.array("actuator_force")[rows])
+        given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer["actuator_force"])
     units = [mechanism.units[column] for column in mechanism.independent_columns]
     for unit in dict.fromkeys(units):
         columns = [k for k, has in enumerate(units) if has == unit]
-        force = "N m" if unit == "rad" else "N"
-        size = largest(needed[:, columns]) if given else terms[:, columns].max(axis=0)
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
-        values = [Q[:, columns] - needed[:, columns] for Q in given.values()] or [needed[:, columns]]
-        scale = np.maximum(size, FLOOR * answer.scales[force])
-        yield Residual("virtual_work", force, names, answer.t[rows], np.concatenate(values, axis=1), scale)
+        missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
+        size = largest(needed[:, columns]) if given else terms[columns]
+        yield answer.residual("virtual_work", _FORCE[unit], names, np.concatenate(missing, axis=1), size)
 
 
-def allowed_motions(answer: Answer, q: Array) -> tuple[Array, Array]:
-    """Joint velocities per velocity of y, shape (n, n_q, k), and what they make of the bodies, (n, n_body, 6, k).
+def allowed_motions(answer: Answer) -> tuple[Array, Array]:
+    """Motions that close the loops, by walking the mechanism with one joint velocity at a time.
 
-    The bodies' part is the velocity of the centre of mass over the angular velocity.
+    Returns:
+        Per velocity of y, the velocities of the joints, shape (n, n_q, k), and those of the centres of mass over the
+        angular velocities, shape (n, n_body, 6, k).
     """
+    q = answer["joint_position"]
     zero, closure, moved = np.zeros_like(q), [], []
     for i in range(q.shape[1]):
         unit = zero.copy()
         unit[:, i] = 1.0
         motions = walk(answer.mechanism, answer.tree, q, unit, zero)
         closure.append(motions.closure(1).reshape(len(q), -1))
-        moved.append(np.stack([np.concatenate([at.v, at.w], axis=1) for at in motions.com], axis=1))
+        moved.append(motions.velocities)
     chosen = np.eye(q.shape[1])[answer.mechanism.independent_columns]
     system = np.concatenate([np.stack(closure, axis=2), np.tile(chosen, (len(q), 1, 1))], axis=1)
     joints = partial_rates(system, len(chosen))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging.answer import FLOOR, timed
+from screwgauge.judging.answer import FLOOR, Row, largest, timed
 from screwgauge.judging.refusals import Refusal
-from screwgauge.judging.residual import largest
 from screwgauge.problem import Problem
 from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
@@ -31,7 +29,6 @@ PAIR_COLUMNS = [
     *("rule", "unique", "tolerance", "ok", "reason"),
 ]
 
-Row = dict[str, Any]
 Tolerance = Callable[[str], float]
 """Quantity -> scaled error up to which two engines agree."""
 

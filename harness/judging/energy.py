@@ -2,58 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from screwgauge.judging.answer import FLOOR, Answer
-from screwgauge.judging.residual import Residual, largest
+from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.rotations import Array
 
 
-def energy_balance(answer: Answer, tolerance: float | None = None) -> Residual | None:
-    """Energy gained since the first sample less the work done since [J]; None if that work is not known.
+def energy_balance(answer: Answer) -> Iterator[Row]:
+    """Energy gained since the first sample less the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.
     """
     applied, work = answer.applied, answer.work
     if not (applied.motors or applied.loads or any(spring.damping for spring in applied.springs)):
         work = np.zeros(len(answer.t))
-    if work is None or np.isnan(work).all():
-        return None
-    work = work - work[0]  # an answer may begin after the start
-    kinetic = kinetic_energy(answer)
-    gained = [part - part[0] for part in (kinetic, _height_energy(answer), _spring_energy(answer))]
-    scale = max(largest(kinetic, *gained, work), FLOOR * answer.scales["N m"])
-    return Residual("energy_balance", "J", ["energy"], answer.t, (sum(gained) - work)[:, None], scale, tolerance)
+    if not answer.has("joint_velocity") or work is None or np.isnan(work).all():
+        return
+    work = work - work[0]  # the first sample may come after the start
+    kinetic, *stored = _energies(answer)
+    gained = [part - part[0] for part in (kinetic, *stored)]
+    missing = (sum(gained) - work)[:, None]
+    yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work))
 
 
-def kinetic_energy(answer: Answer) -> Array:
-    """[J]. Shape (n,)."""
-    total = np.zeros(len(answer.t))
-    for body, com in zip(answer.mechanism.bodies, answer.motions.com, strict=True):
-        w = np.einsum("nji,nj->ni", com.R, com.w)  # in body axes
-        total += 0.5 * (body.mass * np.sum(com.v**2, axis=1) + np.sum((w @ body.inertia) * w, axis=1))
-    return total
-
-
-def _height_energy(answer: Answer) -> Array:
-    total = np.zeros(len(answer.t))
-    for body, com in zip(answer.mechanism.bodies, answer.motions.com, strict=True):
-        total -= body.mass * (com.p @ answer.applied.g)
-    return total
-
-
-def _spring_energy(answer: Answer) -> Array:
-    total = np.zeros(len(answer.t))
+def _energies(answer: Answer) -> tuple[Array, Array, Array]:
+    """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
+    mechanism, com = answer.mechanism, answer.motions.com
+    mass = np.array([body.mass for body in mechanism.bodies])
+    inertia = np.stack([body.inertia for body in mechanism.bodies])
+    w = np.einsum("nbji,nbj->nbi", com.R, com.w)  # in body axes
+    kinetic = 0.5 * (np.sum(com.v**2, axis=2) @ mass + np.einsum("nbi,bij,nbj->n", w, inertia, w))
+    gravity = -(com.p @ answer.applied.g) @ mass
+    springs = np.zeros_like(gravity)
     for spring in answer.applied.springs:
-        total += 0.5 * spring.stiffness * _stretch(answer, spring) ** 2
-    return total
+        springs += 0.5 * spring.stiffness * _stretch(answer, spring) ** 2
+    return kinetic, gravity, springs
 
 
 def _stretch(answer: Answer, spring: Spring) -> Array:
-    mechanism = answer.mechanism
+    mechanism, bodies = answer.mechanism, answer.motions.bodies
     if isinstance(spring, JointSpring):
-        return answer.array("joint_position")[:, mechanism.coordinates.index(spring.coordinate)] - spring.rest
-    first, second = (answer.motions.bodies[mechanism.body_index[name]] for name in (spring.first, spring.second))
-    way = second.p + second.R @ spring.second_point - first.p - first.R @ spring.first_point
+        return answer["joint_position"][:, mechanism.coordinates.index(spring.coordinate)] - spring.rest
+    i, j = mechanism.body_index[spring.first], mechanism.body_index[spring.second]
+    way = bodies.p[:, j] + bodies.R[:, j] @ spring.second_point - bodies.p[:, i] - bodies.R[:, i] @ spring.first_point
     return np.asarray(np.linalg.norm(way, axis=1) - spring.rest)

@@ -5,7 +5,7 @@ Deliberately not the screw formulas of `screwgauge.reference`: moving points, ``
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -76,39 +76,43 @@ def across(joint: Joint, near: Moving, q: Array, qd: Array, qdd: Array, *, rever
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motions:
-    """What joint coordinates make of all bodies.
+    """What joint coordinates make of a mechanism.
 
     Attributes:
-        bodies: Frames of the bodies by the spanning tree, ground first.
-        com: Centres of mass, without ground.
+        bodies: Frames of the bodies side by side, by the spanning tree, ground first. Shape (n, n_body + 1, ...).
+        com: Their centres of mass, without ground. Shape (n, n_body, ...).
         cuts: Child of each cut joint, by the tree and by that joint: one motion where the loop is closed.
     """
 
-    bodies: list[Moving]
-    com: list[Moving]
+    bodies: Moving
+    com: Moving
     cuts: list[tuple[Moving, Moving]]
+
+    @property
+    def velocities(self) -> Array:
+        """Velocity of each centre of mass over the angular velocity. Shape (n, n_body, 6)."""
+        return np.concatenate([self.com.v, self.com.w], axis=2)
 
     def closure(self, order: int) -> Array:
         """What closure lacks in position (order 0), velocity or acceleration: the joint's motion less the tree's.
 
         Returns:
-            For each cut joint an angular and a linear part in world axes. Shape (n, n_cut, 6).
+            For each cut joint an angular and a linear part in world axes. Shape (n, n_cut, 2, 3).
         """
-        out = np.empty((len(self.bodies[0].p), len(self.cuts), 6))
+        out = np.empty((len(self.com.p), len(self.cuts), 2, 3))
         for k, (tree, cut) in enumerate(self.cuts):
             angular = (vee(cut.R @ tree.R.swapaxes(1, 2)), cut.w - tree.w, cut.b - tree.b)
             linear = (cut.p - tree.p, cut.v - tree.v, cut.a - tree.a)
-            out[:, k, :3], out[:, k, 3:] = angular[order], linear[order]
+            out[:, k, 0], out[:, k, 1] = angular[order], linear[order]
         return out
 
 
 def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
-    """Motion of all bodies. Joint coordinates and derivatives: shape (n, n_q)."""
+    """Motion of everything. Joint coordinates and derivatives: shape (n, n_q)."""
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
     zero = np.zeros((len(q), 3))
-    ground = Moving(np.tile(np.eye(3), (len(q), 1, 1)), zero, zero, zero, zero, zero)
     index = mechanism.body_index
-    bodies = [ground] * len(index)
+    bodies = [Moving(np.tile(np.eye(3), (len(q), 1, 1)), zero, zero, zero, zero, zero)] * len(index)
 
     def over(joint: Joint, near: str, *, reverse: bool = False) -> Moving:
         c = columns[joint.name]
@@ -116,5 +120,9 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
 
     for edge in tree.edges:
         bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
-    com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
-    return Motions(bodies, com, [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts])
+    cuts = [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts]
+    names = [field.name for field in fields(Moving)]
+    frames = Moving(*(np.stack([getattr(body, name) for body in bodies], axis=1) for name in names))
+    moving = Moving(*(getattr(frames, name)[:, 1:] for name in names))
+    com = np.stack([body.com for body in mechanism.bodies])
+    return Motions(frames, moving.shifted((moving.R @ com[..., None])[..., 0]), cuts)

@@ -19,9 +19,8 @@ from screwgauge.engines.registry import Engine, check_engines, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
-from screwgauge.judging.judge import judge
+from screwgauge.judging.judge import COLUMNS, judge
 from screwgauge.judging.refusals import refusals
-from screwgauge.judging.residual import COLUMNS
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import ModelFiles
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities

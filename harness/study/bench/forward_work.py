@@ -10,13 +10,12 @@ from time import perf_counter
 import numpy as np
 
 from screwgauge.engines.screw.forward import integrate
+from screwgauge.judging.answer import answer_at
 from screwgauge.judging.compare import reference_scale
 from screwgauge.judging.energy import energy_balance
-from screwgauge.judging.kinetics import walk
 from screwgauge.problem import ForwardProblem
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observe import known_values, observe
@@ -26,7 +25,7 @@ from screwgauge.scene.start import make_problem
 from screwgauge.solution import ForwardSolution, Values
 from screwgauge.study.bench.forward_entrants import Entrant
 from screwgauge.study.bench.rows import CUT, FAILED, OK
-from screwgauge.study.forward import trimmed
+from screwgauge.study.forward import integrated, trimmed
 from screwgauge.study.run import model_files
 
 #: Below this [s] an entrant is measured again, `Plan.rounds` times in all, and the shortest time counts.
@@ -157,10 +156,9 @@ class Work:
         error = error[np.isfinite(self.known.array[:m]).all(axis=1)]
         lost = not np.isfinite(error).all()
         short = found.stopped or (f"only {m} of {len(self.scene.motion)} samples" if m < len(self.scene.motion) else "")
-        tree = spanning_tree(self.scene.mechanism)
-        bodies, _ = walk(self.scene.mechanism, tree, found.q, found.v, found.a)
-        balance = energy_balance(self.scene, found, bodies)
-        drift = float("nan") if balance is None else float(np.abs(balance.values).max())
+        solution = integrated(self.scene, found)
+        answer = answer_at(self.scene.mechanism, self.scene.problem(()), solution, np.arange(m))
+        balance = next(energy_balance(answer), None)
         return Outcome(
             entrant,
             FAILED if short or lost else OK,
@@ -168,8 +166,8 @@ class Work:
             scaled=float((error / self.scale).max(initial=0.0)),
             rms=float(np.sqrt(np.mean((error / self.scale) ** 2))) if error.size else float("nan"),
             largest=self._by_unit(error),
-            energy=drift,
-            energy_scaled=float("nan") if balance is None else drift / float(balance.scale),
+            energy=float("nan") if balance is None else balance["max_abs"],
+            energy_scaled=float("nan") if balance is None else balance["max_scaled"],
             wall=wall,
             cpu=cpu,
             n_sample=m,

@@ -66,7 +66,11 @@ def measure(
         elif truth is None:
             found = (_judged(scene, solutions[name]),)
         else:
-            why = {q: one.what for one in refusals(scene, solutions[name]) for q in one.quantities}
+            why = {
+                q: one.what
+                for one in refusals(scene.mechanism, scene.problem(quantities), solutions[name])
+                for q in one.quantities
+            }
             found = (
                 replace(found, reason=why.get(found.quantity, found.reason))
                 for found in (compared(scene, solutions[name], truth, quantity) for quantity in quantities)
@@ -82,7 +86,7 @@ def _refused(failure: Failure, quantity: str) -> Finding:
 
 
 def _judged(scene: Scene, solution: Solution) -> Finding:
-    table = judge(scene, solution)
+    table = judge(scene.mechanism, scene.problem(JUDGED), solution)
     worst = float(table["max_scaled"].max(skipna=False))
     estimates = [_admitted(solution, quantity) for quantity in solution.estimate]
     return Finding(
