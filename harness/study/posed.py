@@ -13,7 +13,7 @@ from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.scene import Scene
 from screwgauge.study.reference import Reference, reference_values
 from screwgauge.study.run import model_files
@@ -86,8 +86,8 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
         for load in applied.loads:
             i = mechanism.body_index[load.body]
             point = mechanism.body(load.body).com if load.point is None else load.point
-            at = bodies[i].shifted(bodies[i].R @ point)
-            out[:, k] += at.v @ load.force + at.w @ load.torque
+            v = bodies.v[:, i] + cross(bodies.w[:, i], bodies.R[:, i] @ point)
+            out[:, k] += v @ load.force + bodies.w[:, i] @ load.torque
     return out
 
 

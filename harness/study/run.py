@@ -17,9 +17,10 @@ import pandas as pd
 from screwgauge.engines.parts import component_names
 from screwgauge.engines.registry import Engine, check_engines, get_engine
 from screwgauge.environment import environment
+from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
-from screwgauge.judging.judge import COLUMNS, judge
+from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import ModelFiles

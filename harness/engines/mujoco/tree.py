@@ -6,7 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -117,16 +117,17 @@ class MujocoTree:
     def _rigid(self) -> None:
         self.model.opt.disableflags |= _EQUALITY
 
-    def poses(self, q: Array) -> BodyPoses:
+    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
         n, b, nv = len(q), len(self.ids) + 1, self.model.nv
         R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, nv))
         model, data = self.model, self.data
+        looked_at = [(k, body) for k, body in enumerate(self.ids, 1) if only is None or k in only]
         for i in range(n):
             data.qpos[:] = q[i]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             R[i, 1:], p[i, 1:] = data.xmat[self.ids].reshape(-1, 3, 3), data.xpos[self.ids]
-            for k, body in enumerate(self.ids, 1):
+            for k, body in looked_at:
                 mujoco.mj_jacBody(model, data, J[i, k, 3:], J[i, k, :3], body)
         return BodyPoses(R, p, J)
 
@@ -196,7 +197,7 @@ class MujocoTree:
         f = data.efc_D[:rows] * (K * imp * residuals[0] + B * residuals[1] + residuals[2])
         return float((np.abs(data.efc_J.reshape(rows, -1)).T @ f).max(initial=0.0))
 
-    def transmitted(self, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+    def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         n, b = len(q), len(self.ids)
         model, data, ids = self.model, self.data, self.ids
         moments, forces, arms = np.empty((3, n, b, 3))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ import pinocchio as pin
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
@@ -87,16 +88,17 @@ class PinocchioTree:
                 return str(self.bodies[self.joints.index(joint)])
         return "ground"
 
-    def poses(self, q: Array) -> BodyPoses:
+    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
         n, b = len(q), len(self.frames) + 1
         R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, self.model.nv))
+        looked_at = [(k, frame) for k, frame in enumerate(self.frames, 1) if only is None or k in only]
         for i in range(n):
             pin.computeJointJacobians(self.model, self.data, q[i])
-            for k, frame in enumerate(self.frames, 1):
+            for k, frame in looked_at:
                 M = pin.updateFramePlacement(self.model, self.data, frame)
                 R[i, k], p[i, k] = M.rotation, M.translation
-                found = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
-                J[i, k] = found.reshape(6, -1)  # one column comes without its axis
+                jacobian = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
+                J[i, k] = jacobian.reshape(6, -1)  # one column comes without its axis
         return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
@@ -124,20 +126,22 @@ class PinocchioTree:
         """Pinocchio's constraints are rigid: the same as `tree_force`."""
         return self.tree_force(q, v, a), 0.0
 
-    def transmitted(self, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        out = np.zeros((len(q), len(self.frames) + 1, 6))
-        for i in range(len(q)):
-            pin.framesForwardKinematics(self.model, self.data, q[i])
-            external = [pin.Force.Zero() for _ in range(self.model.njoints)]
-            for k, (frame, joint) in enumerate(zip(self.frames, self.joints, strict=True), 1):
-                body = self._aligned(frame, joint)
-                external[joint] += body.act(pin.Force(wrench[i, k, :3], wrench[i, k, 3:]))
-            pin.rnea(self.model, self.data, q[i], v[i], a[i], pin.StdVec_Force(external))
-            for k, (frame, joint) in enumerate(zip(self.frames, self.joints, strict=True), 1):
-                out[i, k] = self._aligned(frame, joint).actInv(self.data.f[joint]).vector
+    def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+        """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""
+        n, out = len(q), np.zeros_like(wrench)
+        placed = [self.model.frames[i].placement for i in self.frames]
+        # orientation of the joint that carries each body, and the body's origin in its frame
+        R = at.R[:, 1:] @ np.stack([M.rotation.T for M in placed])
+        origin = np.stack([M.translation for M in placed])
+        inside = (wrench[:, 1:].reshape(n, -1, 2, 3) @ R).reshape(n, -1, 6)
+        inside[..., 3:] += cross(origin, inside[..., :3])
+        external, carried = np.zeros((n, self.model.njoints, 6)), np.empty((n, len(self.joints), 6))
+        for k, joint in enumerate(self.joints):
+            external[:, joint] += inside[:, k]
+        for i in range(n):
+            forces = pin.StdVec_Force([pin.Force(force) for force in external[i]])
+            pin.rnea(self.model, self.data, q[i], v[i], a[i], forces)
+            carried[i] = [self.data.f[joint].vector for joint in self.joints]
+        carried[..., 3:] -= cross(origin, carried[..., :3])
+        out[:, 1:] = (carried.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6)
         return out
-
-    def _aligned(self, frame: int, joint: int) -> pin.SE3:
-        """Placement, in its joint's frame, of a body's origin with world axes."""
-        placement = self.model.frames[frame].placement
-        return pin.SE3(self.data.oMi[joint].rotation.T, placement.translation)

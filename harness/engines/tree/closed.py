@@ -77,6 +77,18 @@ class ClosedTree:
     def cut_joint(self, name: str) -> Joint:
         return next(joint for joint in self.loops.cut if joint.name == name)
 
+    @cached_property
+    def given(self) -> frozenset[str]:
+        """Cut joints with independent coordinates."""
+        return frozenset(name for column, name, _ in self.loops.independent if column is None)
+
+    @cached_property
+    def closing(self) -> frozenset[int]:
+        """Bodies that the closing rows look at."""
+        index, cut = self.loops.index, [self.cut_joint(name) for name in self.given]
+        sides = [side for anchor in self.loops.anchors for side in (anchor.parent, anchor.child)]
+        return frozenset((*sides, *(index[name] for joint in cut for name in (joint.parent, joint.child))))
+
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
         """All joint coordinates, or their derivatives, in the order of the description.
 
@@ -97,8 +109,8 @@ class ClosedTree:
         return np.stack(columns, axis=1)
 
     def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
-        """Velocities of the cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
-        return {joint.name: charts[joint.name].rates(self.loops.relative(joint, at.J)) for joint in self.loops.cut}
+        """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
+        return {name: chart.rates(self.loops.relative(self.cut_joint(name), at.J)) for name, chart in charts.items()}
 
     def cut_velocities(self, at: BodyPoses, charts: Charts, v: Array) -> dict[str, Array]:
         """Cut joint -> velocities of its coordinates. Shape (n, m)."""
@@ -123,7 +135,8 @@ class ClosedTree:
 
     def closing_rows(self, at: BodyPoses, charts: Charts) -> Array:
         """Derivative of the closure residuals over one row for each independent coordinate. (n, m + k, n_v)."""
-        rows, cut = [self.loops.jacobian(at)], self.rate_rows(at, charts)
+        rows = [self.loops.jacobian(at)]
+        cut = self.rate_rows(at, {name: charts[name] for name in self.given})
         for column, name, i in self.loops.independent:
             row = cut[name][:, i] if column is None else np.tile(np.eye(at.J.shape[3])[column], (len(at.J), 1))
             rows.append(row[:, None])

@@ -73,7 +73,7 @@ def closed_forces(
     G = A[:, : A.shape[1] - K.shape[2]]
     scaled = linear.solve(G.swapaxes(1, 2), (rest * sizes.q)[..., None])[..., 0]
     multipliers = np.asarray(scaled / sizes.rows[: G.shape[1]])
-    transmitted = closed.tree.transmitted(*motion[:3], wrench + closed.loops.wrenches(at, multipliers))
+    transmitted = closed.tree.transmitted(at, *motion[:3], wrench + closed.loops.wrenches(at, multipliers))
     reactions, values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
 

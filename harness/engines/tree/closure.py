@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,11 +79,12 @@ class Loops:
             rows.append(sides[0] - sides[1])
         return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
 
-    def charts(self, at: BodyPoses) -> dict[str, Chart]:
-        """Coordinates of the cut joints."""
+    def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
+        """Coordinates of the cut joints, or of some of them."""
         return {
             joint.name: read_chart(joint, at.R[:, self.index[joint.parent]], at.R[:, self.index[joint.child]])
             for joint in self.cut
+            if only is None or joint.name in only
         }
 
     def begin(self, joint: Joint, y: Array) -> Array:

@@ -111,9 +111,12 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         turned[:, i] = M @ axes[i]
         M = M @ rotation(axes[i], angles[:, i])
     m = len(joint.axes)
-    inverse = np.asarray(linear.inverse(turned.swapaxes(1, 2))[:, :m], dtype=np.float64)
-    condition = np.ones(len(R)) if m < 3 else linear.condition(turned) / 3.0
-    return Chart(angles[:, :m], R, inverse, turned[:, :m], condition)
+    inverse = linear.inverse(turned.swapaxes(1, 2))
+    condition = np.ones(len(R))
+    if m == 3:  # in the Frobenius norm, 3 at best
+        condition = np.linalg.norm(turned, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) / 3.0
+        condition = np.where(np.isnan(condition) & np.isfinite(turned).all(axis=(1, 2)), np.inf, condition)
+    return Chart(angles[:, :m], R, inverse[:, :m], turned[:, :m], condition)
 
 
 def _two_axes(M: Array, R: Array, axes: Array) -> Chart:

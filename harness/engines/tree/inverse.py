@@ -66,8 +66,7 @@ class _Work:
             q, A = self._positions(motion)
             at = tree.poses(q)
             charts = loops.charts(at)
-            given = {joint for _, joint, _ in loops.independent}
-            cut = {name: unwrapped(self.cut[name], c, name in given) for name, c in charts.items()}
+            cut = {name: unwrapped(self.cut[name], c, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: c.near(cut[name]) for name, c in charts.items()}
         values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
@@ -91,8 +90,8 @@ class _Work:
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
-        at = closed.tree.poses(q)
-        charts = loops.charts(at)
+        at = closed.tree.poses(q, closed.closing)
+        charts = loops.charts(at, closed.given)
         for k, (_, name, i) in enumerate(loops.independent):
             if name:
                 charts[name] = charts[name].agreeing(i, y[:, k])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -44,8 +44,13 @@ class Tree(Protocol):
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
         ...
 
-    def poses(self, q: Array) -> BodyPoses:
-        """Shape (n, n_v)."""
+    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
+        """Poses and Jacobians at some coordinates.
+
+        Args:
+            q: Shape (n, n_v).
+            only: Bodies that are looked at, the others being left where they are not; all by default.
+        """
         ...
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
@@ -72,10 +77,11 @@ class Tree(Protocol):
         """
         ...
 
-    def transmitted(self, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+    def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Wrench on each body from its tree parent: force, then moment about the body's origin.
 
         Args:
+            at: Poses at q.
             wrench: External force and moment about the origin of each body. Shape (n, n_body + 1, 6).
 
         Returns:
