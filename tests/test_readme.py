@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import pandas as pd
@@ -163,6 +164,15 @@ def test_rooms_exist() -> None:
     assert len(paths) >= 14
     for path in paths:
         assert (ROOT / path).exists(), path
+
+
+@pytest.mark.parametrize("folder", TEXTS)
+def test_files_and_modules_that_are_named_exist(folder) -> None:
+    prose = FENCE.sub("", TEXTS[folder])
+    for path in re.findall(r"`((?:harness|reference|models)/[\w/.-]*)`", prose):
+        assert (ROOT / path).exists(), path
+    for module in re.findall(r"`(screwgauge(?:\.[a-z_]+)+)`", prose):
+        assert find_spec(module), module
 
 
 MECHANISM = """
