@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.assembly import closing, corrector
-from screwgauge.reference.closing import make_closing
 from screwgauge.reference.continuation import OPEN, SMALLEST, STEP
 from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, Pose, pose
+from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 #: How far the closed pose may lie from its prediction, over the way predicted. Another branch lies farther.
@@ -18,7 +18,7 @@ MOST = 40
 
 
 class Branch:
-    """Remembers the last closed pose; the next one is predicted from it with its partial rates.
+    """Remembers the last closed pose; the next one is predicted from it by the velocity map dq/dy.
 
     A step may pass over a singular pose: the prediction goes straight on, where the branch that turns off there
     does not.
@@ -28,11 +28,9 @@ class Branch:
         """Starts at joint coordinates `q`, shape (n_q,), that close the loops nearly."""
         self.lay = lay
         self.columns = lay.mechanism.independent_columns
-        self.system = closing(lay)
-        held = list(self.system.held)
-        if np.abs(q - lay.mechanism.home)[held].max(initial=0.0) > OPEN:
-            self.system = make_closing(lay)  # another branch than that of the home pose
-        self.correct = corrector(self.system)
+        self.system = home_equations(lay)
+        if np.abs(q - lay.mechanism.home)[list(self.system.fixed)].max(initial=0.0) > OPEN:
+            self.system = loop_equations(lay)  # another branch than that of the home pose
         self.size = self.system.size
         self.is_tree = not lay.tree.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
@@ -44,10 +42,10 @@ class Branch:
 
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
         """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
-        found = self.correct(predicted / self.size, goal / self.size[self.columns])
-        if found is None:
+        corrected = self.system.correct(predicted / self.size, goal / self.size[self.columns])
+        if corrected is None:
             return False
-        q, K = found
+        q, K = corrected
         if np.abs(q - predicted / self.size)[self.system.unknown].max() > bend:
             return False
         self.q, self.y, self.K = q * self.size, goal.copy(), K

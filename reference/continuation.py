@@ -16,13 +16,13 @@ from screwgauge.reference.rotations import Array
 #: Corrects one pose: (q0 (n_q,), y (k,)) -> (q (n_q,), dq/dy (n_q, k)) or None where it does not converge.
 Corrector = Callable[[Array, Array], tuple[Array, Array] | None]
 
-#: Evaluates poses: (q (n, n_q), y (n, k)) -> closing errors (n, m) and their derivative (n, m, n_q).
+#: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m) and their derivative (n, m, n_q).
 Evaluation = Callable[[Array, Array], tuple[Array, Array]]
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
-#: A gap below this is as small as float64 can make it.
+#: A closure residual below this is as small as float64 can make it.
 ROUNDING = 2 * linear.EPS
-#: A loop that stays open by more than this does not close.
+#: A loop whose closure residual stays above this does not close.
 OPEN = 1e-10
 STEP = 0.1  # Newton from a first-order prediction this far away converges in two or three steps
 SMALLEST = 1e-5
@@ -38,8 +38,8 @@ def newton(evaluate: Evaluation, q: Array, y: Array, *, most: int = 60) -> tuple
         y: Independent coordinates. Shape (n, k).
 
     Returns:
-        Joint coordinates (n, n_q), the derivative of the closing errors there (n, m, n_q), and the largest
-        closing error of each sample (n,) [rad or m].
+        Joint coordinates (n, n_q), the derivative of the closure residuals there (n, m, n_q), and the largest
+        closure residual of each sample (n,) [rad or m].
     """
     q = q.copy()
     residual, matrix = evaluate(q, y)
@@ -81,19 +81,19 @@ def check_closed(error: Array, y: Array, t: Array) -> None:
 
 
 def corrector(evaluate: Evaluation) -> Corrector:
-    """One-pose Newton with the partial rates d q / d y that predict the next pose."""
+    """Newton's method for one pose, with the velocity map dq/dy that predicts the next one."""
 
     def correct(q: Array, y: Array) -> tuple[Array, Array] | None:
         found, matrix, error = newton(evaluate, q[None], y[None])
         if not error[0] < OPEN:
             return None
-        return found[0], partial_rates(matrix, len(y))[0]
+        return found[0], velocity_map(matrix, len(y))[0]
 
     return correct
 
 
-def partial_rates(A: Array, k: int) -> Array:
-    """Partial rates K with ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
+def velocity_map(A: Array, k: int) -> Array:
+    """Velocity map K, ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
     right = np.zeros((*A.shape[:2], k), dtype=A.dtype)
     right[:, -k:] = np.eye(k)
     return linear.solve(A, right)
@@ -157,7 +157,7 @@ def _explained(stopped: _Stopped, size: Array | float, t: float) -> ClosureError
 
 
 def _predicted(q: Array, K: Array, way: Array) -> Array:
-    """First-order prediction; next to a chart lock its rates would turn a joint round thousands of times."""
+    """First-order prediction; near gimbal lock it would turn a joint round thousands of times."""
     return np.asarray(q + np.clip(K @ way, -FARTHEST, FARTHEST))
 
 
@@ -168,11 +168,11 @@ def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tu
         raise _Stopped(target, length)
     done, step = 0.0, min(1.0, STEP / length)
     while done < 1.0:
-        reach = min(1.0, done + step)
-        goal = y + reach * (target - y)
-        found = correct(_predicted(q, K, (reach - done) * (target - y)), goal)
-        if found is not None:
-            (q, K), done = found, reach
+        share = min(1.0, done + step)
+        goal = y + share * (target - y)
+        corrected = correct(_predicted(q, K, (share - done) * (target - y)), goal)
+        if corrected is not None:
+            (q, K), done = corrected, share
         elif step * length <= SMALLEST:
             raise _Stopped(goal)
         else:

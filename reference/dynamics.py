@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.applied import Load
-from screwgauge.reference.kinematics import Rates
+from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array, cross
@@ -77,7 +77,7 @@ def required_wrench(
     return F, T
 
 
-def partial_motion(lay: Layout, rate: Rates, com: Array) -> tuple[Array, Array]:
+def partial_motion(lay: Layout, rate: Velocities, com: Array) -> tuple[Array, Array]:
     """Velocities of the centres of mass and angular velocities per rate of each independent coordinate.
 
     Args:
@@ -91,7 +91,7 @@ def partial_motion(lay: Layout, rate: Rates, com: Array) -> tuple[Array, Array]:
     return partial[..., 3:] + cross(partial[..., :3], com[:, :, None]), partial[..., :3]
 
 
-def generalized_force(lay: Layout, rate: Rates, motion: BodyMotion, F: Array, T: Array) -> Array:
+def generalized_force(lay: Layout, rate: Velocities, motion: BodyMotion, F: Array, T: Array) -> Array:
     """What the actuators must deliver for each independent coordinate, by virtual power.
 
     ``Q_j = sum over bodies of F . d v_com / d yd_j + T . d omega / d yd_j``; unique whatever the preload.

@@ -22,7 +22,7 @@ from screwgauge.reference.dynamics import (
     required_wrench,
 )
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
-from screwgauge.reference.kinematics import Rates, accelerations
+from screwgauge.reference.kinematics import Velocities, accelerations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, loop_matrix
 from screwgauge.reference.rotations import Array, cross
@@ -108,7 +108,7 @@ def joint_forces(lay: Layout, forces: Forces, n: int) -> Array:
     return total
 
 
-def _applied(lay: Layout, rate: Rates, forces: Forces) -> tuple[Array, list[Load]]:
+def _applied(lay: Layout, rate: Velocities, forces: Forces) -> tuple[Array, list[Load]]:
     """Forces along joints, shape (n, n_q), and loads on bodies, springs and dampers among them."""
     check_springs(lay.mechanism, forces.springs)
     tau, loads = spring_forces(lay, rate, forces.springs)
@@ -121,13 +121,13 @@ def _inertia(lay: Layout, linear_part: Array, angular_part: Array, J: Array) -> 
     return np.asarray(M + np.einsum("nbjx,nbxy,nbky->njk", angular_part, J, angular_part))
 
 
-def inertia_matrix(lay: Layout, rate: Rates) -> Array:
+def inertia_matrix(lay: Layout, rate: Velocities) -> Array:
     """Inertia matrix of the independent coordinates, kinetic energy being ``yd M yd / 2``. Shape (n, k, k)."""
     motion = body_motion(lay, rate.pose, rate.V, np.zeros_like(rate.V))
     return _inertia(lay, *partial_motion(lay, rate, motion.com), motion.J)
 
 
-def forward(lay: Layout, rate: Rates, forces: Forces) -> Response:
+def forward(lay: Layout, rate: Velocities, forces: Forces) -> Response:
     """Accelerations of the independent coordinates for given forces.
 
     Only motion is projected, never reactions: what redundant constraints leave open does not matter.
@@ -179,7 +179,7 @@ def _check_inertia(lay: Layout, M: Array) -> None:
         )
 
 
-def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
+def forward_dense(lay: Layout, rate: Velocities, forces: Forces) -> DenseResponse:
     """All joint accelerations and reactions from the balance of every body and the closure of every loop.
 
     ``[D -c; G 0] [qdd; R] = [c_a f - W; -bias]`` in the minimum-norm least-squares sense: the check of `forward`.
@@ -212,7 +212,7 @@ def forward_dense(lay: Layout, rate: Rates, forces: Forces) -> DenseResponse:
     return DenseResponse(beta + unknown[:, :n_q, 0], unknown[:, n_q:, 0], reactions.names)
 
 
-def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
+def _inertia_of_joints(lay: Layout, rate: Velocities, com: Array, J: Array) -> Array:
     """Force and moment about its centre of mass that each body needs per joint acceleration.
 
     Returns:
@@ -227,7 +227,7 @@ def _inertia_of_joints(lay: Layout, rate: Rates, com: Array, J: Array) -> Array:
     return np.asarray(D.reshape(len(D), -1, S.shape[2]))
 
 
-def joint_wrenches(lay: Layout, rate: Rates, com: Array, tau: Array) -> Array:
+def joint_wrenches(lay: Layout, rate: Velocities, com: Array, tau: Array) -> Array:
     """What forces along the joint coordinates exert on each body (force; moment about its centre of mass).
 
     A composite joint's force acts along the screw reciprocal to its other freedoms: its power on them is zero.
@@ -259,7 +259,7 @@ def _dual(axes: Array, amount: Array) -> Array:
     return (np.linalg.pinv(axes) @ amount[..., None])[..., 0]
 
 
-def power(lay: Layout, rate: Rates, forces: Forces) -> Array:
+def power(lay: Layout, rate: Velocities, forces: Forces) -> Array:
     """Power of all that stores no energy: actuators, motors, loads and dampers [W]. Shape (n,)."""
     dampers = [replace(spring, stiffness=0.0) for spring in forces.springs if spring.damping]
     tau, loads = spring_forces(lay, rate, dampers)
@@ -273,7 +273,7 @@ def power(lay: Layout, rate: Rates, forces: Forces) -> Array:
     return np.asarray(total)
 
 
-def energy(lay: Layout, rate: Rates, forces: Forces) -> Array:
+def energy(lay: Layout, rate: Velocities, forces: Forces) -> Array:
     """Kinetic energy and that stored in gravity and springs [J]. Shape (n,)."""
     at = rate.pose
     yd = rate.w[:, lay.mechanism.independent_columns]

@@ -1,7 +1,7 @@
-"""Positions, rates and accelerations of all joints and bodies (sections 3 and 4 of the paper).
+"""Positions, velocities and accelerations of all joints and bodies (sections 3 and 4 of the paper).
 
 The loops of any graph stand for the chains of the paper: ``G w = 0`` says for every loop what ``S w = V``
-(eq. 15) says for two chains that carry the same body. `chain_rates` is eq. (15) for one chain.
+(eq. 15) says for two chains that carry the same body. `chain_velocities` is eq. (15) for one chain.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear, screws
-from screwgauge.reference.assembly import closing, corrector, fill
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.closing import Closing, make_closing
-from screwgauge.reference.continuation import OPEN, check_closed, follow, newton, partial_rates
+from screwgauge.reference.continuation import OPEN, check_closed, follow, newton, velocity_map
+from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.pose import Layout, Pose, loop_matrix
+from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rates:
-    """Joint rates of a closed mechanism.
+class Velocities:
+    """Velocities of a closed mechanism.
 
     Attributes:
         pose: The pose they belong to.
-        K: Partial rates, d q / d y. Shape (n, n_q, n_independent).
-        A: The closing system that was solved, without dimension, see `Closing.matrix`. Shape (n, m + k, n_unknown).
-        w: Joint rates [rad/s or m/s]. Shape (n, n_q).
+        K: Velocity map, dq/dy. Shape (n, n_q, n_independent).
+        A: The equations that were solved, without dimension, see `LoopEquations.matrix`. Shape (n, m + k, n_unknown).
+        w: Joint velocities [rad/s or m/s]. Shape (n, n_q).
         V: Twist of each body at O, eq. (4). Shape (n, n_body + 1, 6).
-        system: Whose system that is.
-        charts: Condition number of what reads the rates of each cut joint. Shape (n, n_cut).
+        system: Whose equations these are.
+        orientation: Condition number of the orientation coordinates of each cut joint. Shape (n, n_cut).
     """
 
     pose: Pose
@@ -38,13 +38,14 @@ class Rates:
     A: Array
     w: Array
     V: Array
-    system: Closing
-    charts: Array
+    system: LoopEquations
+    orientation: Array
 
-    def sample(self, i: int) -> Rates:
+    def sample(self, i: int) -> Velocities:
         """The same for one of the samples."""
         at = slice(i, i + 1)
-        return Rates(self.pose.rows([i]), self.K[at], self.A[at], self.w[at], self.V[at], self.system, self.charts[at])
+        arrays = self.K[at], self.A[at], self.w[at], self.V[at]
+        return Velocities(self.pose.rows([i]), *arrays, self.system, self.orientation[at])
 
 
 def closure_system(lay: Layout, at: Pose) -> Array:
@@ -64,7 +65,7 @@ def positions(lay: Layout, y: Array, t: Array) -> Pose:
     Raises:
         ClosureError: A loop cannot close.
     """
-    system, columns = closing(lay), lay.mechanism.independent_columns
+    system, columns = home_equations(lay), lay.mechanism.independent_columns
     size = system.size
     goal = y / size[columns]
     start = closed_form(lay, y)
@@ -73,51 +74,51 @@ def positions(lay: Layout, y: Array, t: Array) -> Pose:
         # from farther away Newton's method may end on another branch, or nowhere
         moved = np.abs(z - (start / size)[:, system.unknown]).max(initial=0.0)
         if (error < OPEN).all() and moved < 0.3:
-            return fill(system, z, start)
+            return system.fill(z, start)
     home = lay.mechanism.home / size
-    start = follow(corrector(system), home, home[columns], goal, t, size=size[columns])
+    start = follow(system.correct, home, home[columns], goal, t, size=size[columns])
     z, _, error = newton(system.evaluate, start[:, system.unknown], goal)
     check_closed(error, y, t)
-    return fill(system, z, start * size)
+    return system.fill(z, start * size)
 
 
-def _system(lay: Layout, at: Pose) -> Closing:
-    """The closing equations at poses; what never moves on the home branch is held only on that branch."""
-    system = closing(lay)
-    held = list(system.held)
-    return system if (at.q[:, held] == lay.mechanism.home[held]).all() else make_closing(lay)
+def _system(lay: Layout, at: Pose) -> LoopEquations:
+    """The loop equations at poses; what never moves on the home branch is fixed only on that branch."""
+    system = home_equations(lay)
+    fixed = list(system.fixed)
+    return system if (at.q[:, fixed] == lay.mechanism.home[fixed]).all() else loop_equations(lay)
 
 
-def rates(lay: Layout, at: Pose, yd: Array) -> Rates:
-    """Joint rates from the closed loops and the given rates of y. `yd`: shape (n, k) [rad/s or m/s].
+def velocities(lay: Layout, at: Pose, yd: Array) -> Velocities:
+    """Velocities from the closed loops and those given of y. `yd`: shape (n, k) [rad/s or m/s].
 
-    The tree's rates come from the reciprocal wrenches of the cut joints, those of a cut joint from its own bodies.
+    The tree's follow from the reciprocal wrenches of the cut joints, those of a cut joint from its own two bodies.
     """
     system = _system(lay, at)
     A = system.matrix(at)
     K = np.zeros((len(at.q), at.q.shape[1], yd.shape[1]), dtype=at.q.dtype)
-    found = partial_rates(A, yd.shape[1]) / system.size[lay.mechanism.independent_columns]
+    found = velocity_map(A, yd.shape[1]) / system.size[lay.mechanism.independent_columns]
     K[:, system.unknown] = found * system.size[system.unknown][:, None]
-    rows, charts = system.cut_rows(at)
+    rows, orientation = system.cut_rows(at)
     K[:, lay.cut_columns] = rows @ K
     w = (K @ yd[..., None])[..., 0]
-    # twists follow from the tree alone: at a chart lock the rates of a cut joint are not numbers
+    # twists follow from the tree alone: in gimbal lock the velocities of a cut joint are not numbers
     tree = np.delete(np.arange(w.shape[1]), lay.cut_columns)
     V = np.einsum("bi,ni,nix->nbx", lay.path[:, tree], w[:, tree], at.S[:, tree])
-    return Rates(at, K, A, w, V, system, charts)
+    return Velocities(at, K, A, w, V, system, orientation)
 
 
-def chain_rates(S: Array, V: Array) -> tuple[Array, Array]:
-    """Rates of a serial chain from the twist of its end, eqs. (15), (25), (26), and what is left over.
+def chain_velocities(S: Array, V: Array) -> tuple[Array, Array]:
+    """Joint velocities of a serial chain from the twist of its end, eqs. (15), (25), (26), and what is left over.
 
-    A twist outside the range of `S` has no rates; its residual says so, the least-squares answer does not.
+    A twist outside the range of `S` has none; its residual says so, the least-squares answer does not.
 
     Args:
         S: Screw matrix. Shape (n, 6, m).
         V: Twist of the end body at O. Shape (n, 6).
 
     Returns:
-        Rates, shape (n, m), and the residual ``|S w - V|``, shape (n,) [rad/s and m/s].
+        Velocities, shape (n, m), and the residual ``|S w - V|``, shape (n,) [rad/s and m/s].
     """
     w = (np.linalg.pinv(S) @ V[..., None])[..., 0]
     return w, np.linalg.norm((S @ w[..., None])[..., 0] - V, axis=-1)
@@ -144,8 +145,9 @@ def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
     return np.asarray(np.einsum("nxi,ni->nx", S, beta) + np.einsum("ni,nijx,nj->nx", w, lie_matrix(S), w))
 
 
-def _biases(lay: Layout, rate: Rates) -> tuple[Array, Array]:
-    """The terms ``w^T S_L w`` of eq. (44), of every body, and of every cut joint's child less its own way.
+def _biases(lay: Layout, rate: Velocities) -> tuple[Array, Array]:
+    """The terms ``w^T S_L w`` of eq. (44), of every body, and of every cut joint: its child by
+    the tree less its child across the joint.
 
     Summed along the chain: sum over i < j of [S_i w_i, S_j w_j] = sum over j of [V before j, S_j w_j].
 
@@ -177,11 +179,11 @@ def _bias_across(terms: Array, columns: list[int], V: Array, sign: float) -> Arr
     return bias
 
 
-def accelerations(lay: Layout, rate: Rates, ydd: Array) -> tuple[Array, Array]:
+def accelerations(lay: Layout, rate: Velocities, ydd: Array) -> tuple[Array, Array]:
     """Joint accelerations and acceleration screws of all bodies, eqs. (44), (48).
 
     Args:
-        rate: Rates of the closed mechanism.
+        rate: Velocities of the closed mechanism.
         ydd: Second derivatives of the independent coordinates. Shape (n, k).
 
     Returns:

@@ -23,20 +23,20 @@ class Pose:
         q: Joint coordinates [rad or m]. Shape (n, n_q).
         R, p: Orientation and origin of each body in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         S: Unit screws, child relative to parent, eqs. (18)-(20). Shape (n, n_q, 6).
-        gap: For each cut joint, the small displacement (as a twist at O) from the child's pose as the tree gives
-            it to the pose as the cut joint gives it. Zero where loops close. Shape (n, n_cut, 6).
+        residual: Closure residual: for each cut joint, the small displacement (as a twist at O) from the child's pose
+            as the tree gives it to the pose as the cut joint gives it. Zero where loops close. Shape (n, n_cut, 6).
     """
 
     q: Array
     R: Array
     p: Array
     S: Array
-    gap: Array
+    residual: Array
 
     def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
         """The same for some of the samples."""
         at = np.asarray(rows)
-        return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.gap[at])
+        return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.residual[at])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Layout:
     Attributes:
         path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
         loop: The same for the loop of each cut joint: parent's path + joint - child's path. (n_cut, n_q).
-        kept: What `closing.make_closing` made of it.
+        kept: What `loops.loop_equations` made of it.
     """
 
     mechanism: Mechanism
@@ -204,14 +204,14 @@ def pose(lay: Layout, q: Array) -> Pose:
 def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     """The same from what `tree_pose` gives, if that is known: adds the cut joints."""
     n, index = len(q), lay.mechanism.body_index
-    gap = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
+    residual = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
     if not lay.tree.cuts:
-        return Pose(q, R, p, S, gap)
+        return Pose(q, R, p, S, residual)
     turned = lay.rotations(q)
     directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
     R_via, p_via = (
-        np.empty((n, gap.shape[1], 3, 3), dtype=q.dtype),
-        np.empty((n, gap.shape[1], 3), dtype=q.dtype),
+        np.empty((n, residual.shape[1], 3, 3), dtype=q.dtype),
+        np.empty((n, residual.shape[1], 3), dtype=q.dtype),
     )
     for c, joint in enumerate(lay.tree.cuts):
         parent, columns = index[joint.parent], lay.columns[joint.name]
@@ -226,8 +226,8 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     # measured at the joint, where the lever arms are short, then moved to O
     at = p[:, child] + (R[:, child] @ at_child[..., None])[..., 0]
     shift = p_via + (R_via @ at_child[..., None])[..., 0] - at
-    gap[..., :3], gap[..., 3:] = turn, shift - cross(turn, at)
-    return Pose(q, R, p, S, gap)
+    residual[..., :3], residual[..., 3:] = turn, shift - cross(turn, at)
+    return Pose(q, R, p, S, residual)
 
 
 def length(lay: Layout) -> float:

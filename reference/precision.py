@@ -50,7 +50,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     if q is None:
         return None
     at = pose(lay, q)
-    if not np.abs(at.gap).max(initial=0.0) < 64 * wider.eps:
+    if not np.abs(at.residual).max(initial=0.0) < 64 * wider.eps:
         return None
     com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in lay.mechanism.bodies])[..., None])[..., 0]
     return force_matrix(lay, at, com, joint_reactions(lay, at))

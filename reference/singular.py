@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference import screws
-from screwgauge.reference.closing import Closing, make_closing
 from screwgauge.reference.graph import output_body
+from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.rotations import Array
@@ -21,7 +21,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
     """
-    system = make_closing(lay)
+    system = loop_equations(lay)
     U, _, Vt = np.linalg.svd(system.matrix(at)[0], full_matrices=False)
     motion = np.zeros(at.q.shape[1])
     motion[system.unknown] = Vt[-1]
@@ -45,11 +45,11 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     return f"{_listed(bodies)} gain a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
 
 
-def chart_lock(lay: Layout, cut: int) -> str:
-    """What happens where the chart of cut joint number `cut` locks."""
+def gimbal_lock(lay: Layout, cut: int) -> str:
+    """What happens in gimbal lock of cut joint number `cut`."""
     joint = lay.tree.cuts[cut]
     first, last = joint.coordinates[0], joint.coordinates[-1]
-    return f"the chart of {joint.name} locks ({first} and {last} turn about one line)"
+    return f"{joint.name} is in gimbal lock ({first} and {last} turn about one line)"
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
@@ -59,7 +59,7 @@ def _large(values: Array, share: float = SHARE) -> list[int]:
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
 
 
-def _moved(lay: Layout, system: Closing, at: Pose, motion: Array) -> list[str]:
+def _moved(lay: Layout, system: LoopEquations, at: Pose, motion: Array) -> list[str]:
     """Bodies that a motion of the tree moves."""
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])
     index = lay.mechanism.body_index

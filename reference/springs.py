@@ -9,7 +9,7 @@ import numpy as np
 from screwgauge.reference import screws
 from screwgauge.reference.applied import JointSpring, Load, PointSpring, Spring
 from screwgauge.reference.errors import SingularPoseError, UnknownNameError
-from screwgauge.reference.kinematics import Rates
+from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.rotations import Array
@@ -33,7 +33,7 @@ def _ends(lay: Layout, at: Pose, spring: PointSpring) -> tuple[Array, Array]:
     return at.p[:, i] + at.R[:, i] @ spring.first_point, at.p[:, j] + at.R[:, j] @ spring.second_point
 
 
-def spring_forces(lay: Layout, rate: Rates, springs: Sequence[Spring]) -> tuple[Array, list[Load]]:
+def spring_forces(lay: Layout, rate: Velocities, springs: Sequence[Spring]) -> tuple[Array, list[Load]]:
     """What springs and dampers exert.
 
     Returns:

@@ -56,7 +56,7 @@ def test_four_bars_are_singular_where_all_links_are_horizontal():
     """There one freedom for each of the N + 1 uprights appears, of which N + 1 remain."""
     lay = layout(load_mechanism("a02-fourbar-2"))
     q = np.array([[-np.pi / 2] * 3 + [np.pi / 2] * 4])
-    assert np.abs(pose(lay, q).gap).max() < 1e-15
+    assert np.abs(pose(lay, q).residual).max() < 1e-15
     assert mobility(lay, pose(lay, q)).mobility == 3
 
 

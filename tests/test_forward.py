@@ -13,7 +13,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.applied import JointSpring, PointSpring
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
-from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import layout
 
 DATA = Path(__file__).parent / "data"
@@ -32,7 +32,7 @@ def at_rest_or_moving(scene, n=9):
     t = scene.t
     scene = scene.at(t[np.linspace(0, len(t) - 1, n).astype(int)])
     lay = layout(scene.mechanism)
-    rate = rates(lay, positions(lay, scene.motion.y, scene.t), scene.motion.yd)
+    rate = velocities(lay, positions(lay, scene.motion.y, scene.t), scene.motion.yd)
     loads = [(load.body, load.point, load.force, load.torque) for load in scene.applied.loads]
     return scene, lay, rate, Forces(gravity=scene.applied.g, loads=loads)
 
@@ -65,7 +65,7 @@ def test_a_batch_is_its_samples_one_by_one():
     y, yd = rate.pose.q[:, lay.mechanism.independent_columns], rate.w[:, lay.mechanism.independent_columns]
     t = np.zeros(1)
     alone = [
-        forward(lay, rates(lay, positions(lay, a[None], t), b[None]), forces).ydd[0] for a, b in zip(y, yd, strict=True)
+        forward(lay, velocities(lay, positions(lay, a[None], t), b[None]), forces).ydd[0] for a, b in zip(y, yd, strict=True)
     ]
     assert np.abs(together - alone).max() < 1e-12 * np.abs(together).max()
 
@@ -75,7 +75,7 @@ def pendulum():
     """The double pendulum at three poses that move."""
     lay = layout(load_mechanism(DATA / "pendulum.toml"))
     y = np.array([[0.3, -0.2], [1.1, 0.4], [-0.7, 0.9]])
-    return lay, rates(lay, positions(lay, y, np.zeros(3)), np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
+    return lay, velocities(lay, positions(lay, y, np.zeros(3)), np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
 
 
 def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
@@ -94,7 +94,7 @@ def test_a_point_spring_pulls_along_its_line(pendulum):
     y, h = rate.pose.q, 1e-6
 
     def stored(y):
-        still = rates(lay, positions(lay, y, np.zeros(len(y))), np.zeros_like(y))
+        still = velocities(lay, positions(lay, y, np.zeros(len(y))), np.zeros_like(y))
         return energy(lay, still, Forces(gravity=np.zeros(3), springs=[spring]))
 
     slope = np.stack([(stored(y + h * e) - stored(y - h * e)) / (2 * h) for e in np.eye(2)], axis=1)
@@ -118,7 +118,7 @@ def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
 
     def later(s):
         at = positions(lay, y + s * yd + 0.5 * s * s * ydd, np.zeros(3))
-        return rates(lay, at, yd + s * ydd)
+        return velocities(lay, at, yd + s * ydd)
 
     def length(s):
         at = later(s).pose
@@ -180,6 +180,6 @@ axes = [[0, 0, 1]]
 """,
     )
     lay = layout(load_mechanism(path))
-    rate = rates(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
+    rate = velocities(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
     with pytest.raises(ScrewgaugeError, match="the coordinate 'a' moves no mass"):
         forward(lay, rate, Forces())

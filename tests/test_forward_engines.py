@@ -16,7 +16,7 @@ from screwgauge.problem import ForwardProblem, Method
 from screwgauge.reference.applied import JointSpring, Motor, PointSpring
 from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy
-from screwgauge.reference.kinematics import rates
+from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.pose import layout, pose
 from screwgauge.scene.observe import observe
 from screwgauge.scene.start import make_problem
@@ -97,7 +97,7 @@ def test_established_problem(name, engine):
     found, lay = integrator(engine)(problem), layout(scene.mechanism)
     assert (found.stopped, len(found.q)) == ("", len(known))
     assert np.abs(observe(lay, scene.observables, found.q).array - known).max() < error
-    rate = rates(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
+    rate = velocities(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
     # joints that were cut, too
     assert np.abs(rate.w - found.v).max() < 1e-9 * max(1.0, np.abs(found.v).max())
     E = energy(lay, rate, Forces(gravity=problem.gravity, springs=problem.springs))

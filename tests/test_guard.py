@@ -169,14 +169,14 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
     assert flagged(results.solutions["screw"])["joint_position"].tolist() == [False, True]
     assert refusal.rows.tolist() == [1]
     assert set(refusal.quantities) == {"joint_velocity", "joint_acceleration"}
-    assert "the chart of leg2.wrist locks (leg2.q4 and leg2.q6 turn about one line)" in refusal.sentence
+    assert "leg2.wrist is in gimbal lock (leg2.q4 and leg2.q6 turn about one line)" in refusal.sentence
     assert np.isfinite(results.values("actuator_force")).all()
 
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
-    from screwgauge.reference.closing import make_closing
     from screwgauge.reference.kinematics import positions
+    from screwgauge.reference.loops import loop_equations
     from screwgauge.reference.pose import layout
 
     lay = layout(scene.mechanism)
@@ -185,7 +185,7 @@ def at_lock(scene) -> np.ndarray:
 
     def condition(a: float) -> float:
         at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
-        found = float(make_closing(lay).readers(at)[1][0, cut])
+        found = float(loop_equations(lay).readers(at)[1][0, cut])
         return found if np.isfinite(found) else np.inf
 
     while step > 1e-17 and np.isfinite(condition(a)):

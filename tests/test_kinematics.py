@@ -7,7 +7,7 @@ import pytest
 
 from screwgauge.reference import kinematics, screws
 from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, chain_rates, positions, rates
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, chain_velocities, positions, velocities
 from screwgauge.reference.pose import chain_screws, layout
 
 ROUNDING = 1e-13
@@ -37,7 +37,7 @@ def joints(lay, t):
 
 
 def test_loops_close_to_rounding(lay):
-    assert np.abs(positions(lay, motion(T)[0], T).gap).max() < 1e-14
+    assert np.abs(positions(lay, motion(T)[0], T).residual).max() < 1e-14
 
 
 def test_home_pose_is_the_start_of_the_path(lay):
@@ -60,16 +60,16 @@ def test_third_rotation_vanishes_only_for_the_symmetric_leg(lay):
 
 def test_rates_are_derivatives_of_positions(lay):
     h = 1e-5
-    found = rates(lay, positions(lay, motion(T)[0], T), motion(T)[1]).w
+    found = velocities(lay, positions(lay, motion(T)[0], T), motion(T)[1]).w
     assert np.abs((joints(lay, T + h) - joints(lay, T - h)) / (2 * h) - found).max() < DIFFERENCE
 
 
 def test_accelerations_are_derivatives_of_rates(lay):
     def w(t):
-        return rates(lay, positions(lay, motion(t)[0], t), motion(t)[1]).w
+        return velocities(lay, positions(lay, motion(t)[0], t), motion(t)[1]).w
 
     h = 1e-5
-    rate = rates(lay, positions(lay, motion(T)[0], T), motion(T)[1])
+    rate = velocities(lay, positions(lay, motion(T)[0], T), motion(T)[1])
     found, _ = accelerations(lay, rate, motion(T)[2])
     assert np.abs((w(T + h) - w(T - h)) / (2 * h) - found).max() < DIFFERENCE
 
@@ -77,13 +77,13 @@ def test_accelerations_are_derivatives_of_rates(lay):
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
     """The loops of the graph and the chains of the paper are the same statement."""
     at = positions(lay, motion(T)[0], T)
-    rate = rates(lay, at, motion(T)[1])
+    rate = velocities(lay, at, motion(T)[1])
     beta, A = accelerations(lay, rate, motion(T)[2])
     platform = lay.mechanism.body_index["platform"]
     for chain in serial_chains(lay.mechanism):
         S = chain_screws(lay, chain, at)
         columns = [column for edge in chain for column in lay.columns[edge.joint.name]]
-        w, residual = chain_rates(S, rate.V[:, platform])
+        w, residual = chain_velocities(S, rate.V[:, platform])
         assert residual.max() < ROUNDING
         assert np.abs(w - rate.w[:, columns]).max() < 1e-12
         found = chain_acceleration(S, rate.w[:, columns], beta[:, columns])
@@ -99,7 +99,7 @@ def test_a_twist_outside_the_range_of_a_chain_is_reported(paper):
     printed = np.zeros((len(t), 6))
     printed[:, :2] = yd
     leg1 = serial_chains(paper)[0]
-    _, residual = chain_rates(chain_screws(lay, leg1, at), printed)
+    _, residual = chain_velocities(chain_screws(lay, leg1, at), printed)
     assert residual.max() > 1e-3
 
 
@@ -108,13 +108,13 @@ def test_point_accelerations_are_derivatives_of_point_velocities(paper):
 
     def point_velocity(t):
         at = positions(lay, motion(t)[0], t)
-        V = rates(lay, at, motion(t)[1]).V[:, 3]
+        V = velocities(lay, at, motion(t)[1]).V[:, 3]
         r = at.p[:, 3] + at.R[:, 3] @ np.array([0.1, -0.2, 0.3])
         return V, r, at
 
     h = 1e-5
     V, r, at = point_velocity(T)
-    _, A = accelerations(lay, rates(lay, at, motion(T)[1]), motion(T)[2])
+    _, A = accelerations(lay, velocities(lay, at, motion(T)[1]), motion(T)[2])
     found = screws.acceleration_at(V, A[:, 3], r)
     ahead, behind = (screws.velocity_at(*point_velocity(T + s)[:2]) for s in (h, -h))
     assert np.abs((ahead - behind) / (2 * h) - found).max() < DIFFERENCE

@@ -12,10 +12,10 @@ import screwgauge
 from screwgauge.engines.screw.inverse import solve_layout
 from screwgauge.problem import OldProblem
 from screwgauge.reference import dynamics
-from screwgauge.reference.assembly import closing
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import wide_force_matrix
+from screwgauge.reference.resting import home_equations
 from screwgauge.scene.preflight import check_scene
 from screwgauge.scene.scene import load_scene
 from screwgauge.study.run import solve
@@ -33,13 +33,13 @@ def close():
 
 def test_the_third_rotation_of_the_symmetric_leg_is_held(paper):
     lay = layout(paper)
-    assert [paper.coordinates[i] for i in closing(lay).held] == ["s.q3"]
+    assert [paper.coordinates[i] for i in home_equations(lay).fixed] == ["s.q3"]
 
 
 def test_nothing_is_held_where_it_moves():
     for name in ("3ups-upu-s-offset", "3ups-upu-s-asymmetric"):
         mechanism = screwgauge.models.catalog.load_mechanism(name)
-        held = [mechanism.coordinates[i] for i in closing(layout(mechanism)).held]
+        held = [mechanism.coordinates[i] for i in home_equations(layout(mechanism)).fixed]
         assert held == ([] if name.endswith("offset") else ["s.q3"])
 
 

@@ -11,7 +11,7 @@ import pytest
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.kinematics import accelerations, positions, rates
+from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.paper import scheme as paper
 from screwgauge.reference.paper import twist as paper_twist
 from screwgauge.reference.pose import layout
@@ -29,7 +29,7 @@ def lay(request):
 def closed(lay, t):
     """Joint coordinates, rates and accelerations of the closed mechanism."""
     motion = DRIVE(t)
-    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
     return rate.pose.q, rate.w, accelerations(lay, rate, motion.ydd)[0]
 
 
@@ -82,7 +82,7 @@ def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
 def test_the_right_twist_is_that_of_the_closed_mechanism(lay):
     t = np.linspace(0.0, 10.0, 11)
     motion = DRIVE(t)
-    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
     V, A = paper_twist.platform_screws(lay, motion, t)
     assert np.abs(V - rate.V[:, -1]).max() < 1e-14
     assert np.abs(A - accelerations(lay, rate, motion.ydd)[1][:, -1]).max() < 1e-14

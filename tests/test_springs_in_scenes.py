@@ -11,7 +11,7 @@ import screwgauge
 from screwgauge.cli import main
 from screwgauge.judging.judge import judge
 from screwgauge.reference.forward import Forces, forward
-from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import layout
 
 ACTING = """
@@ -98,7 +98,7 @@ def test_judge_misses_what_is_left_out(scene, results, missing):
 def test_forward_dynamics_gives_the_accelerations_back(scene, results):
     """Round trip through another route: forces of the run, accelerations of `reference.forward`."""
     lay, motion = layout(scene.mechanism), scene.motion
-    rate = rates(lay, positions(lay, motion.y, motion.t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
     joints = np.zeros_like(rate.w)
     for motor in scene.motors:
         column = scene.mechanism.coordinates.index(motor.coordinate)

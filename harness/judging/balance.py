@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.kinetics import walk
-from screwgauge.reference.continuation import partial_rates
+from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
@@ -173,5 +173,5 @@ def allowed_motions(answer: Answer) -> tuple[Array, Array]:
         moved.append(motions.velocities)
     chosen = np.eye(q.shape[1])[answer.mechanism.independent_columns]
     system = np.concatenate([np.stack(closure, axis=2), np.tile(chosen, (len(q), 1, 1))], axis=1)
-    joints = partial_rates(system, len(chosen))
+    joints = velocity_map(system, len(chosen))
     return joints, np.einsum("inbx,nij->nbxj", np.stack(moved), joints)

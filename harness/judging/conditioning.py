@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from screwgauge.problem import Rows
 from screwgauge.reference import linear
-from screwgauge.reference.closing import make_closing
+from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
@@ -85,7 +85,7 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> Passed:
         near: Condition number assumed of a singular pose that lies between two samples: those above are stepped over.
     """
     at = pose(lay, q)
-    A = make_closing(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
+    A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
     condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
     crossed = _crossed(A)
     met = condition.copy()

@@ -9,12 +9,12 @@ import numpy as np
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closing import make_closing
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.singular import chart_lock, near_singularity
+from screwgauge.reference.singular import gimbal_lock, near_singularity
 from screwgauge.solution import Solution
 
 #: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
@@ -67,12 +67,12 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
 def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) -> str:
     lay = layout(mechanism)
     at = positions(lay, y[None], np.zeros(1))
-    system = make_closing(lay)
+    system = loop_equations(lay)
     if not linear.condition(system.matrix(at))[0] < NEAR:
         return near_singularity(lay, at)
     orientations = system.readers(at)[1][0]  # condition numbers of the cut joints' coordinates
     if orientations.size and not orientations.max() < NEAR:
-        return chart_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
+        return gimbal_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
     if rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):
         return f"rule {rule} is singular"
     return f"the equations of {', '.join(quantities)} are singular"

@@ -10,9 +10,9 @@ import numpy as np
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closing import make_closing
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
 from screwgauge.reference.pose import Layout, Pose, layout, length, pose
@@ -34,7 +34,7 @@ def check_home(mechanism: Mechanism) -> Layout:
     lay = layout(mechanism)
     at = pose(lay, mechanism.home[None])
     size = np.array([1.0, length(lay)])[:, None]
-    for joint, gap in zip(lay.tree.cuts, np.abs(at.gap[0]).reshape(-1, 2, 3), strict=True):
+    for joint, gap in zip(lay.tree.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
         if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
             raise ClosureError(
                 f"the loop through joint '{joint.name}' stays open by {gap.max():.3g} (rad or m) at the home pose",
@@ -94,7 +94,7 @@ def _check_jumps(scene: Scene) -> None:
     """Poses are found by following the motion; from one sample to the next it must not go round the world."""
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
-    size = make_closing(layout(mechanism)).size[mechanism.independent_columns]
+    size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
     far = np.flatnonzero((np.abs(way) / np.maximum(size, 1.0)).max(axis=1, initial=0.0) > FARTHEST)
     if far.size:
         i = far[0]
@@ -123,7 +123,7 @@ def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
 def _check_side(lay: Layout, motion: GivenMotion) -> None:
     """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
     at = positions(lay, motion.y[:1], motion.t[:1])
-    A = np.concatenate([make_closing(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
+    A = np.concatenate([loop_equations(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
     if A.shape[1] != A.shape[2] or not (linear.condition(A) <= linear.SINGULAR).all():
         return
     signs = np.linalg.slogdet(A)[0]
@@ -144,7 +144,7 @@ def check_regular(
     Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
     joints are not among the unknowns; where one locks, only rates of that joint are lost.
     """
-    A = make_closing(lay).matrix(at)
+    A = loop_equations(lay).matrix(at)
     condition = linear.condition(A)
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:

@@ -10,7 +10,7 @@ from screwgauge.problem import InitialValue
 from screwgauge.reference.branch import Branch
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.forward import Forces, forces_at, forward
-from screwgauge.reference.kinematics import positions, rates
+from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, check_home, check_regular
@@ -60,7 +60,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
             "start elsewhere or widen the limits",
         )
     forces = forces_at(mechanism, scene.applied, task.since)
-    forward(lay, rates(lay, at, task.rates[None]), forces)
+    forward(lay, velocities(lay, at, task.rates[None]), forces)
     warning = stiff_warning(stiffness(lay, forces, task), task)
     return lay, (warning,) if warning else ()
 
@@ -84,7 +84,7 @@ def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
     states = np.concatenate([state + np.diag(size), state - np.diag(size)])
     branch = Branch(lay, lay.mechanism.home)
     branch.move(start)
-    rate = rates(lay, branch.poses(states[:, :k]), states[:, k:])
+    rate = velocities(lay, branch.poses(states[:, :k]), states[:, k:])
     slopes = np.concatenate([states[:, k:], forward(lay, rate, forces).ydd], axis=1)
     return np.asarray(np.linalg.eigvals((slopes[: 2 * k] - slopes[2 * k :]).T / (2.0 * size)))
 

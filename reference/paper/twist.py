@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.graph import output_body
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, rates
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, velocities
 from screwgauge.reference.pose import Layout, pose, tree_pose
 from screwgauge.reference.rotations import Array
 
@@ -51,7 +51,7 @@ def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right")
     alone = _driver_alone(lay, motion)
     if alone is not None:
         return alone
-    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
     platform = lay.mechanism.body_index[output_body(lay.mechanism)]
     return rate.V[:, platform], accelerations(lay, rate, motion.ydd)[1][:, platform]
 
@@ -59,7 +59,7 @@ def platform_screws(lay: Layout, motion: Driven, t: Array, twist: str = "right")
 def _driver_alone(lay: Layout, motion: Driven) -> tuple[Array, Array] | None:
     """From the joint with the independent coordinates; None where that leaves a loop open."""
     q = closed_form(lay, motion.y)
-    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).gap).max() > CLOSED:
+    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).residual).max() > CLOSED:
         return None
     chosen = lay.mechanism.independent_columns
     columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))

@@ -19,7 +19,7 @@ from screwgauge.reference.errors import (
     SingularPoseError,
 )
 from screwgauge.reference.forward import Forces, energy, forward, power
-from screwgauge.reference.kinematics import Rates, rates
+from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
@@ -43,7 +43,7 @@ class Trajectory:
     """
 
     t: Array
-    rates: Rates
+    rates: Velocities
     energy: Array
     work: Array
     steps: int
@@ -77,10 +77,10 @@ class _Run:
         self.branch = Branch(lay, q)
         self.evaluations = 0
 
-    def rates(self, states: Array) -> Rates:
+    def rates(self, states: Array) -> Velocities:
         """Closed poses and rates of states, shape (n, 2 k + 1)."""
         k = states.shape[1] // 2
-        return rates(self.lay, self.branch.poses(states[:, :k]), states[:, k:-1])
+        return velocities(self.lay, self.branch.poses(states[:, :k]), states[:, k:-1])
 
     def slope(self, t: float, states: Array) -> Array:
         """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
@@ -129,7 +129,7 @@ def integrate(
     counts, stopped = _steps(run, solver, times, state, kept, options, progress)
     n, parts = len(kept.rates), kept.rates
     q, w = np.concatenate([r.pose.q for r in parts]), np.concatenate([r.w for r in parts])
-    whole = rates(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
+    whole = velocities(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
     return Trajectory(
         t=times[:n],
         rates=whole,
@@ -146,7 +146,7 @@ def integrate(
 class _Kept:
     """The motion at the times wanted, as far as it came: closed poses with rates, and the work until then [J]."""
 
-    rates: list[Rates]
+    rates: list[Velocities]
     work: list[float]
 
     def __len__(self) -> int:

@@ -10,12 +10,12 @@ from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.applied import Load
-from screwgauge.reference.assembly import closing, fill
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose, tree_path
 from screwgauge.reference.reactions import Reactions
+from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution
 
@@ -38,7 +38,7 @@ class _Work:
 
     def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
         self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
-        self.system = closing(lay)
+        self.system = home_equations(lay)
         open_tree = spanning_tree(lay.mechanism)  # that of the model files
         self.path = tree_path(lay.mechanism, open_tree)[1:]
         kept = {edge.joint.name for edge in open_tree.edges}
@@ -57,7 +57,7 @@ class _Work:
             z = at.q[doubtful] / self.system.size
             found = []
             for shake in shakes(A[doubtful], motion.y.shape[1]):
-                there = fill(self.system, z[:, self.system.unknown] + shake, at.q[doubtful])
+                there = self.system.fill(z[:, self.system.unknown] + shake, at.q[doubtful])
                 found.append(self._beyond(there, motion.part(doubtful))[0])
             self.clock = own
             return found
@@ -72,8 +72,8 @@ class _Work:
         speed = load = None
         if self.depth in "vaf":
             with self.clock.stage("velocities"):
-                rate = rates(lay, at, motion.yd)
-            A, charts = rate.A, rate.charts
+                rate = velocities(lay, at, motion.yd)
+            A, charts = rate.A, rate.orientation
             out["joint_velocity"] = rate.w
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
             # a cut joint's own rates are no summands of anything else
@@ -88,7 +88,7 @@ class _Work:
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
-        self, rate: Rates, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
+        self, rate: Velocities, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
     ) -> Array | None:
         """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
         lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
@@ -117,7 +117,7 @@ class _Work:
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
         return np.asarray(np.maximum(*sizes))
 
-    def _springs_and_motors(self, rate: Rates, t: Array) -> tuple[Array, list[Load]]:
+    def _springs_and_motors(self, rate: Velocities, t: Array) -> tuple[Array, list[Load]]:
         """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
         mechanism, applied = self.lay.mechanism, self.problem.applied
         tau, loads = springs.spring_forces(self.lay, rate, applied.springs)
@@ -125,7 +125,7 @@ class _Work:
             tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
         return tau, loads
 
-    def _tree_force(self, rate: Rates, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
+    def _tree_force(self, rate: Velocities, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
         wrench = screws.force(F, motion.com) + screws.couple(T)
         moved = np.einsum("bi,nbx->nix", self.path, wrench)
@@ -133,7 +133,7 @@ class _Work:
 
     def _forces(
         self,
-        rate: Rates,
+        rate: Velocities,
         motion: dynamics.BodyMotion,
         wrench: tuple[Array, Array],
         out: dict[str, Array],
@@ -160,7 +160,7 @@ class _Work:
             out["reaction"] = unknown[:, : len(self.reactions.names)]
         out["actuator_force"] = f
 
-    def _rule_rows(self, rate: Rates, B: Array, m: int, axial: bool) -> Array:
+    def _rule_rows(self, rate: Velocities, B: Array, m: int, axial: bool) -> Array:
         """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56)."""
         if not (axial and self.reactions is not None and self.lay.mechanism.axial is not None):
             return dynamics.preload_rows(B, m)

@@ -13,7 +13,7 @@ from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, P
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
-from screwgauge.reference.kinematics import accelerations, rates
+from screwgauge.reference.kinematics import accelerations, velocities
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, Values
@@ -97,7 +97,7 @@ class ScrewModel:
                 "takes states of all joint coordinates with the forces along them", self.where, "give q, v and tau"
             )
         clock = Stopwatch()
-        rate = rates(self.lay, pose(self.lay, task.q), task.v[:, mechanism.independent_columns])
+        rate = velocities(self.lay, pose(self.lay, task.q), task.v[:, mechanism.independent_columns])
         forces = Forces(joints=task.tau, gravity=applied.g, loads=applied.loads, springs=applied.springs)
         qdd = forward_dense(self.lay, rate, forces).qdd
         cost = clock.cost()

@@ -18,7 +18,7 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import check_closed, corrector, follow, newton, partial_rates
+from screwgauge.reference.continuation import check_closed, corrector, follow, newton, velocity_map
 from screwgauge.reference.rotations import Array, nearest_turn
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
@@ -174,7 +174,7 @@ class _Pass:
     def _velocities(self) -> None:
         """From ``A v = [0; yd]``."""
         poses, yd = self.poses, self.poses.motion.yd
-        self.K = partial_rates(poses.A, yd.shape[1]) * self.sizes.q[:, None] / self.sizes.y
+        self.K = velocity_map(poses.A, yd.shape[1]) * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
         self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
         self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)

@@ -9,7 +9,7 @@ from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.problem import Problem, States
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import partial_rates
+from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
@@ -84,6 +84,6 @@ def _actuator_forces(
     if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(at, closed.loops.charts(at))
-    K = partial_rates(A, len(closed.loops.independent))
+    K = velocity_map(A, len(closed.loops.independent))
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     return min_norm(K[:, closed.driven], Q), linear.condition(A)

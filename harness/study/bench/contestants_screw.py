@@ -13,7 +13,7 @@ from screwgauge.reference import dynamics
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.continuation import Evaluation, corrector, follow, newton
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.kinematics import accelerations, closure_system, rates
+from screwgauge.reference.kinematics import accelerations, closure_system, velocities
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
@@ -140,7 +140,7 @@ def _closed(lay: Layout, motion: Motion) -> Array:
 
 def _closed_or_mended(lay: Layout, motion: Motion) -> Array:
     q = _closed(lay, motion)
-    if np.abs(pose(lay, q).gap).max() <= 64 * np.finfo(q.dtype).eps:
+    if np.abs(pose(lay, q).residual).max() <= 64 * np.finfo(q.dtype).eps:
         return q
     return newton(_closing(lay), q, motion.y, most=5)[0]
 
@@ -157,7 +157,7 @@ def _closing(lay: Layout) -> Evaluation:
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+        return np.concatenate([at.residual.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
 
     return evaluate
 
@@ -192,7 +192,7 @@ def _pipeline(case: Case, quantity: str, dtype: Any, positions: Positions) -> Ta
 def beyond(lay: Layout, q: Array, motion: Motion, gravity: Array, loads: list[Any], quantity: str) -> Array:
     """Joint rates, accelerations or actuator forces (minimum norm) from joint positions."""
     at = pose(lay, q)
-    rate = rates(lay, at, motion.yd)
+    rate = velocities(lay, at, motion.yd)
     if quantity == "joint_velocity":
         return rate.w
     beta, screws = accelerations(lay, rate, motion.ydd)

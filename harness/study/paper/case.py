@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics
-from screwgauge.reference.kinematics import Rates, accelerations, positions, rates
+from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.paper.scheme import Chains, chains
 from screwgauge.reference.paper.twist import Driven, platform_screws
 from screwgauge.reference.pose import Layout, layout
@@ -43,7 +43,7 @@ class Case:
     lay: Layout
     t: Array
     motion: Driven
-    rate: Rates
+    rate: Velocities
     beta: Array
     A: Array
     bodies: dynamics.BodyMotion
@@ -89,7 +89,7 @@ def paper_case(t: Array) -> Case:
     """Solves the paper's case at times `t`, shape (n,)."""
     scene, lay = load_scene(SCENE), layout(load_mechanism(TABLE_2))
     motion = scene.moved(t)
-    rate = rates(lay, positions(lay, motion.y, t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
     beta, A = accelerations(lay, rate, motion.ydd)
     bodies, twist = dynamics.body_motion(lay, rate.pose, rate.V, A), platform_screws(lay, motion, t)
     side = chains(lay)

@@ -9,7 +9,7 @@ from time import perf_counter
 
 from screwgauge.reference import linear
 from screwgauge.reference.forward import Forces, forward_dense
-from screwgauge.reference.kinematics import Rates, positions, rates
+from screwgauge.reference.kinematics import Velocities, positions, velocities
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import load_scene
@@ -39,10 +39,10 @@ def pinocchio_given(case: Case) -> Given:
     return found
 
 
-def motion(case: Case) -> tuple[Layout, Rates]:
+def motion(case: Case) -> tuple[Layout, Velocities]:
     """Poses and rates by `screw`."""
     lay, given_motion = layout(case.scene.mechanism), case.scene.motion
-    return lay, rates(lay, positions(lay, given_motion.y, given_motion.t), given_motion.yd)
+    return lay, velocities(lay, positions(lay, given_motion.y, given_motion.t), given_motion.yd)
 
 
 def screw(case: Case) -> Finding:

@@ -76,7 +76,7 @@ def climb(dt: float, duration: float) -> Iterator[Finding]:
 
 def _screw(held: Held, own: Held) -> Iterator[Finding]:
     """Our own motion at another tolerance, on its own joint coordinates."""
-    gap = np.linalg.norm(own.path.rates.pose.gap[..., 3:], axis=-1).max(axis=1)
+    gap = np.linalg.norm(own.path.rates.pose.residual[..., 3:], axis=-1).max(axis=1)
     here = [own.names.index(name) for name in held.names]
     errors = {
         "loop_gap": gap.max() / natural_scales(held.lay.mechanism)["m"],

@@ -17,7 +17,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.quantities import QUANTITIES as KNOWN
 from screwgauge.reference import linear
 from screwgauge.reference.forward import Forces, forward
-from screwgauge.reference.kinematics import accelerations, positions, rates
+from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
@@ -135,7 +135,7 @@ def _screw(case: Case, solution: Solution) -> Finding:
     """Our accelerations for the true actuator forces, at the poses that the independent coordinates give."""
     scene, lay = case.scene, layout(case.scene.mechanism)
     motion = scene.motion
-    rate = rates(lay, positions(lay, motion.y, motion.t), motion.yd)
+    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
     loads = [(load.body, load.point, load.force, load.torque) for load in scene.loads]
     forces = Forces(case.reference.values["actuator_force"].array, gravity=scene.gravity, loads=loads)
     response = forward(lay, rate, forces)

@@ -16,7 +16,7 @@ from screwgauge.reference.dynamics import (
     required_wrench,
     solve_newton_euler,
 )
-from screwgauge.reference.kinematics import accelerations, positions, rates
+from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.rotations import Array
@@ -40,7 +40,7 @@ def whole_system(scene: Scene, *, refined: bool) -> tuple[Array, Array]:
     """
     lay, motion = layout(scene.mechanism), scene.motion
     at = positions(lay, motion.y, motion.t)
-    rate = rates(lay, at, motion.yd)
+    rate = velocities(lay, at, motion.yd)
     _, A = accelerations(lay, rate, motion.ydd)
     bodies = body_motion(lay, at, rate.V, A)
     loads = [(load.body, load.point, load.force, load.torque) for load in scene.loads]

@@ -18,7 +18,7 @@ from screwgauge.problem import ForwardProblem, Method
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.forward import Forces, energy, forward
-from screwgauge.reference.kinematics import Rates, positions, rates
+from screwgauge.reference.kinematics import Velocities, positions, velocities
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import load_scene
@@ -56,7 +56,7 @@ class Right:
     lay: Layout
     forces: Forces
     times: Array
-    rate: Rates
+    rate: Velocities
     fastest: float
     scale: Array
     released: float
@@ -98,8 +98,8 @@ def _decades(first: float) -> int:
     return int(np.ceil(np.log10(DURATION / first)))
 
 
-def _rates(lay: Layout, states: Array) -> Rates:
-    return rates(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:])
+def _rates(lay: Layout, states: Array) -> Velocities:
+    return velocities(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:])
 
 
 def climb(stiffness: float) -> Iterator[Finding]:
@@ -215,6 +215,6 @@ def _motion(q: Array, right: Right) -> float:
 def _energy(found: ForwardSolution, right: Right) -> float:
     """What is missing in kinetic energy, springs, gravity and the work of dampers, against what was released."""
     yd = right.lay.mechanism.independent_columns
-    rate = rates(right.lay, positions(right.lay, found.q[:, yd], np.zeros(len(found.q))), found.v[:, yd])
+    rate = velocities(right.lay, positions(right.lay, found.q[:, yd], np.zeros(len(found.q))), found.v[:, yd])
     E = energy(right.lay, rate, right.forces) - found.work
     return float(np.abs(E - E[0]).max() / right.released)

@@ -6,7 +6,7 @@ import numpy as np
 
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.forward import inertia_matrix
-from screwgauge.reference.kinematics import rates
+from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout, pose
 
@@ -21,7 +21,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
         stiffness: [N/m].
     """
     lay, home = layout(mechanism), mechanism.home[None]
-    rate = rates(lay, pose(lay, home), np.zeros((1, len(mechanism.independent))))
+    rate = velocities(lay, pose(lay, home), np.zeros((1, len(mechanism.independent))))
     B = rate.K[0][mechanism.actuated_columns]
     fastest = np.linalg.eigvals(np.linalg.solve(inertia_matrix(lay, rate)[0], B.T @ B)).real.max()
     damping = 2.0 * DAMPING * float(np.sqrt(stiffness / fastest))

@@ -1,7 +1,7 @@
 """Coordinates of the joints that close the loops, each from the motion of its own two bodies.
 
-They are no unknowns of the loops. Where the axes of a spherical joint come to lie in one plane (a chart lock), its
-rates are lost, and only they.
+They are no unknowns of the loops. Where the axes of a spherical joint come to lie in one plane (gimbal lock), its
+velocities are lost, and only they.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, cross, nearest_angles, triad, triad_angles
 
@@ -84,31 +83,31 @@ def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Arra
     angles = triad_angles(R_from.swapaxes(-1, -2) @ (R[:, j] @ R_j), cut.triads)
     q[:, columns[place]] = nearest_angles(angles, near)[0][:, owner, number]
     if cut.slides[0]:
-        apart = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
+        shift = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
         place, owner = cut.slides
         along = (R_from[:, owner] @ cut.slide_axes[..., None])[..., 0]
-        q[:, columns[place]] = np.sum(along * apart[:, owner], axis=-1)
+        q[:, columns[place]] = np.sum(along * shift[:, owner], axis=-1)
     return q
 
 
 def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Array, Array]:
-    """What reads the rates of cut joints from the twist of their child less that of their parent.
+    """What reads the velocities of cut joints from the twist of their child less that of their parent.
 
     Args:
         S: Unit screws of all coordinates. Shape (n, n_q, 6).
         points: Where each cut joint acts, in the world [m]. Shape (n, n_cut, 3).
 
     Returns:
-        Rows for twists at O, NaN at a chart lock, in the order of `Layout.cut_columns`, shape (n, n_place, 6), and
-        the condition number of each joint's chart, shape (n, n_cut).
+        Rows for twists at O, NaN in gimbal lock, in the order of `Layout.cut_columns`, shape (n, n_place, 6), and
+        the condition number of each joint's orientation coordinates, shape (n, n_cut).
     """
-    own = S[:, lay.cut_columns]
-    rows = np.zeros_like(own)
+    screws = S[:, lay.cut_columns]
+    rows = np.zeros_like(screws)
     condition = np.ones(points.shape[:2])
     place = cut.angles[0]
-    rows[:, place, :3] = own[:, place, :3]  # one axis, or two at right angles
+    rows[:, place, :3] = screws[:, place, :3]  # one axis, or two at right angles
     if cut.balls[1]:
-        axes = own[:, cut.balls[0], :3]
+        axes = screws[:, cut.balls[0], :3]
         faces = cross(axes[:, :, [1, 2, 0]], axes[:, :, [2, 0, 1]])
         volume = np.sum(axes[:, :, 0] * faces[:, :, 0], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,11 +117,6 @@ def readers(lay: Layout, cut: CutColumns, S: Array, points: Array) -> tuple[Arra
         rows[:, cut.balls[0], :3], condition[:, cut.balls[1]] = dual, size
     if cut.slides[0]:
         place, owner = cut.slides
-        along = own[:, place, 3:]
+        along = screws[:, place, 3:]
         rows[:, place, 3:], rows[:, place, :3] = along, cross(points[:, owner], along)
     return rows, condition
-
-
-def locked(joint: Joint) -> tuple[str, str]:
-    """The two coordinates of a spherical joint that turn about one line where its chart locks."""
-    return joint.coordinates[0], joint.coordinates[2]

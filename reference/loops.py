@@ -1,7 +1,7 @@
-"""The closing equations of a mechanism in the coordinates of its spanning tree, without dimension.
+"""The loop equations of a mechanism in the coordinates of its spanning tree, without dimension.
 
 A joint that closes a loop constrains its two bodies by the wrenches reciprocal to its freedoms (eq. 8), and only these
-rows are set up: its own coordinates are no unknowns, so that its chart may lock and nothing but its own rates is lost.
+rows are set up: its own coordinates are no unknowns, so that in gimbal lock nothing but their own velocities is lost.
 Lengths are divided by the mechanism's own length, so that thresholds mean the same for every size.
 """
 
@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference import passive, screws
-from screwgauge.reference.passive import CutColumns
+from screwgauge.reference import cut_coordinates, screws
+from screwgauge.reference.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.cut_coordinates import CutColumns
 from screwgauge.reference.pose import Layout, Pose, length, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
@@ -21,29 +22,30 @@ from screwgauge.reference.rotations import Array, cross, vee
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """The reciprocal wrenches of the cut joints at n poses; the order is that of `Closing.components`.
+    """The reciprocal wrenches of the cut joints at n poses; the order is that of `LoopEquations.components`.
 
     Attributes:
         direction: Unit force or unit moment. Shape (n, m, 3).
         point: Where each cut joint acts on its child [m]. Shape (n, n_cut, 3).
-        apart: Rotation [rad] and displacement [m] of its child side against its parent side. (n, n_cut, 3) each.
+        turn, shift: Rotation [rad] and displacement [m] of its child side against its parent side. (n, n_cut, 3) each.
     """
 
     direction: Array
     point: Array
-    apart: tuple[Array, Array]
+    turn: Array
+    shift: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Closing:
-    """The closing equations of a layout.
+class LoopEquations:
+    """The loop equations of a layout.
 
     Attributes:
-        held: Columns of tree coordinates that keep their home value.
+        fixed: Columns of tree coordinates that keep their home value.
     """
 
     lay: Layout
-    held: tuple[int, ...] = ()
+    fixed: tuple[int, ...] = ()
 
     @cached_property
     def length(self) -> float:
@@ -57,25 +59,22 @@ class Closing:
 
     @cached_property
     def unknown(self) -> list[int]:
-        """Columns of the tree coordinates that are not held."""
+        """Columns of the tree coordinates that are not fixed."""
         tree = [c for edge in self.lay.tree.edges for c in self.lay.columns[edge.joint.name]]
-        return sorted(set(tree) - set(self.held))
+        return sorted(set(tree) - set(self.fixed))
 
     @cached_property
     def cut(self) -> CutColumns:
-        return passive.cut_columns(self.lay)
+        return cut_coordinates.cut_columns(self.lay)
 
     @cached_property
     def components(self) -> Reactions:
         """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
-        cuts = self.lay.tree.cuts
-        rest, zero = (
-            [np.eye(3, dtype=self.lay.path.dtype)[None]],
-            [np.zeros((1, 3), dtype=self.lay.path.dtype)],
-        )
+        cuts, dtype = self.lay.tree.cuts, self.lay.path.dtype
         if not cuts:
             return Reactions((), (), (), *[np.zeros((1, 0, 3))] * 3)
-        return reaction_components(cuts, rest * len(cuts), rest * len(cuts), zero * len(cuts))
+        upright, origin = [np.eye(3, dtype=dtype)[None]] * len(cuts), [np.zeros((1, 3), dtype=dtype)] * len(cuts)
+        return reaction_components(cuts, upright, upright, origin)
 
     @cached_property
     def _kinds(self) -> tuple[list[int], Array, Array, Array]:
@@ -88,7 +87,7 @@ class Closing:
         return owner, force, carried, normal
 
     def rows(self, R: Array, p: Array) -> Rows:
-        """The reciprocal wrenches at given poses of the bodies, and how far the loops are open."""
+        """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
         (i, R_i, p_i), (j, R_j, p_j) = self.lay.sides
         cuts = self.lay.tree.cuts
         R_child = R[:, j]
@@ -98,9 +97,8 @@ class Closing:
         turn = np.zeros_like(shift)
         owner, _, carried, normal = self._kinds
         direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
-        direction[:, carried] = (
-            R_child[:, [c for c, own in zip(owner, carried, strict=True) if own]] @ direction[:, carried][..., None]
-        )[..., 0]
+        children = [c for c, with_child in zip(owner, carried, strict=True) if with_child]
+        direction[:, carried] = (R_child[:, children] @ direction[:, carried][..., None])[..., 0]
         by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
         if by_axis:
             first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
@@ -114,14 +112,13 @@ class Closing:
         for c, joint in enumerate(cuts):
             if joint.kind == "P":
                 turn[:, c] = vee(R_to[:, c] @ R_from[:, c].swapaxes(1, 2))
-        return Rows(direction, point, (turn, shift))
+        return Rows(direction, point, turn, shift)
 
-    def errors(self, rows: Rows) -> Array:
-        """How far each loop is open along each reciprocal wrench, without dimension. Shape (n, m)."""
+    def residuals(self, rows: Rows) -> Array:
+        """Closure residual along each reciprocal wrench, without dimension. Shape (n, m)."""
         owner, force, _, _ = self._kinds
-        turn, shift = rows.apart
-        apart = np.where(force[:, None], shift[:, owner] / self.length, turn[:, owner])
-        return np.asarray(np.sum(rows.direction * apart, axis=2))
+        residual = np.where(force[:, None], rows.shift[:, owner] / self.length, rows.turn[:, owner])
+        return np.asarray(np.sum(rows.direction * residual, axis=2))
 
     def _matrix(self, rows: Rows, at: Pose) -> Array:
         owner, force, _, _ = self._kinds
@@ -130,15 +127,15 @@ class Closing:
         work = np.empty((*d.shape[:2], 6), dtype=d.dtype)
         work[..., 3:] = d
         work[..., :3] = np.where(force[:, None], cross(rows.point[:, owner], d), rows.direction)
-        found = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
-        return np.concatenate([found, self._selection(at)], axis=1) * self.size[self.unknown]
+        closing = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
+        return np.concatenate([closing, self._selection(at)], axis=1) * self.size[self.unknown]
 
     @cached_property
     def _signs(self) -> Array:
         return np.asarray(-self.lay.loop[np.ix_(self._kinds[0], self.unknown)])
 
     def matrix(self, at: Pose) -> Array:
-        """Derivative of the closing errors by the unknowns, without dimension. Shape (n, m + k, n_unknown)."""
+        """Derivative of the residuals by the unknowns, without dimension. Shape (n, m + k, n_unknown)."""
         return self._matrix(self.rows(at.R, at.p), at)
 
     def _selection(self, at: Pose) -> Array:
@@ -155,7 +152,7 @@ class Closing:
         return rows
 
     def cut_rows(self, at: Pose) -> tuple[Array, Array]:
-        """Rates of the cut coordinates per rate of the tree, and the condition of each cut joint's chart.
+        """Velocities of the cut coordinates per velocity of the tree, and the condition of each joint's orientation.
 
         Returns:
             Shapes (n, n_place, n_q) in the order of `Layout.cut_columns`, and (n, n_cut).
@@ -166,34 +163,61 @@ class Closing:
         return -(reader @ at.S.swapaxes(1, 2)) * tree[self.cut.owner], condition
 
     def readers(self, at: Pose) -> tuple[Array, Array]:
-        """What reads the rates of the cut joints, see `passive.readers`."""
+        """What reads the velocities of the cut joints, see `cut_coordinates.readers`."""
         _, (j, _, p_j) = self.lay.sides
         points = at.p[:, j] + (at.R[:, j] @ p_j[..., None])[..., 0]
-        return passive.readers(self.lay, self.cut, at.S, points)
+        return cut_coordinates.readers(self.lay, self.cut, at.S, points)
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, Array]:
-        """Closing errors and their derivative, all without dimension: an `Evaluation` for Newton's method.
+        """Residuals and their derivative, all without dimension: an `Evaluation` for Newton's method.
 
         Args:
             z: Unknowns over their `size`. Shape (n, n_unknown).
             y: Independent coordinates over theirs. Shape (n, k).
         """
         columns = self.lay.mechanism.independent_columns
-        q = np.tile(self.lay.mechanism.home, (len(z), 1))
-        q[:, self.unknown] = z * self.size[self.unknown]
-        for k, column in enumerate(columns):
-            if column not in self.unknown:  # the angle nearest to what is wanted
-                q[:, column] = y[:, k] * self.size[column]
-        R, p, S = tree_pose(self.lay, q)
+        cut = [k for k, column in enumerate(columns) if column not in self.unknown]
+        guess = np.tile(self.lay.mechanism.home, (len(z), 1))
+        for k in cut:  # the angle nearest to what is wanted
+            guess[:, columns[k]] = y[:, k] * self.size[columns[k]]
+        q, R, p, S = self._tree(z, guess)
         rows = self.rows(R, p)
-        at = Pose(q, R, p, S, np.zeros((len(z), 0, 6)))
-        if not set(columns) <= set(self.unknown):
-            at = whole_pose(self.lay, passive.read(self.lay, self.cut, R, p, q), R, p, S)
+        at = whole_pose(self.lay, self._read(q, R, p), R, p, S) if cut else Pose(q, R, p, S, np.zeros((len(z), 0, 6)))
         error = at.q[:, columns] / self.size[columns] - y
-        return np.concatenate([self.errors(rows), error], axis=1), self._matrix(rows, at)
+        return np.concatenate([self.residuals(rows), error], axis=1), self._matrix(rows, at)
+
+    def _tree(self, z: Array, guess: Array) -> tuple[Array, Array, Array, Array]:
+        """Joint coordinates, those of cut joints being guessed, and what `tree_pose` gives."""
+        q, fixed = guess.copy(), list(self.fixed)
+        q[:, fixed] = self.lay.mechanism.home[fixed]
+        q[:, self.unknown] = z * self.size[self.unknown]
+        return q, *tree_pose(self.lay, q)
+
+    def _read(self, q: Array, R: Array, p: Array) -> Array:
+        return cut_coordinates.read(self.lay, self.cut, R, p, q)
+
+    def fill(self, z: Array, guess: Array) -> Pose:
+        """The pose of given unknowns.
+
+        Args:
+            z: Unknowns without dimension. Shape (n, n_unknown).
+            guess: Joint coordinates, of which those of cut joints say which of equal angles is meant. Shape (n, n_q).
+        """
+        q, R, p, S = self._tree(z, guess)
+        return whole_pose(self.lay, self._read(q, R, p), R, p, S)
+
+    def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
+        """A `Corrector`: all joint coordinates without dimension, those of cut joints read near the prediction."""
+        z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])
+        if not error[0] < OPEN:
+            return None
+        K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
+        K[self.unknown] = velocity_map(matrix, len(y))[0]
+        guess, R, p, _ = self._tree(z, q[None] * self.size)
+        return self._read(guess, R, p)[0] / self.size, K
 
     def bias(self, at: Pose, V: Array, A: Array) -> Array:
-        """Second derivative of the closing errors where the unknowns have none. Shape (n, m).
+        """Second derivative of the residuals where the unknowns have none. Shape (n, m).
 
         Args:
             V: Twists of the bodies at O. Shape (n, n_body + 1, 6).
@@ -204,25 +228,25 @@ class Closing:
         (i, _, _), (j, _, _) = self.lay.sides
         V_i, V_j, A_i, A_j = V[:, i], V[:, j], A[:, i], A[:, j]
         w_i, w_j = V_i[..., :3], V_j[..., :3]
-        apart = screws.acceleration_at(V_j, A_j, rows.point) - screws.acceleration_at(V_i, A_i, rows.point)
+        relative = screws.acceleration_at(V_j, A_j, rows.point) - screws.acceleration_at(V_i, A_i, rows.point)
         # a child's point that slides on the parent is carried along by that; zero where nothing slides
         sliding = screws.velocity_at(V_j, rows.point) - screws.velocity_at(V_i, rows.point)
         sliding[:, [joint.kind not in "PC" for joint in self.lay.tree.cuts]] = 0.0
-        apart -= cross(w_i, sliding)
+        relative -= cross(w_i, sliding)
         change = np.where(carried[:, None], cross(w_j[:, owner], rows.direction), 0.0)
         for row in np.flatnonzero(normal):
             first, second = at.S[:, self.lay.columns[self.lay.tree.cuts[owner[row]].name], :3].swapaxes(0, 1)
             w_first, w_second = w_i[:, owner[row]], w_j[:, owner[row]]
             change[:, row] = cross(cross(w_first, first), second) + cross(first, cross(w_second, second))
-        along = np.where(force[:, None], apart[:, owner], (A_j - A_i)[:, owner, :3])
-        rate = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
-        found = np.sum(rows.direction * along + change * rate, axis=2)
-        return np.asarray(np.where(force, found / self.length, found))
+        along = np.where(force[:, None], relative[:, owner], (A_j - A_i)[:, owner, :3])
+        velocity = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
+        bias = np.sum(rows.direction * along + change * velocity, axis=2)
+        return np.asarray(np.where(force, bias / self.length, bias))
 
 
-def make_closing(lay: Layout, held: tuple[int, ...] = ()) -> Closing:
-    """The closing equations with some coordinates held, made once a layout."""
-    if held not in lay.kept:
-        lay.kept[held] = Closing(lay, held)
-    found: Closing = lay.kept[held]
-    return found
+def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
+    """The loop equations with some coordinates fixed at home, made once a layout."""
+    if fixed not in lay.kept:
+        lay.kept[fixed] = LoopEquations(lay, fixed)
+    equations: LoopEquations = lay.kept[fixed]
+    return equations
