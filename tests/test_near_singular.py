@@ -18,7 +18,7 @@ from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.resting import home_equations
 from screwgauge.scene.preflight import check_scene
 from screwgauge.scene.scene import load_scene
-from screwgauge.study.run import solve
+from screwgauge.study.ask import solve
 from screwgauge.study.stress.inverse.whole_system import whole_system
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power

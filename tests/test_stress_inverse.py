@@ -13,7 +13,7 @@ import pytest
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.scene.scene import load_scene
-from screwgauge.study.run import solve
+from screwgauge.study.ask import solve
 from screwgauge.study.stress.case import DEGRADED, OK, REFUSED, Finding
 from screwgauge.study.stress.inverse import measure as inverse
 from screwgauge.study.stress.inverse.measure import ENGINES, measure, still

@@ -15,7 +15,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import check_home, check_regular
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.run import solve
+from screwgauge.study.ask import solve
 
 PART = 16384  # samples: some MB with all quantities, and long enough that preparing a part costs little
 
