@@ -24,7 +24,7 @@ def newton_euler(
     constraints leave reactions open, one choice that balances is returned.
 
     Args:
-        B: Rates of the actuators per rate of the independent coordinates. Shape (n_actuator, k).
+        B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
 
     Returns:
         Reaction components, and f of shape (n_actuator, 1).
@@ -43,8 +43,8 @@ def newton_euler(
             columns = [[*column, row.get(i, arb(0))] for i, column in enumerate(columns)]
             right = [*right, arb(0)]
     solution = _solve(columns, right)
-    found = arb_mat([[x] for x in solution[len(reactions) :]])
-    return solution[: len(reactions)], found if axial else B * found
+    forces = arb_mat([[x] for x in solution[len(reactions) :]])
+    return solution[: len(reactions)], forces if axial else B * forces
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb]:

@@ -1,4 +1,4 @@
-"""Finished truths on disk, found by the content of what they were computed from."""
+"""Finished truths on disk, looked up by the content of what they were computed from."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _MAGIC = b"screwgauge-truth"
 
 def folder() -> Path:
     """Where truths are kept: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder."""
-    own = os.environ.get(VARIABLE)
-    if own:
-        return Path(own)
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "screwgauge" / "truth"
 
 

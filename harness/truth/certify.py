@@ -116,14 +116,14 @@ class Certifier:
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
         """Closing errors and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
         jets = [[x] for x in q]
-        found: list[arb] = []
+        errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
             if not G[0, 0] + G[1, 1] + G[2, 2] > 1:  # turned by more than a right angle: not near closing
                 raise NotCertified("a loop is far from closed", "", "check the motion")
-            found += error(G)
+            errors += error(G)
         chosen = self.linkage.mechanism.independent_columns
-        found += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
-        return arb_mat([[found[i]] for i in rows])
+        errors += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
+        return arb_mat([[errors[i]] for i in rows])
 
     def _verify(self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         d = Y * self._error(m, y, rows)

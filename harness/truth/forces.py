@@ -49,7 +49,7 @@ class Unknown:
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Route 1: what the actuators must deliver for each independent coordinate [N m or N]."""
-    found = []
+    forces = []
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
         virtual = linkage.place([[q[0], now.partial[i, j]] for i, q in enumerate(now.q)])
@@ -60,8 +60,8 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
             T = virtual[load.body]
             at = linkage.masses[load.body - 1].com if load.point is None else load.point
             Q -= dot(load.force, point(T[1], at)) + dot(load.torque, spin(T, 1))
-        found.append(Q)
-    return found
+        forces.append(Q)
+    return forces
 
 
 def _trace(A: arb_mat, B: arb_mat) -> arb:
@@ -133,14 +133,14 @@ def _across(axis: Vector, child: arb_mat) -> list[tuple[str, Vector]]:
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
     """The actuators as unit forces or moments along their axes."""
-    found, index = [], linkage.mechanism.body_index
+    actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
         child = now.bodies[index[joint.child]][0] * frames.child
         axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
         turns = joint.kind == "R"
-        found.append(Unknown(joint.name, "", joint, None if turns else axis, axis if turns else None, at))
-    return found
+        actuators.append(Unknown(joint.name, "", joint, None if turns else axis, axis if turns else None, at))
+    return actuators
 
 
 def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:

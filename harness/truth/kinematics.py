@@ -1,4 +1,4 @@
-"""Rates and accelerations of a certified pose, by power series in time.
+"""Velocities and accelerations of a certified pose, by power series in time.
 
 The closing equations hold at every time, so every coefficient of their series is zero; solved order by order they
 give the series of the joint coordinates. The bodies' motion is read off the series of their matrices.
@@ -33,7 +33,7 @@ class State:
 
 
 def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> State:
-    """Positions, rates and accelerations for the series of the independent coordinates.
+    """Positions, velocities and accelerations for the series of the independent coordinates.
 
     Raises:
         NotCertified: A ball cannot be proved or is not finite.

@@ -142,19 +142,19 @@ class Linkage:
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
         """For each loop the matrix ``G = via tree^-1`` of its two ways to one body: the identity where it closes."""
-        gaps = []
+        ways = []
         for parent, child, steps, _ in self.cuts:
-            gaps.append(mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child])))
-        return gaps
+            ways.append(mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child])))
+        return ways
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
         """Derivative of the closing errors and of the selected coordinates. Shape (6 n_cut + k, n_q)."""
         jets = [[x] for x in q]
         spots: dict[int, arb_mat] = {}
         bodies = self.place(jets, spots)
-        gaps = self.close(jets, bodies, spots)
-        rows = [[arb(0)] * len(q) for _ in range(6 * len(gaps))]
-        for c, ([G], loop) in enumerate(zip(gaps, self.loops, strict=True)):
+        ways = self.close(jets, bodies, spots)
+        rows = [[arb(0)] * len(q) for _ in range(6 * len(ways))]
+        for c, ([G], loop) in enumerate(zip(ways, self.loops, strict=True)):
             for column, on_via, on_tree in loop:
                 spot = spots[column]
                 change = spot * G if not on_tree else -(G * spot) if not on_via else spot * G - G * spot

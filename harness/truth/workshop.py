@@ -18,7 +18,7 @@ from screwgauge.truth.motion import Terms, drive, read_terms, samples
 from screwgauge.truth.samples import Sampler
 
 #: A sample with a wider ball than this share of its quantity is enclosed anew with more bits: near singular poses and
-#: chart locks accelerations are small differences of terms that grow as 1 / distance^2.
+#: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
 WIDE = 1e-25
 
 
@@ -71,11 +71,11 @@ def enclosed(workshops: Sequence[Workshop], row: int, start: Sequence[float]) ->
     """
     for workshop in workshops[:-1]:
         try:
-            found = workshop.sample(row, start)
+            quantities = workshop.sample(row, start)
         except NotCertified:
             continue
-        if all(_narrow(balls) for balls in found.values()):
-            return found
+        if all(_narrow(balls) for balls in quantities.values()):
+            return quantities
     return workshops[-1].sample(row, start)
 
 
