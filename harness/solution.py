@@ -82,10 +82,11 @@ def common_rows(n: int, *solutions: Solution) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An engine that is missing or raised."""
+    """An engine that is missing or raised. `traceback`: where, for those who ask."""
 
     engine: str
     reason: str
+    traceback: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -64,6 +64,7 @@ class Scene:
         known: Their values from elsewhere, if there are any.
         published: What others have published.
         text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.
+        file: Where it was read from.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Scene:
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
     published: tuple[Published, ...] = ()
+    file: Path | None = None
 
     def at(self, times: Sequence[float] | Array) -> Scene:
         """The same scene on other times [s].
@@ -182,6 +184,7 @@ def _common(data: dict[str, Any], path: Path, file: Path, mechanism: Mechanism) 
 
     return {
         "name": path.stem,
+        "file": path,
         "title": read_text(data, "title", where, path.stem),
         "description": read_text(data, "description", where, ""),
         "mechanism": mechanism,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,8 @@ from screwgauge.scene.scene import Scene
 from screwgauge.scene.setting import Forward
 from screwgauge.scene.start import check_start, make_problem
 from screwgauge.solution import REFERENCE, Failure, ForwardSolution, Solution, Timing, Values
-from screwgauge.study.results import Results
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.provenance import provenance
 from screwgauge.study.run import Report, facts, failed, model_files
 
 _COVERS = "integration from start to end, once; loading and output outside"
@@ -41,11 +43,13 @@ def run_forward(
     *,
     progress: Report = lambda step, share: None,
     warn: Callable[[str], None] = lambda sentence: None,
-) -> Results:
+    date: datetime | None = None,
+) -> Comparison:
     """Integrates a forward scene with the engines, compares all pairs and the reference, and judges each.
 
     Args:
         warn: Called with what may make the integration long or wrong, before it begins.
+        date: That the report bears; now by default.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
@@ -67,6 +71,7 @@ def run_forward(
                 found[name] = outcome
             else:
                 failures[name] = outcome
+        files = provenance(scene, {name: model_files(scene, name, Path(folder))[0] for name in names}, date=date)
     progress("comparison", 0.0)
     solutions = {name: _solution(scene, start, lay, one, wanted) for name, one in found.items()}
     if scene.known is not None and "observable" in wanted:
@@ -75,7 +80,7 @@ def run_forward(
     errors, pairs = compare(scene, solutions, {}, counts)
     lost = pd.DataFrame(_lost(scene, wanted, found, failures, list(solutions)), columns=pairs.columns)
     judged = [judge_motion(scene, one, scene.motion.t[: len(one.q)], start.method) for one in found.values()]
-    return Results(
+    return Comparison(
         scene=scene,
         solutions=solutions,
         failures=failures,
@@ -85,6 +90,7 @@ def run_forward(
         mobility=facts(counts),
         environment=environment(),
         warnings=warnings,
+        provenance=files,
     )
 
 

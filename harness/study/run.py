@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import tempfile
+import traceback
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import pandas as pd
@@ -24,7 +26,8 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.scene.preflight import check_actuation, check_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.results import Results
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.provenance import provenance
 
 #: Distributions that are not called like their module.
 _PACKAGES = {"pinocchio": "pin", "flint": "python-flint"}
@@ -40,7 +43,8 @@ def run(
     *,
     progress: Report = lambda step, share: None,
     warn: Callable[[str], None] = lambda sentence: None,
-) -> Results:
+    date: datetime | None = None,
+) -> Comparison:
     """Drives the engines with a scene, compares all pairs and judges each. A forward scene is integrated.
 
     Args:
@@ -48,6 +52,7 @@ def run(
         quantities: Names; those of the scene by default. Nothing else is computed.
         progress: Called as work goes on.
         warn: Called with a sentence on what may take long or go wrong, before it begins.
+        date: That the report bears; now by default.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
@@ -55,13 +60,16 @@ def run(
     if scene.forward is not None:
         from screwgauge.study.forward import run_forward
 
-        return run_forward(scene, engines, quantities, progress=progress, warn=warn)
+        return run_forward(scene, engines, quantities, progress=progress, warn=warn, date=date)
     names = check_engines(scene.engines if engines is None else engines)
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=INVERSE)
     progress("preflight", 0.0)
     mobility = check_scene(scene)
     check_actuation(scene, mobility, wanted)
-    solutions, failures = solve(scene, names, wanted, expected=_expected(scene.mechanism, mobility), progress=progress)
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        expected = _expected(scene.mechanism, mobility)
+        solutions, failures = _solve_all(scene, names, wanted, expected, Path(folder), progress)
+        judged_files = provenance(scene, {name: model_files(scene, name, Path(folder))[0] for name in names}, date=date)
     progress("comparison", 0.0)
     refused = tuple(one for solution in solutions.values() for one in refusals(scene, solution))
     for one in refused:
@@ -69,7 +77,7 @@ def run(
         solutions[one.engine] = replace(solution, notes=(*solution.notes, one.sentence))
     errors, pairs = compare(scene, solutions, failures, mobility, refused)
     judged = [judge(scene, solution, refused=refused) for solution in solutions.values()]
-    return Results(
+    return Comparison(
         scene=scene,
         solutions=solutions,
         failures=failures,
@@ -79,6 +87,7 @@ def run(
         mobility=facts(mobility),
         environment=environment(),
         refusals=refused,
+        provenance=judged_files,
     )
 
 
@@ -98,16 +107,28 @@ def solve(
     Returns:
         What each engine answered, and why the others did not.
     """
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        return _solve_all(scene, engines, quantities, expected or {}, Path(folder), progress)
+
+
+def _solve_all(
+    scene: Scene,
+    engines: Iterable[str],
+    quantities: Iterable[str],
+    expected: Mapping[str, tuple[str, ...]],
+    folder: Path,
+    progress: Report,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Writes the model files into the folder, and drives the engines."""
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
-        for name in engines:
-            outcome = _solve(scene, name, frozenset(quantities), expected or {}, Path(folder), progress)
-            if isinstance(outcome, Solution):
-                solutions[name] = outcome
-            else:
-                failures[name] = outcome
+    write_models(scene.mechanism, folder, gravity=scene.gravity)
+    for name in engines:
+        outcome = _solve(scene, name, frozenset(quantities), expected, folder, progress)
+        if isinstance(outcome, Solution):
+            solutions[name] = outcome
+        else:
+            failures[name] = outcome
     return solutions, failures
 
 
@@ -164,12 +185,13 @@ def failed(scene: Scene, name: str, error: Exception, folder: Path) -> Failure:
     Raises:
         ScrewgaugeError: The error itself, if the user's own model file is bad input.
     """
+    trace = "".join(traceback.format_exception(error))
     if isinstance(error, ImportError):
-        return Failure(name, missing(error, name))
+        return Failure(name, missing(error, name), trace)
     if name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
         raise error
     text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
-    return Failure(name, f"{type(error).__name__}: {text}")
+    return Failure(name, f"{type(error).__name__}: {text}", trace)
 
 
 def _check_answer(solution: Solution, n: int, expected: Mapping[str, tuple[str, ...]]) -> None:

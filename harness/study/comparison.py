@@ -1,11 +1,10 @@
-"""What a comparison found. Made by `run`, written by `write`, told by `report`."""
+"""What a comparison found."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -16,9 +15,11 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 
+T = TypeVar("T")
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Results:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Comparison:
     """Solutions of one scene, compared pair by pair and judged one by one.
 
     Attributes:
@@ -34,6 +35,7 @@ class Results:
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
+        provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
     """
 
     scene: Scene
@@ -46,6 +48,7 @@ class Results:
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -72,15 +75,12 @@ class Results:
         return self.scene.motion.t
 
     def quantity(self, quantity: str, engine: str | None = None) -> Values:
-        """Values of one quantity with their names and units; the first engine that has it by default."""
-        engines = [engine] if engine else list(self.solutions)
-        for name in engines:
-            if name not in self.solutions:
-                raise UnknownNameError("engine", name, self.solutions)
-            if quantity in self.solutions[name].values:
-                return self.solutions[name].values[quantity]
-        known = dict.fromkeys(q for name in engines for q in self.solutions[name].values)
-        raise UnknownNameError("quantity", quantity, known)
+        """Values of one quantity with their names and units; of the first engine that has it by default.
+
+        Raises:
+            UnknownNameError: No such engine, or it has no such quantity.
+        """
+        return self._pick("quantity", quantity, {name: s.values for name, s in self.solutions.items()}, engine)
 
     def values(self, quantity: str, engine: str | None = None) -> Array:
         """Shape (n_sample, n_component)."""
@@ -97,25 +97,19 @@ class Results:
         Raises:
             UnknownNameError: No engine has radii for this quantity.
         """
-        engines = [engine] if engine else list(self.solutions)
-        for name in engines:
-            if name in self.solutions and quantity in self.solutions[name].radius:
-                return self.solutions[name].radius[quantity]
-        known = dict.fromkeys(q for name in engines if name in self.solutions for q in self.solutions[name].radius)
-        raise UnknownNameError("radius", quantity, known or ["none, as the engine truth was not run"])
+        return self._pick("radius", quantity, {name: s.radius for name, s in self.solutions.items()}, engine)
 
     def components(self, quantity: str, engine: str | None = None) -> tuple[str, ...]:
         """Names in column order."""
         return self.quantity(quantity, engine).components
 
-    def write(self, out: str | Path, *, samples: bool = False) -> Path:
-        """Writes the report and its data into a folder; nothing is left there if it fails.
-
-        Raises:
-            OutputError: The folder cannot be written.
-        """
-        from screwgauge.report.paper.document import paper_section
-        from screwgauge.report.write import write_results
-
-        # measured here: a run that writes no report does not wait for it
-        return write_results(self, Path(out), samples=samples, paper=paper_section(self.scene))
+    def _pick(self, kind: str, quantity: str, by_engine: Mapping[str, Mapping[str, T]], engine: str | None) -> T:
+        """What the engine named, or the first one that has the quantity, has of it."""
+        if engine and engine not in by_engine:
+            raise UnknownNameError("engine", engine, by_engine)
+        tables = [by_engine[engine]] if engine else list(by_engine.values())
+        for table in tables:
+            if quantity in table:
+                return table[quantity]
+        known = dict.fromkeys(name for table in tables for name in table)
+        raise UnknownNameError(kind, quantity, known or ["none, as the engine truth was not run"])

@@ -1,0 +1,110 @@
+"""What `screwgauge.run` returns: a comparison that can be written, drawn and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from screwgauge.scene.scene import Scene
+from screwgauge.study import run as study
+from screwgauge.study.comparison import Comparison
+
+if TYPE_CHECKING:
+    from screwgauge.report.plots import Plot
+
+LINES = 24  # of one screen
+
+
+class Results(Comparison):
+    """A comparison with its report."""
+
+    __slots__ = ()
+
+    def write(self, out: str | Path, *, samples: bool = False, errata: bool = False) -> Path:
+        """Writes report, plots, tables and summary into a folder; files of an earlier run there are replaced.
+
+        Args:
+            out: Folder, made if need be; if writing fails, it is as it was before.
+            samples: Also every sample of every engine, as Parquet.
+            errata: Also a section with the errata of the paper, if the scene is the paper's.
+
+        Raises:
+            OutputError: The folder cannot be written, or pyarrow is missing for the samples.
+        """
+        from screwgauge.report.pages import run
+
+        return run.write(self, Path(out), samples=samples, errata=errata)
+
+    def plot(self) -> Plots:
+        """The pictures of the report; a notebook shows them."""
+        from screwgauge.report.plots import make_plots
+
+        return Plots(make_plots(self))
+
+    def to_html(self, path: str | Path) -> Path:
+        """Writes the report as one page that opens offline.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        from screwgauge.report.html import page
+        from screwgauge.report.pages import run
+        from screwgauge.report.write import write_files
+
+        path = Path(path)
+        write_files(path.parent, {path.name: page(run.report(self, self.plot()))})
+        return path
+
+    def __repr__(self) -> str:
+        from screwgauge.report.pages import run
+        from screwgauge.report.terminal import terminal
+
+        lines = terminal(run.short(self)).splitlines()
+        more = (
+            [f"... {len(lines) - LINES + 1} more lines; `write` leaves the whole report"] if len(lines) > LINES else []
+        )
+        return "\n".join(lines[: LINES - len(more)] + more)
+
+    def _repr_html_(self) -> str:
+        from screwgauge.report.html import fragment
+        from screwgauge.report.pages import run
+
+        return fragment(run.short(self))
+
+
+class Plots(list["Plot"]):
+    """Pictures; a notebook shows them."""
+
+    def __repr__(self) -> str:
+        return "\n".join(plot.title for plot in self)
+
+    def _repr_html_(self) -> str:
+        return "\n".join(f"<figure>{plot.svg}</figure>" for plot in self)
+
+
+def run(
+    scene: Scene,
+    engines: Iterable[str] | None = None,
+    quantities: Iterable[str] | None = None,
+    *,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    warn: Callable[[str], None] = lambda sentence: None,
+) -> Results:
+    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
+
+    Args:
+        engines: Names; those of the scene by default.
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
+        warn: Called with a sentence on what may take long or go wrong, before it begins.
+
+    Raises:
+        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+    """
+    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+        found = study.run(scene, engines, quantities, progress=progress, warn=warn)
+    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})
