@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from screwgauge import __version__, commands
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.study.bench.threads import fix_threads
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
@@ -26,17 +28,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status.
     """
     options = _parser().parse_args(arguments)
+    fix_threads()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
         try:
             return int(options.command(options))
         except ScrewgaugeError as error:
-            if not options.debug:
-                print(f"screwgauge: {error}", file=sys.stderr)
-                return 2
-            import traceback
-
-            traceback.print_exc()
+            print(traceback.format_exc() if options.debug else f"screwgauge: {error}", file=sys.stderr)
             return 2
         except KeyboardInterrupt:
             print("screwgauge: interrupted; nothing was written.", file=sys.stderr)

@@ -47,7 +47,6 @@ def models(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
-    _fix_threads()
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
@@ -55,25 +54,24 @@ def run(options: argparse.Namespace) -> int:
 
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name
-    results = _work(
+    engines, quantities = _names(options.engines), _names(options.quantities)
+    results = _study(
+        page,
         out,
-        lambda progress: run(scene, _names(options.engines), _names(options.quantities), progress=progress, warn=_warn),
-        lambda results: results.write(out, samples=options.samples, errata=options.errata),
+        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn),
+        show=not options.json,
         samples=options.samples,
+        errata=options.errata,
     )
     if options.debug:
-        for failure in results.failures.values():
-            print(failure.traceback, file=sys.stderr)
+        _complain("\n".join(failure.traceback for failure in results.failures.values()))
     if options.json:
         _say(json_text(page.summary(results)))
-    else:
-        _show(page, results, out)
     return int(results.exit_status)
 
 
 def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
-    _fix_threads()
     from screwgauge.report.pages import bench as page
     from screwgauge.scene.scene import load_scene
     from screwgauge.study.bench import run as study
@@ -90,7 +88,7 @@ def bench(options: argparse.Namespace) -> int:
     try:
         _study(page, out, lambda progress: study.bench(scene, plan=plan, progress=progress, **more))
     except KeyboardInterrupt:
-        print(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.", file=sys.stderr)
+        _complain(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.")
         return 130
     return 0
 
@@ -108,7 +106,6 @@ def _bench_simulation(options: argparse.Namespace, scene: Scene, out: Path) -> i
 
 def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
-    _fix_threads()
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages import stress as page
     from screwgauge.study.stress.run import stress
@@ -116,13 +113,10 @@ def stress(options: argparse.Namespace) -> int:
     texts = _names(options.severity)
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
-    found = _study(
-        page,
-        out,
-        lambda progress: stress(options.cases or None, quick=options.quick, severities=severities, progress=progress),
-    )
+    more = {"quick": options.quick, "severities": severities}
+    found = _study(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
     if found.broken:
-        print(f"screwgauge: a rung broke: {found.broken[0]}", file=sys.stderr)
+        _complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
     return 0 if found.ok else 1
 
@@ -136,40 +130,28 @@ def paper(options: argparse.Namespace) -> int:
     return 0 if _study(page, out, measure).complete else 1
 
 
-def _study(page: ModuleType, out: Path, work: Callable[[Any], Any]) -> Any:
-    """Works with progress, then writes and shows the page of what was found, and returns that."""
-    found = _work(out, work, lambda found: page.write(found, out))
-    _show(page, found, out)
-    return found
+def _study(page: ModuleType, out: Path, work: Callable[[Any], Any], *, show: bool = True, **writing: bool) -> Any:
+    """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
+    Args:
+        work: Takes the progress.
+        writing: What else the page is written with.
 
-def _work(out: Path, work: Callable[[Any], Any], write: Callable[[Any], object], *, samples: bool = False) -> Any:
-    """Works with progress, then writes what was found; what cannot be written is not begun."""
+    Returns:
+        What was found.
+    """
     from screwgauge.report.progress import Progress
+    from screwgauge.report.terminal import terminal
     from screwgauge.report.write import check_writable
 
-    check_writable(out, samples=samples)
+    check_writable(out, samples=writing.get("samples", False))
     with Progress(sys.stderr) as progress:
         found = work(progress.show)
         progress.show("report", 1.0)
-        write(found)
+        page.write(found, out, **writing)
+    if show:
+        _say(f"{terminal(page.terminal(found))}\n\nreport: {out / 'report.html'}")
     return found
-
-
-def _show(page: ModuleType, found: Any, out: Path) -> None:
-    from screwgauge.report.terminal import terminal
-
-    _say(f"{terminal(page.terminal(found))}\n\nreport: {out / 'report.html'}")
-
-
-def _fix_threads() -> None:
-    """Before anything imports numpy.
-
-    Matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold.
-    """
-    from screwgauge.study.bench.threads import fix_threads
-
-    fix_threads()
 
 
 def _names(text: str | None) -> list[str] | None:
@@ -177,7 +159,11 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def _warn(sentence: str) -> None:
-    print(f"screwgauge: warning: {sentence}", file=sys.stderr, flush=True)
+    _complain(f"screwgauge: warning: {sentence}")
+
+
+def _complain(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _say(text: str) -> None:

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
-from operator import attrgetter
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from screwgauge.report.formatting import FORMS, number, words
 
 if TYPE_CHECKING:
     from screwgauge.report.plots import Plot
 
 Status = Literal["agree", "differ", "failed", "note"]
+TEXTS = Path(__file__).with_name("texts")
 LONG = 12  # rows from which a table is folded
 _MARKUP = re.compile(r"`([^`]+)`|\*\*(\S(?:.*?\S)?)\*\*|\*(\S(?:.*?\S)?)\*")
+_NUMBER = re.compile(r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)?( [^\d ]+){0,2}|refused|no number|cut short")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +56,16 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text, line by line; `right` are the columns of numbers. Without any head it has names and values."""
+    """Cells as text, line by line; without any head it has names and values."""
 
     head: tuple[str, ...]
     body: tuple[tuple[str, ...], ...]
-    right: frozenset[int] = frozenset()
+
+    @property
+    def right(self) -> frozenset[int]:
+        """Columns of numbers."""
+        columns = enumerate(zip(*self.body, strict=True) if any(self.head) else ())
+        return frozenset(i for i, cells in columns if all(map(_NUMBER.fullmatch, cells)) and any(cells))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,68 +86,76 @@ class Folded:
 Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One column of a table.
-
-    Attributes:
-        value: Key of a mapping, path of attributes (``contestant.name``) or function of a row.
-        form: How the value reads.
-        right: Whether it holds numbers.
-    """
-
-    head: str
-    value: str | Callable[[Any], Any]
-    form: Callable[[Any], str] = str
-    right: bool = False
-
-    def cell(self, row: Any) -> str:
-        """The text of one row."""
-        if not isinstance(self.value, str):
-            return self.form(self.value(row))
-        return self.form(row[self.value] if isinstance(row, Mapping) else attrgetter(self.value)(row))
+@cache
+def _texts(report: str) -> dict[str, str]:
+    parts = re.split(r"^# (.*)\n", (TEXTS / f"{report}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
-Numbers = partial(Column, right=True)
+def section(report: str, title: str, *blocks: Block, **values: object) -> list[Block]:
+    """A heading, what ``texts/REPORT.md`` says below the same one, with values put in, and blocks."""
+    return [Heading(title), *prose(_texts(report).get(title, "").format(**values)), *blocks]
 
 
-def section(title: str, *blocks: Block) -> tuple[Block, ...]:
-    """Blocks with their heading."""
-    return Heading(title), *blocks
+def prose(text: str) -> list[Block]:
+    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
+    blocks: list[Block] = []
+    for part in filter(None, text.strip().split("\n\n")):
+        lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
+        blocks += [*([Paragraph(lead)] if lead else []), *([Items(tuple(items))] if items else [])]
+    return blocks
 
 
-def table(rows: Iterable[Any], columns: Sequence[Column]) -> Table:
-    """One line for each row."""
-    body = tuple(tuple(column.cell(row) for column in columns) for row in rows)
-    right = frozenset(i for i, column in enumerate(columns) if column.right)
-    return Table(tuple(column.head for column in columns), body, right)
-
-
-def cross_table(
-    rows: Sequence[Any],
-    columns: Sequence[Column],
-    across: str | Callable[[Any], str],
-    cell: Callable[[Any], str],
-    names: Iterable[str] = (),
-) -> Table:
-    """One line for each distinct text of the columns, with one cell more for each value of `across`.
+def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
+    """One line for each row.
 
     Args:
-        names: Values of `across` in the order wanted; that of the rows by default.
+        columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
+            how values read, see `FORMS`.
     """
-    top, lines = Column("", across), dict[tuple[str, ...], dict[str, str]]()
+    shown = _columns(columns)
+    return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
+
+
+def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, cell: str) -> Table:
+    """One line for each distinct text of the columns, with one cell more for each value of the key `across`."""
+    shown, lines, names = _columns(columns), dict[tuple[str, ...], dict[str, str]](), dict[str, None]()
     for row in rows:
-        lines.setdefault(tuple(column.cell(row) for column in columns), {})[top.cell(row)] = cell(row)
-    names = tuple(names) or tuple(dict.fromkeys(map(top.cell, rows)))
+        name = _text(row, across)
+        names[name] = None
+        lines.setdefault(tuple(_text(row, key) for key in shown.values()), {})[name] = _text(row, cell)
     body = tuple((*line, *(cells.get(name, "") for name in names)) for line, cells in lines.items())
-    head = (*(column.head for column in columns), *names)
-    texts = frozenset(i for i, column in enumerate(columns) if not column.right)
-    return Table(head, body, frozenset(range(len(head))) - texts)
+    return Table((*shown, *names), body)
 
 
-def pairs(values: Iterable[Sequence[str]]) -> Table:
-    """Names and values, without a head."""
-    return Table(("", ""), tuple((name, value) for name, value in values))
+def _columns(columns: str) -> dict[str, str]:
+    parts = ([part.strip() for part in column.split("=")] for column in columns.split("|"))
+    return {head: key[0] if key else head.replace(" ", "_") for head, *key in parts}
+
+
+def _text(row: Mapping[str, Any], key: str) -> str:
+    return FORMS.get(key, str)(row[key])
+
+
+def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
+    """Names and values without a head: a line for each value of a list or mapping, none for an empty text."""
+    body: list[tuple[str, str]] = []
+    for key, value in mapping.items():
+        name = words(key)
+        if isinstance(value, Mapping) and all(isinstance(v, (bool, np.bool_)) for v in value.values()):
+            sides = {_said(side): [k for k, v in value.items() if bool(v) is side] for side in (True, False)}
+            body.append((name, "; ".join(f"{word}: {', '.join(keys)}" for word, keys in sides.items() if keys)))
+        elif isinstance(value, Mapping):
+            body += [(f"{name}: {k}", _said(v)) for k, v in value.items()]
+        else:
+            body += [(name, _said(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
+    return Table(("", ""), tuple(body)) if body else Paragraph(empty)
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    return number(value) if isinstance(value, float) else str(value)
 
 
 def folded(title: str, long: Table) -> Block:
@@ -144,18 +163,8 @@ def folded(title: str, long: Table) -> Block:
     return Folded(title, (long,)) if len(long.body) > LONG else long
 
 
-def prose(text: str) -> list[Block]:
-    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
-    blocks: list[Block] = []
-    for part in text.strip().split("\n\n"):
-        items = re.split(r"^- ", part, flags=re.MULTILINE)
-        lead, *rest = (" ".join(item.split()) for item in items)
-        blocks += [*([Paragraph(lead)] if lead else []), *([Items(tuple(rest))] if rest else [])]
-    return blocks
-
-
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Pieces of a text with the name of the HTML element each belongs in; empty for plain ones."""
+    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones."""
     end = 0
     for match in _MARKUP.finditer(text):
         yield "", text[end : match.start()]
@@ -164,10 +173,6 @@ def spans(text: str) -> Iterator[tuple[str, str]]:
     yield "", text[end:]
 
 
-def plots(blocks: Iterable[Block]) -> Iterator[Plot]:
+def plots(blocks: Iterable[Block]) -> list[Plot]:
     """All plots in their order."""
-    for block in blocks:
-        if isinstance(block, Picture):
-            yield block.plot
-        elif isinstance(block, Folded):
-            yield from plots(block.blocks)
+    return [block.plot for block in blocks if isinstance(block, Picture)]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,14 @@ Row = dict[str, Any]
 def rows(frame: pd.DataFrame) -> list[Row]:
     """The rows of a table as dictionaries, column -> value."""
     return [{str(key): value for key, value in row.items()} for row in frame.to_dict("records")]
+
+
+def grouped(found: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+    """Rows by what they have in common, in order of appearance."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in found:
+        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return groups
 
 
 def missing(value: Any) -> bool:
@@ -47,11 +56,6 @@ def size(value: Any) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def blank(form: Any) -> Any:
-    """The same form, but nothing where a value is missing."""
-    return lambda value: "" if missing(value) else form(value)
-
-
 def digits_text(scaled: float) -> str:
     """Digits of a scaled error, one place; ``NaN`` where it is none."""
     value = digits(scaled)
@@ -62,10 +66,14 @@ def duration(seconds: float) -> str:
     """``12.3 µs``; empty where it was not measured."""
     if missing(seconds):
         return ""
-    for unit, scale in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= scale:
-            return f"{seconds / scale:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"
+    scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
+    unit, scale = next((pair for pair in scales if seconds >= pair[1]), scales[-1])
+    return f"{seconds / scale:.3g} {unit}"
+
+
+def vector(values: Iterable[float]) -> str:
+    """``(0, 0, -9.81)``."""
+    return "(" + ", ".join(map(number, values)) + ")"
 
 
 def unit_text(unit: str) -> str:
@@ -76,11 +84,6 @@ def unit_text(unit: str) -> str:
 def words(name: str) -> str:
     """``loop_closure`` -> ``loop closure``."""
     return name.replace("_", " ")
-
-
-def plural(quantity: str) -> str:
-    """``joint_velocity`` -> ``joint velocities``."""
-    return f"{words(quantity)}s".replace("ys", "ies")
 
 
 def tick(ok: Any) -> str:
@@ -97,3 +100,17 @@ def listed(names: Iterable[str]) -> str:
     """``a, b and c``."""
     items = list(names)
     return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)
+
+
+#: How the columns of tables read; any other as it is.
+FORMS: dict[str, Callable[[Any], str]] = {
+    **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error"), size),
+    **dict.fromkeys(("time_s", "seconds_per_sample", "cpu", "wall"), duration),
+    **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity"), partial(number, figures=3)),
+    "tolerance": partial(number, figures=2),
+    "expected": number,
+    "fitted": partial(number, figures=4),
+    "unit": unit_text,
+    "residual": words,
+    "ok": tick,
+}

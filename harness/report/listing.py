@@ -27,9 +27,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
 def listing(what: str | None) -> str:
     """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, ``cases``, or all of them."""
     tables = {
-        name: terminal([Table(("", ""), tuple(rows().items()))])
-        for name, rows in _TABLES.items()
-        if what in (None, name)
+        name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }
     return tables[what] if what else "\n\n".join(f"{name}\n{text}" for name, text in tables.items())
 

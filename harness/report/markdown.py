@@ -24,7 +24,8 @@ def _block(block: Block) -> str:
         case Items(texts):
             return "\n".join(f"- {_text(text)}" for text in texts)
         case Table():
-            rule = tuple("---:" if i in block.right else "---" for i in range(len(block.head)))
+            right = block.right
+            rule = tuple("---:" if i in right else "---" for i in range(len(block.head)))
             lines = [_cells(block.head), rule, *map(_cells, block.body)]
             return "\n".join("| " + " | ".join(line) + " |" for line in lines)
         case Picture(plot):

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.report.blocks import Picture
+from screwgauge.report.html import fragment, page
+from screwgauge.report.pages import run as run_page
+from screwgauge.report.terminal import terminal
+from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
 from screwgauge.study import run as study
 from screwgauge.study.comparison import Comparison
-
-if TYPE_CHECKING:
-    from screwgauge.report.plots import Plot
 
 LINES = 24  # of one screen
 
@@ -35,15 +36,13 @@ class Results(Comparison):
         Raises:
             OutputError: The folder cannot be written, or pyarrow is missing for the samples.
         """
-        from screwgauge.report.pages import run
+        return run_page.write(self, Path(out), samples=samples, errata=errata)
 
-        return run.write(self, Path(out), samples=samples, errata=errata)
-
-    def plot(self) -> Plots:
+    def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
         from screwgauge.report.plots import make_plots
 
-        return Plots(make_plots(self))
+        return Pictures(map(Picture, make_plots(self)))
 
     def to_html(self, path: str | Path) -> Path:
         """Writes the report as one page that opens offline.
@@ -51,39 +50,26 @@ class Results(Comparison):
         Raises:
             OutputError: The file cannot be written.
         """
-        from screwgauge.report.html import page
-        from screwgauge.report.pages import run
-        from screwgauge.report.write import write_files
-
         path = Path(path)
-        write_files(path.parent, {path.name: page(run.report(self, self.plot()))})
+        write_files(path.parent, {path.name: page(run_page.report(self, self.plot()))})
         return path
 
     def __repr__(self) -> str:
-        from screwgauge.report.pages import run
-        from screwgauge.report.terminal import terminal
-
-        lines = terminal(run.short(self)).splitlines()
-        more = (
-            [f"... {len(lines) - LINES + 1} more lines; `write` leaves the whole report"] if len(lines) > LINES else []
-        )
-        return "\n".join(lines[: LINES - len(more)] + more)
+        lines = terminal(run_page.terminal(self, judge=False)).splitlines()
+        return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
 
     def _repr_html_(self) -> str:
-        from screwgauge.report.html import fragment
-        from screwgauge.report.pages import run
-
-        return fragment(run.short(self))
+        return fragment(run_page.terminal(self, judge=False))
 
 
-class Plots(list["Plot"]):
+class Pictures(list[Picture]):
     """Pictures; a notebook shows them."""
 
     def __repr__(self) -> str:
-        return "\n".join(plot.title for plot in self)
+        return "\n".join(picture.plot.title for picture in self)
 
     def _repr_html_(self) -> str:
-        return "\n".join(f"<figure>{plot.svg}</figure>" for plot in self)
+        return fragment(self)
 
 
 def run(

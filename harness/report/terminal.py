@@ -24,8 +24,8 @@ def _lines(block: Block) -> list[str]:
             return textwrap.wrap(_plain(f"{word}: {text}" if word else text), COLUMNS)
         case Items(texts):
             return [line for text in texts for line in textwrap.wrap(f"- {_plain(text)}", COLUMNS)]
-        case Table():
-            return _table(block)
+        case Table(head, body):
+            return _table([[_plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
         case Folded(title, inside):
             return [f"{_plain(title)}:", *terminal(inside).splitlines()]
         case Picture():
@@ -36,14 +36,8 @@ def _plain(text: str) -> str:
     return "".join(piece for _, piece in spans(text))
 
 
-def _table(block: Table) -> list[str]:
+def _table(lines: list[list[str]], block: Table) -> list[str]:
     """Columns side by side, numbers at their right ends."""
-    lines = [[_plain(cell) for cell in line] for line in ([block.head] if any(block.head) else []) + list(block.body)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join(
-            cell.rjust(width) if i in block.right else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in lines
-    ]
+    right, widths = block.right, [max(map(len, column)) for column in zip(*lines, strict=True)]
+    forms = [f"{'>' if i in right else '<'}{width}" for i, width in enumerate(widths)]
+    return ["  ".join(map(format, line, forms)) for line in lines]

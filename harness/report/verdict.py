@@ -9,8 +9,9 @@ from screwgauge.study.comparison import Comparison
 
 
 def compared(results: Comparison) -> list[Row]:
-    """Rows of pairs of which both engines ran."""
-    return [row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures)]
+    """Rows of pairs of which both engines ran, with the name of the pair."""
+    ran = (row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures))
+    return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in ran]
 
 
 def first_difference(results: Comparison) -> Row | None:

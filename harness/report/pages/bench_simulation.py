@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from screwgauge.quantities import digits
-from screwgauge.report.blocks import (
-    Banner,
-    Block,
-    Column,
-    Heading,
-    Numbers,
-    Paragraph,
-    Picture,
-    Table,
-    prose,
-    section,
-    table,
-)
-from screwgauge.report.formatting import Row, blank, duration, listed, missing, number, size
+from screwgauge.report import blocks
+from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes
-from screwgauge.report.pages.prose import SIMULATED_PROTOCOL
-from screwgauge.report.pages.sections import facts, judged
+from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
 from screwgauge.study.bench.forward_run import Contest
@@ -34,35 +21,45 @@ from screwgauge.study.bench.forward_work import Outcome
 from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.study.bench.slopes import table as slope_table
 
-if TYPE_CHECKING:
-    from screwgauge.report.plots import Plot
-
 COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
 ABSOLUTE = [
     *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
     *("steps", "evaluations", "status", "reason"),
 ]
 SIX = 1e-6
-NO_POWER = "No contestant's error is a power of what is varied."
-TABLE = (
-    *(Column("who", "who"), Column("setting", "setting")),
-    *(Numbers("observable off by", "observable"), Numbers("energy off by [J]", "energy")),
-    *(Numbers("processor time", "cpu", duration), Numbers("wall time", "wall", duration)),
-    *(Numbers("steps", "steps"), Numbers("evaluations", "evaluations"), Column("remark", "remark")),
+SHOWN = (
+    "who = family | setting | observable off by = observable | energy off by [J] = energy | processor time = cpu | "
+    "wall time = wall | steps | evaluations | remark"
 )
-TERMINAL = (
-    *(Column("family", "family"), Column("tolerance, step", "label")),
-    *(Numbers("observable", "scaled"), Numbers("energy [J]", "energy")),
-    *(Numbers("cpu", "cpu", duration), Numbers("wall", "wall", duration), Column("", "status")),
-)
+TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] = energy | cpu | wall | = status"
+
+
+def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
+    """The blocks of ``report.md`` and ``report.html``."""
+    section, plan = partial(blocks.section, "bench_simulation"), found.plan
+    good = found.complete and all(fit.ok for fit in found.fits)
+    how = {
+        "threads": "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
+        "reference": found.reference,
+        "samples": len(found.scene.motion),
+        "rounds": plan.rounds,
+        "each": number(plan.each),
+        "budget": number(plan.budget),
+    }
+    return [
+        Heading(f"{found.scene.title}: error against run time", 1),
+        Banner(headline(found), status="agree" if good else "differ"),
+        *(Banner(note, "Warning:") for note in found.notes),
+        *([Paragraph(found.scene.description)] if found.scene.description else []),
+        *section("Error against processor time", *pictures, table(_rows(found), SHOWN)),
+        *section("Slopes", slopes(found.fits, "No contestant's error is a power of what is varied.")),
+        *section("How it was measured", **how),
+        *section("Environment", facts({**judged(found.provenance), **found.environment})),
+    ]
 
 
 def write(found: Contest, out: Path) -> Path:
-    """Writes report, diagram, tables and environment.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
+    """Writes report, diagram, tables and environment."""
     from screwgauge.report.bench.forward_drawing import make_plots
 
     data = {
@@ -71,7 +68,7 @@ def write(found: Contest, out: Path) -> Path:
         "slopes.csv": slope_table(found.fits),
         "environment.json": found.environment,
     }
-    return write_report(out, report(found, make_plots(found)), data, figures=6)
+    return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
 
 
 def bench_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
@@ -102,13 +99,13 @@ def headline(found: Contest) -> str:
     """Counts, and who reaches six digits first."""
     t, outcomes = found.scene.motion.t, found.outcomes
     parts = [f"{len(outcomes)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
-    six = [o for o in outcomes if o.status == OK and o.scaled <= SIX]
-    if six:
+    if six := [o for o in outcomes if o.status == OK and o.scaled <= SIX]:
         best = min(six, key=_cpu)
         cheapest = f"{best.entrant.family} ({best.entrant.setting}): {duration(_cpu(best))} of processor time"
         parts.append(f"Six digits of the observables are cheapest with {cheapest}.")
+    by_status = grouped(({"status": o.status, "family": o.entrant.family} for o in outcomes), "status")
     for status, words in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
-        names = dict.fromkeys(o.entrant.family for o in outcomes if o.status == status)
+        names = dict.fromkeys(row["family"] for row in by_status.get((status,), []))
         parts += [f"{words}: {listed(names)}."] if names else []
     return " ".join(parts)
 
@@ -117,35 +114,37 @@ def _cpu(outcome: Outcome) -> float:
     return outcome.wall if missing(outcome.cpu) else outcome.cpu
 
 
-def report(found: Contest, plots: Sequence[Plot]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    good = found.complete and all(fit.ok for fit in found.fits)
-    how = SIMULATED_PROTOCOL.format(
-        rounds=found.plan.rounds,
-        threads="One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
-        reference=found.reference,
-        samples=len(found.scene.motion),
-        each=number(found.plan.each),
-        budget=number(found.plan.budget),
-    )
-    return [
-        Heading(f"{found.scene.title}: error against run time", 1),
-        Banner(headline(found), status="agree" if good else "differ"),
-        *(Banner(note, "Warning:") for note in found.notes),
-        *([Paragraph(found.scene.description)] if found.scene.description else []),
-        *section("Error against processor time", *map(Picture, plots), _table(found)),
-        *section("Slopes", slopes(found.fits, Column("error of", "quantity"), NO_POWER)),
-        *section("How it was measured", *prose(how)),
-        *section("Environment", facts({**dict(judged(found.provenance)), **found.environment})),
+def terminal(found: Contest) -> list[Block]:
+    """What ``screwgauge bench`` prints of a simulated scene."""
+    return [Paragraph(headline(found)), table(_rows(found), TERMINAL)]
+
+
+def _rows(found: Contest) -> list[Row]:
+    """What was found, and what others have published."""
+    ours = [
+        {
+            "family": o.entrant.family,
+            "setting": o.entrant.setting,
+            "label": o.entrant.label,
+            "status": o.status,
+            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in (o.largest or {}).items()),
+            **{key: "" if missing(x) else size(x) for key, x in (("scaled", o.scaled), ("energy", o.energy))},
+            "cpu": o.cpu,
+            "wall": o.wall,
+            "steps": o.steps or "",
+            "evaluations": o.evaluations if o.steps else "",
+            "remark": "" if o.status == OK else f"✗ {o.status}: {o.reason}",
+        }
+        for o in found.outcomes
     ]
-
-
-def _table(found: Contest) -> Table:
     published = [
         {
-            **theirs(item),
-            "who": "*published*",
+            "family": "*published*",
             "setting": item.who,
+            "label": item.who[:18],
+            "status": "other machine",
+            **theirs(item),
+            "cpu": item.cpu_s,
             "wall": None,
             "steps": "",
             "evaluations": "",
@@ -153,38 +152,4 @@ def _table(found: Contest) -> Table:
         }
         for item in found.scene.published
     ]
-    return table([*map(_row, found.outcomes), *published], TABLE)
-
-
-def _row(o: Outcome) -> Row:
-    return {
-        "who": o.entrant.family,
-        "setting": o.entrant.setting,
-        "observable": ", ".join(f"{size(value)} {unit}" for unit, value in (o.largest or {}).items()),
-        "energy": blank(size)(o.energy),
-        "cpu": o.cpu,
-        "wall": o.wall,
-        "steps": o.steps or "",
-        "evaluations": o.evaluations if o.steps else "",
-        "remark": "" if o.status == OK else f"✗ {o.status}: {o.reason}",
-    }
-
-
-def terminal(found: Contest) -> list[Block]:
-    """What ``screwgauge bench`` prints of a simulated scene."""
-    ours: list[Mapping[str, object]] = [
-        {
-            "family": o.entrant.family,
-            "label": o.entrant.label,
-            "scaled": blank(size)(o.scaled),
-            "energy": blank(size)(o.energy),
-            "cpu": o.cpu,
-            "wall": o.wall,
-            "status": o.status,
-        }
-        for o in found.outcomes
-    ]
-    others = (theirs(item) for item in found.scene.published)
-    fixed = {"label": "published", "wall": np.nan, "status": "other machine"}
-    published = ({**row, **fixed, "family": row["who"][:18], "scaled": row["observable"]} for row in others)
-    return [Paragraph(headline(found)), table([*ours, *published], TERMINAL)]
+    return [*ours, *({**row, "scaled": row["observable"]} for row in published)]

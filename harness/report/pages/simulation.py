@@ -2,39 +2,37 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from screwgauge.reference.applied import JointSpring, Motor, Spring
 from screwgauge.reference.rotations import Array
-from screwgauge.report.blocks import Block, Column, Numbers, Paragraph, table
-from screwgauge.report.formatting import Row, blank, missing, number, size
+from screwgauge.report.blocks import Table, table
+from screwgauge.report.formatting import Row, missing, number, rows, size, vector
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.setting import Forward, Published
 from screwgauge.solution import REFERENCE
 from screwgauge.study.comparison import Comparison
 
 
-def acting(scene: Scene) -> list[tuple[str, str]]:
-    """Rows of the scene's table: springs and motors."""
-    springs = [("spring and damper", spring_text(spring)) for spring in scene.springs]
-    return [*springs, *(("motor", motor_text(motor)) for motor in scene.motors)]
+def acting(scene: Scene) -> dict[str, list[str]]:
+    """Springs and motors in words."""
+    springs, motors = map(spring_text, scene.springs), map(motor_text, scene.motors)
+    return {"spring and damper": list(springs), "motor": list(motors)}
 
 
-def simulated(scene: Scene, start: Forward) -> list[tuple[str, str]]:
-    """Rows of the scene's table: how it starts and is integrated, what is followed."""
+def simulated(scene: Scene, start: Forward) -> dict[str, str]:
+    """How the scene starts and is integrated, what is followed."""
 
     def named(values: Array) -> str:
         names = scene.mechanism.independent
         return ", ".join(f"{name} = {number(value)}" for name, value in zip(names, values, strict=True))
 
     method = start.method
-    return [
-        ("start", f"t = {number(start.since)} s, {named(start.start)}"),
-        ("velocities there", named(start.rates)),
-        ("integrated by", f"{method.name}, rtol {number(method.rtol)}, atol {number(method.atol)}"),
-        ("observables", ", ".join(f"{item.name} [{item.unit}]" for item in scene.observables)),
-        *([] if scene.known is None else [(REFERENCE, scene.known.source)]),
-    ]
+    return {
+        "start": f"t = {number(start.since)} s, {named(start.start)}",
+        "velocities there": named(start.rates),
+        "integrated by": f"{method.name}, rtol {number(method.rtol)}, atol {number(method.atol)}",
+        "observables": ", ".join(f"{item.name} [{item.unit}]" for item in scene.observables),
+        REFERENCE: "" if scene.known is None else scene.known.source,
+    }
 
 
 def spring_text(spring: Spring) -> str:
@@ -42,8 +40,7 @@ def spring_text(spring: Spring) -> str:
     amounts = f"k = {number(spring.stiffness)}, rest {number(spring.rest)}, c = {number(spring.damping)}"
     if isinstance(spring, JointSpring):
         return f"along {spring.coordinate}: {amounts}"
-    points = (spring.first_point, spring.second_point)
-    first, second = ("(" + ", ".join(map(number, point)) + ")" for point in points)
+    first, second = vector(spring.first_point), vector(spring.second_point)
     return f"from {spring.first} {first} to {spring.second} {second}: {amounts}"
 
 
@@ -57,34 +54,29 @@ def motor_text(motor: Motor) -> str:
     return f"along {motor.coordinate}: {' + '.join(terms) or '0'}"
 
 
-LEAD = """\
-Largest errors over the whole motion, in the units of the observables. Times of others were measured on other machines,
-and are not comparable beyond their order of magnitude."""
-COLUMNS = (
-    *(Column("who", "who"), Numbers("observable off by", "observable"), Numbers("energy off by [J]", "energy")),
-    *(Numbers("processor time [s]", "cpu", blank(lambda value: number(value, 3))), Column("remark", "remark")),
-    Column("source", "source"),
+SHOWN = (
+    "who | observable off by = observable | energy off by [J] = energy | processor time [s] = cpu_s | remark | source"
 )
 
 
-def published(results: Comparison) -> list[Block]:
-    """Errors and times of this run beside those that others have published; nothing if nobody has."""
-    if not results.scene.published:
-        return []
+def published(results: Comparison) -> Table | None:
+    """Errors and times of this run beside those that others have published."""
     ours = (_ours(results, name) for name in results.solutions if name != REFERENCE)
-    return [Paragraph(LEAD), table([*ours, *map(theirs, results.scene.published)], COLUMNS)]
+    theirs_ = map(theirs, results.scene.published)
+    return table([*ours, *theirs_], SHOWN) if results.scene.published else None
 
 
 def _ours(results: Comparison, engine: str) -> Row:
     pairs, judged, timings = results.pairs, results.judge, results.solutions[engine].timings
     known = pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)]
     balance = judged[(judged["engine"] == engine) & (judged["residual"] == "energy_balance")]
-    errors = [f"{size(row.max_abs)} {row.unit}" for row in known.itertuples() if not missing(row.max_abs)]
     return {
         "who": f"**{engine}**, {timings[0].setting if timings else ''}",
-        "observable": ", ".join(errors),
-        "energy": size(float(balance["max_abs"].iloc[0])) if len(balance) else "",
-        "cpu": next((x.min_s for x in timings if x.stage.endswith("processor time")), None),
+        "observable": ", ".join(
+            f"{size(row['max_abs'])} {row['unit']}" for row in rows(known.dropna(subset="max_abs"))
+        ),
+        "energy": "".join(map(size, balance["max_abs"])),
+        "cpu_s": next((x.min_s for x in timings if x.stage.endswith("processor time")), None),
         "remark": "",
         "source": "this run",
     }
@@ -92,11 +84,7 @@ def _ours(results: Comparison, engine: str) -> Row:
 
 def theirs(item: Published) -> Row:
     """A published result, its error beside what it measures."""
-    off = "" if np.isnan(item.accuracy) else size(item.accuracy)
-    return {
-        "who": item.who,
-        **{measure: off if measure == item.measure else "" for measure in ("observable", "energy")},
-        "cpu": item.cpu_s,
-        "remark": item.remark,
-        "source": item.source,
-    }
+    off = "" if missing(item.accuracy) else size(item.accuracy)
+    errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
+    cpu_s = None if missing(item.cpu_s) else item.cpu_s
+    return {"who": item.who, **errors, "cpu_s": cpu_s, "remark": item.remark, "source": item.source}
