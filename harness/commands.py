@@ -147,7 +147,7 @@ def _study(page: ModuleType, out: Path, work: Callable[[Any], Any], *, show: boo
     check_writable(out, samples=writing.get("samples", False))
     with Progress(sys.stderr) as progress:
         found = work(progress.show)
-        progress.show("report", 1.0)
+        progress.show("report", 0.0)
         page.write(found, out, **writing)
     if show:
         _say(f"{terminal(page.terminal(found))}\n\nreport: {out / 'report.html'}")

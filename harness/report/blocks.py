@@ -20,7 +20,8 @@ Status = Literal["agree", "differ", "failed", "note"]
 TEXTS = Path(__file__).with_name("texts")
 LONG = 12  # rows from which a table is folded
 _MARKUP = re.compile(r"`([^`]+)`|\*\*(\S(?:.*?\S)?)\*\*|\*(\S(?:.*?\S)?)\*")
-_NUMBER = re.compile(r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)?( [^\d ]+){0,2}|refused|no number|cut short")
+_VALUE = r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)"
+_NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no number|cut short")
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ def vector(values: Iterable[float]) -> str:
 
 def unit_text(unit: str) -> str:
     """``m/s^2`` -> ``m/s²``, ``N m`` -> ``N·m``."""
-    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·").replace(",·", ", ")
 
 
 def words(name: str) -> str:
