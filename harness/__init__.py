@@ -12,20 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.report.results import Results, run
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.comparison import Comparison as Results
-    from screwgauge.study.run import run
     from screwgauge.study.stream import stream
 
 __all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
 
 _HOMES = {
-    "Results": "screwgauge.study.comparison",
+    "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
     "load_scene": "screwgauge.scene.read",
-    "run": "screwgauge.study.run",
+    "run": "screwgauge.report.results",
     "stream": "screwgauge.study.stream",
 }
 
@@ -39,3 +38,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'screwgauge' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

@@ -5,14 +5,19 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
+OUT = Path("screwgauge-out")
 
-def show(options: argparse.Namespace) -> int:
+
+def list_(options: argparse.Namespace) -> int:
     """What there is to choose from."""
     from screwgauge.report.listing import listing
 
@@ -28,7 +33,7 @@ def models(options: argparse.Namespace) -> int:
 
     mechanism = load_mechanism(options.mechanism)
     check_home(mechanism)
-    out = options.out or Path("screwgauge-out") / mechanism.name
+    out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
         _say(str(path))
     if not options.check:
@@ -42,155 +47,123 @@ def models(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
-    from screwgauge.study.bench.threads import fix_threads
-
-    fix_threads()  # matrices are small: on a busy machine the threads of BLAS wait for each other twenty-fold
-    from screwgauge.report.progress import Line
-    from screwgauge.report.summary import summary_text
-    from screwgauge.report.terminal import format_terminal
-    from screwgauge.report.write import check_writable
+    from screwgauge.environment import json_text
+    from screwgauge.report.pages import run as page
+    from screwgauge.report.results import run
     from screwgauge.scene.scene import load_scene
-    from screwgauge.study.run import run
 
     scene = load_scene(options.scene)
-    out = options.out or Path("screwgauge-out") / scene.name
-    check_writable(out, samples=options.samples)
-    with Line(sys.stderr) as line:
-        results = run(
-            scene,
-            _names(options.engines),
-            _names(options.quantities),
-            progress=line.show,
-            warn=lambda sentence: print(f"screwgauge: warning: {sentence}", file=sys.stderr, flush=True),
-        )
-        line.show("report", 0.0)
-        results.write(out, samples=options.samples)
+    out = options.out or OUT / scene.name
+    engines, quantities = _names(options.engines), _names(options.quantities)
+    results = _study(
+        page,
+        out,
+        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn),
+        show=not options.json,
+        samples=options.samples,
+        errata=options.errata,
+    )
+    if options.debug:
+        _complain("\n".join(failure.traceback for failure in results.failures.values()))
     if options.json:
-        _say(summary_text(results))
-    else:
-        _say(format_terminal(results))
-        _say(f"\nreport: {out / 'report.html'}")
-    return results.exit_status
+        _say(json_text(page.summary(results)))
+    return int(results.exit_status)
 
 
 def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
-    from screwgauge.study.bench.threads import fix_threads
-
-    fix_threads()  # before anything imports numpy
-    from dataclasses import replace
-
-    from screwgauge.report.bench.terminal import format_terminal
-    from screwgauge.report.bench.write import write_bench
-    from screwgauge.report.progress import Line
-    from screwgauge.report.write import check_writable
+    from screwgauge.report.pages import bench as page
     from screwgauge.scene.scene import load_scene
+    from screwgauge.study.bench import run as study
     from screwgauge.study.bench.journal import NAME
-    from screwgauge.study.bench.run import FULL, QUICK, bench, check_budget
 
-    plan = QUICK if options.quick else FULL
+    plan = study.QUICK if options.quick else study.FULL
     if options.budget is not None:
-        plan = replace(plan, budget=check_budget(options.budget))
+        plan = replace(plan, budget=study.check_budget(options.budget))
     scene = load_scene(options.scene)
-    out = options.out or Path("screwgauge-out") / scene.name
-    check_writable(out)
+    out = options.out or OUT / scene.name / "bench"
     if scene.forward is not None:
-        return _contest(options, scene, out)
+        return _bench_simulation(options, scene, out)
+    more: dict[str, Any] = {"contestants": _names(options.contestants), "journal": out / NAME}
     try:
-        with Line(sys.stderr) as line:
-            found = bench(
-                scene,
-                plan=plan,
-                contestants=_names(options.contestants),
-                journal=out / NAME,
-                progress=line.show,
-            )
-            line.show("report", 0.0)
-            write_bench(found, out)
+        _study(page, out, lambda progress: study.bench(scene, plan=plan, progress=progress, **more))
     except KeyboardInterrupt:
-        print(
-            f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.",
-            file=sys.stderr,
-        )
+        _complain(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.")
         return 130
-    print(format_terminal(found))
-    print(f"\nreport: {out / 'report.html'}")
     return 0
 
 
-def _contest(options: argparse.Namespace, scene: Scene, out: Path) -> int:
-    """The bench of a forward scene."""
-    from dataclasses import replace
+def _bench_simulation(options: argparse.Namespace, scene: Scene, out: Path) -> int:
+    from screwgauge.report.pages import bench_simulation as page
+    from screwgauge.study.bench import forward_run as study
 
-    from screwgauge.report.bench.forward_report import format_terminal, write_contest
-    from screwgauge.report.progress import Line
-    from screwgauge.study.bench.forward_run import FULL, QUICK, contest
-    from screwgauge.study.bench.run import check_budget
-
-    plan = QUICK if options.quick else FULL
+    plan, names = study.QUICK if options.quick else study.FULL, _names(options.contestants)
     if options.budget is not None:
-        plan = replace(plan, budget=check_budget(options.budget))
-    with Line(sys.stderr) as line:
-        found = contest(scene, plan=plan, contestants=_names(options.contestants), progress=line.show)
-        line.show("report", 0.0)
-        write_contest(found, out)
-    _say(format_terminal(found))
-    _say(f"\nreport: {out / 'report.html'}")
+        plan = replace(plan, budget=options.budget)
+    _study(page, out, lambda progress: study.contest(scene, plan=plan, contestants=names, progress=progress))
     return 0
 
 
 def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
-    from screwgauge.study.bench.threads import fix_threads
-
-    fix_threads()  # before anything imports numpy
     from screwgauge.reference.expressions import number
-    from screwgauge.report.progress import Line
-    from screwgauge.report.stress.terminal import format_terminal
-    from screwgauge.report.stress.write import write_stress
-    from screwgauge.report.write import check_writable
+    from screwgauge.report.pages import stress as page
     from screwgauge.study.stress.run import stress
 
-    severities = _names(options.severity)
-    out = options.out or Path("screwgauge-out") / "stress"
-    check_writable(out)
-    with Line(sys.stderr) as line:
-        found = stress(
-            options.cases or None,
-            quick=options.quick,
-            severities=None if severities is None else [number(text, "--severity") for text in severities],
-            progress=line.show,
-        )
-        line.show("report", 1.0)
-        write_stress(found, out)
-    _say(format_terminal(found))
-    _say(f"\nreport: {out / 'report.html'}")
+    texts = _names(options.severity)
+    severities = None if texts is None else [number(text, "--severity") for text in texts]
+    out = options.out or OUT / "stress"
+    more = {"quick": options.quick, "severities": severities}
+    found = _study(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
     if found.broken:
-        print(f"screwgauge: a rung broke: {found.broken[0]}", file=sys.stderr)
+        _complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
     return 0 if found.ok else 1
 
 
 def paper(options: argparse.Namespace) -> int:
     """Measures the errata of the paper."""
-    from screwgauge.report.paper.document import format_terminal, write_paper
-    from screwgauge.report.progress import Line
-    from screwgauge.report.write import check_writable
+    from screwgauge.report.pages import paper as page
     from screwgauge.study.paper.measure import measure
 
-    out = options.out or Path("screwgauge-out") / "paper"
-    check_writable(out)
-    with Line(sys.stderr) as line:
-        paper = measure(line.show)
-        line.show("report", 1.0)
-        write_paper(paper, out)
-    print(format_terminal(paper))
-    print(f"\nreport: {out / 'report.html'}")
-    return 0 if paper.complete else 1
+    out = options.out or OUT / "paper"
+    return 0 if _study(page, out, measure).complete else 1
+
+
+def _study(page: ModuleType, out: Path, work: Callable[[Any], Any], *, show: bool = True, **writing: bool) -> Any:
+    """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
+
+    Args:
+        work: Takes the progress.
+        writing: What else the page is written with.
+
+    Returns:
+        What was found.
+    """
+    from screwgauge.report.progress import Progress
+    from screwgauge.report.terminal import terminal
+    from screwgauge.report.write import check_writable
+
+    check_writable(out, samples=writing.get("samples", False))
+    with Progress(sys.stderr) as progress:
+        found = work(progress.show)
+        progress.show("report", 0.0)
+        page.write(found, out, **writing)
+    if show:
+        _say(f"{terminal(page.terminal(found))}\n\nreport: {out / 'report.html'}")
+    return found
 
 
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _warn(sentence: str) -> None:
+    _complain(f"screwgauge: warning: {sentence}")
+
+
+def _complain(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _say(text: str) -> None:

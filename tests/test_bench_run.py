@@ -11,8 +11,8 @@ import pytest
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.report.bench.drawing import make_plots
-from screwgauge.report.bench.terminal import format_terminal
-from screwgauge.report.bench.write import write_bench
+from screwgauge.report.pages.bench import terminal, write
+from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.bench.journal import NAME
 from screwgauge.study.bench.rows import COLUMNS, CUT, reach
@@ -38,7 +38,7 @@ def small(monkeypatch):
 
 
 def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
-    out = write_bench(found, tmp_path / "out")
+    out = write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     assert (
         list(table.columns)
@@ -69,7 +69,7 @@ def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
 
 
 def test_a_failure_is_a_row_and_in_the_report(found, tmp_path):
-    out = write_bench(found, tmp_path / "out")
+    out = write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     failed = table[table["status"] == "failed"]
     assert failed["max_scaled"].isna().all()
@@ -81,11 +81,11 @@ def test_the_report_says_what_errors_are_against(found):
     assert found.reference in ("truth", "screw")
     assert any(found.reference in note for note in found.notes)
     if found.reference != "truth":
-        assert "not against a truth" in format_terminal(found)
+        assert "not against a truth" in text(terminal(found))
 
 
 def test_terminal_fits_a_hundred_columns(found):
-    assert max(len(line) for line in format_terminal(found).splitlines()) <= 100
+    assert max(len(line) for line in text(terminal(found)).splitlines()) <= 100
 
 
 def test_plots_are_the_same_for_the_same_data(found):
@@ -107,7 +107,7 @@ def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     kept = [row for row in found.rows if row.status != CUT]
     assert cut
     assert kept or (tmp_path / NAME).exists()
-    assert "cut short" in format_terminal(found)
+    assert "cut short" in text(terminal(found))
     assert all("budget" in row.reason for row in cut)
     assert not found.complete
     again = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)

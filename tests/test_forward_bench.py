@@ -13,7 +13,7 @@ from screwgauge.cli import main
 from screwgauge.engines.screw.forward import integrate
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.bench.forward_drawing import make_plots
-from screwgauge.report.bench.forward_report import ABSOLUTE, absolute_table, bench_table, write_contest
+from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, bench_table, write
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.forward_entrants import Entrant, entrants
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest
@@ -45,7 +45,7 @@ def test_tighter_tolerances_make_smaller_errors(found):
 
 
 def test_files_and_columns(found, tmp_path):
-    out = write_contest(found, tmp_path / "out")
+    out = write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     assert list(table.columns) == COLUMNS
     assert set(table["quantity"]) == {"observable", "energy"}

@@ -13,7 +13,8 @@ from screwgauge.cli import main
 from screwgauge.engines.screw.forward import integrate
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.reference.errors import ClosureError, ScrewgaugeError
-from screwgauge.report.sections import engines as engines_section
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages.sections import engines as engines_section
 from screwgauge.report.verdict import verdict
 from screwgauge.scene.start import check_start
 
@@ -133,8 +134,8 @@ def test_an_engine_that_stops_is_not_said_to_have_run(scene, monkeypatch):
 
     monkeypatch.setattr("screwgauge.study.forward.load_integrator", lambda name: half)
     results = run(scene())
-    assert "✗ stopped after t = 0.1 s" in engines_section(results)
-    assert verdict(results).sentence.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")
+    assert "✗ stopped after t = 0.1 s" in markdown(engines_section(results))
+    assert verdict(results).text.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")
     assert np.isinf(results.solutions["screw"].estimate["joint_position"][2:]).all()
 
 

@@ -12,8 +12,10 @@ from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.judging.conditioning import LIMIT, flagged
-from screwgauge.report.guard import guard_line, guard_section
-from screwgauge.report.summary import summary
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages.run import summary, terminal
+from screwgauge.report.pages.sections import estimates
+from screwgauge.report.terminal import terminal as text
 from screwgauge.report.verdict import verdict
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
@@ -137,11 +139,11 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     assert (theirs["ok"], theirs["flagged"]) == (False, 3)
     assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
-    assert "flagged (pinocchio" in guard_line(results)
-    assert "no digit" in guard_section(results)
-    assert "✗ (3 of 3" in guard_section(results)
+    assert "flagged (pinocchio" in text(terminal(results))
+    assert "no digit" in markdown(estimates(results))
+    assert "✗ (3 of 3" in markdown(estimates(results))
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
-    assert guard_line(quiet).startswith("guard: nothing flagged")
+    assert "\nconditioning: nothing flagged" in text(terminal(quiet))
 
 
 def test_a_rule_without_solution_is_blamed_and_not_the_engine():
@@ -156,8 +158,8 @@ def test_a_rule_without_solution_is_blamed_and_not_the_engine():
     assert bad["reason"].str.contains("rule spherical_axial is singular at 3 of 4 samples").all()
     said = verdict(results)
     assert said.word == "✗ NO NUMBER"
-    assert "judge" not in said.sentence
-    assert "screw and pinocchio: rule spherical_axial is singular at 3 of 4 samples (t = 0, " in said.sentence
+    assert "judge" not in said.text
+    assert "screw and pinocchio: rule spherical_axial is singular at 3 of 4 samples (t = 0, " in said.text
     json.dumps(summary(results), allow_nan=False)
 
 

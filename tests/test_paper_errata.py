@@ -10,7 +10,9 @@ import pytest
 
 from screwgauge import load_scene
 from screwgauge.cli import main
-from screwgauge.report.paper.document import COLUMNS, WIDTH, errata_frame, format_terminal, paper_section, write_paper
+from screwgauge.report.pages.paper import errata_frame, errata_section, terminal, write
+from screwgauge.report.terminal import COLUMNS
+from screwgauge.report.terminal import terminal as text
 from screwgauge.study.paper.measure import is_the_papers, measured
 
 AGREE = 0.03  # sizes found elsewhere are given with two or three figures
@@ -109,16 +111,16 @@ def test_the_papers_case_is_statics(paper_check):
 
 
 def test_terminal_has_every_row_in_its_width(paper_check):
-    lines = format_terminal(paper_check).splitlines()
-    assert max(map(len, lines)) <= WIDTH
+    lines = text(terminal(paper_check)).splitlines()
+    assert max(map(len, lines)) <= COLUMNS
     assert sum(line[:2].strip().isdigit() for line in lines[1:]) >= len(paper_check.errata)
 
 
 def test_files(paper_check, tmp_path):
-    write_paper(paper_check, tmp_path)
+    write(paper_check, tmp_path)
     table = pd.read_csv(tmp_path / "errata.csv")
-    assert tuple(table.columns) == COLUMNS == ("number", "equation", "printed", "right", "effect", "unit")
-    assert len(table) == len(errata_frame(paper_check)) == len(paper_check.errata)
+    assert tuple(table.columns) == ("number", "equation", "printed", "right", "effect", "unit")
+    assert len(table) == len(errata_frame(paper_check.errata)) == len(paper_check.errata)
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert report.count("plots/") == len(list((tmp_path / "plots").glob("*.svg"))) == 3
     assert "<svg" in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -146,4 +148,4 @@ def test_command(tmp_path, capsys, monkeypatch):
 def test_the_default_report_has_a_section_for_the_papers_scenes_only(name, expected):
     scene = load_scene(name).at([0.0, 0.7])
     assert is_the_papers(scene) is expected
-    assert bool(paper_section(scene)) is expected
+    assert bool(errata_section(scene)) is expected

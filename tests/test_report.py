@@ -19,22 +19,34 @@ import pytest
 
 from screwgauge.environment import environment
 from screwgauge.problem import Motion
+from screwgauge.quantities import digits
 from screwgauge.reference.applied import Load
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
+from screwgauge.report.blocks import Table
 from screwgauge.report.curves import bin_maxima, thin
 from screwgauge.report.figures import default_figures
-from screwgauge.report.formatting import digits, markdown_table, number, size
+from screwgauge.report.formatting import number, size
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages import run as page
+from screwgauge.report.results import Results
 from screwgauge.report.svg import inline, tidy
-from screwgauge.report.terminal import format_terminal
+from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import Failure, Solution, Timing, Values
-from screwgauge.study.results import Results
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")
 TOLERANCE = 1e-11
+PROVENANCE = {
+    "models": {"alpha": {"file": "robot.xml", "sha256": "12ab"}},
+    "scene_file": "toy.toml",
+    "scene_sha256": "34cd",
+    "description": {"file": "built-in toy.toml", "sha256": "56ef"},
+    "date": "2020-02-02T02:02:02+00:00",
+    "schema": 1,
+}
 Make = Callable[..., Results]
 
 
@@ -161,6 +173,7 @@ def make() -> Make:
             judge=pd.DataFrame([judged(name, judge_ok) for name in solutions]),
             mobility={"mobility": 2, "unique": {"a": True, "b": False}},
             environment=environment(),
+            provenance=PROVENANCE,
         )
 
     return build
@@ -178,7 +191,9 @@ def read(folder: Path) -> dict[str, Any]:
 def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     found = read(make(1e-8).write(tmp_path / "out"))
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
-    assert set(found) == {*fixed, "failures", "first_difference", "guard", "refused", "warnings"}
+    judged_files = ["models", "scene_file", "scene_sha256", "description", "date", "schema"]
+    assert set(found) == {*fixed, *judged_files, "failures", "first_difference", "guard", "refused", "warnings"}
+    assert {key: found[key] for key in judged_files} == PROVENANCE
     assert found["scene"] == "toy"
     assert found["ok"] is False
     assert found["engines"] == {"alpha": "1.2.3", "beta": "1.2.3"}
@@ -216,14 +231,14 @@ def test_not_a_number_is_valid_json_and_a_failure(make: Make, tmp_path: Path) ->
     assert found["quantities"][1]["max_abs"] is None
     assert found["quantities"][1]["ok"] is False
     assert found["first_difference"]["size"] is None
-    assert "cannot be compared: first in joint_velocity at leg1.q2 (not a number)" in verdict(results).sentence
+    assert "cannot be compared: first in joint_velocity at leg1.q2 (not a number)" in verdict(results).text
     pictures = " ".join(path.read_text(encoding="utf-8") for path in out.glob("plots/*.svg"))
     assert f"Gap: beta has no number at {N // 3} of {N} samples" in pictures
 
 
 def test_verdict_names_the_first_quantity(make: Make) -> None:
     results = make(1e-8)
-    sentence = verdict(results).sentence
+    sentence = verdict(results).text
     assert "alpha and beta differ: first in joint_velocity at leg2.q1, by 1.0e-8 rad/s" in sentence
     first = first_difference(results)
     assert first is not None
@@ -236,15 +251,15 @@ def test_verdict_names_the_first_quantity(make: Make) -> None:
 def test_verdict_of_agreement_counts_digits(make: Make) -> None:
     found = verdict(make())
     assert (found.status, found.word) == ("agree", "✓ AGREE")
-    assert "all 2 comparisons are within tolerance, to 17.0 digits" in found.sentence
+    assert "all 2 comparisons are within tolerance, to 17.0 digits" in found.text
     assert first_difference(make()) is None
 
 
 def test_verdict_names_the_judge_too(make: Make) -> None:
-    alone = verdict(make(judge_ok=False)).sentence
+    alone = verdict(make(judge_ok=False)).text
     assert "judge faults alpha: loop closure residual" in alone
     assert alone.endswith("tolerance 1e-11) at leg2.wrist, t = 0.5 s.")
-    both = verdict(make(1e-8, judge_ok=False)).sentence
+    both = verdict(make(1e-8, judge_ok=False)).text
     assert "differ: first in" in both
     assert "judge faults" in both
 
@@ -253,7 +268,7 @@ def test_a_failed_engine_is_said_first_with_its_reason(make: Make, tmp_path: Pat
     results = make(fails=True)
     found = verdict(results)
     assert found.status == "failed"
-    assert found.sentence.startswith("An engine failed: beta: it is not installed.")
+    assert found.text.startswith("An engine failed: beta: it is not installed.")
     out = results.write(tmp_path / "out")
     assert read(out)["failures"] == {"beta": "it is not installed"}
     assert read(out)["first_difference"] is None
@@ -262,16 +277,16 @@ def test_a_failed_engine_is_said_first_with_its_reason(make: Make, tmp_path: Pat
 
 def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
     results = make(alone=True)
-    assert "nothing to compare it with" in verdict(results).sentence
+    assert "nothing to compare it with" in verdict(results).text
     text = (results.write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert "there are no pairs" in text
-    assert "quantity " not in format_terminal(results)
+    assert "quantity " not in terminal(page.terminal(results))
 
 
 def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
-    parts = ["Scene", "Engines", "Pairs", "Judge", "Guard", "Plots", "Mechanism", "How it was compared"]
+    parts = ["Scene", "Engines", "Pairs", "Judge", "Estimated errors", "Plots", "Mechanism", "How it was compared"]
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
     assert heads == [*parts, "Run times", "Environment", "Known limitations"]
     assert "a note of beta" in text
@@ -437,7 +452,7 @@ def test_svg_is_rounded_without_drift() -> None:
 
 
 def test_terminal_summary_fits_100_columns(make: Make) -> None:
-    text = format_terminal(make(1e-8))
+    text = terminal(page.terminal(make(1e-8)))
     assert max(len(line) for line in text.splitlines()) <= 100
     assert text.startswith("✗ DIFFER: alpha and beta differ: first in joint_velocity at leg2.q1")
     line = next(line for line in text.splitlines() if line.startswith("joint_velocity"))
@@ -469,7 +484,7 @@ def test_numbers_read_well() -> None:
 
 
 def test_cells_cannot_break_a_table() -> None:
-    assert markdown_table(["a"], [["x | <y>\nz"]]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
+    assert markdown([Table(("a",), (("x | <y>\nz",),))]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
 
 
 def test_environment_names_no_place_or_person() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from screwgauge.report.bench.looks import MARKERS
 from screwgauge.report.stress.drawing import make_plots
-from screwgauge.report.stress.report import headline, report_markdown
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages.stress import headline, report
 from screwgauge.report.stress.small_plot import inks
 from screwgauge.study.stress.case import GOOD, Case, Finding, Rung
 from screwgauge.study.stress.run import Row, Stress
@@ -80,7 +81,7 @@ def test_the_headline_counts_engines_without_their_settings(found: Stress) -> No
 
 
 def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
-    text = report_markdown(found, [])
+    text = markdown(report(found, []))
     assert "| rising | screw | 15.0 to 15.0 |  |  |  |" in text
     assert "| rising | pinocchio | 5.0 to 17.0 | 1e5 |  |  |" in text
     assert "| falling | mujoco |  |  | 1e5 |  |" in text
@@ -88,7 +89,7 @@ def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
 
 
 def test_each_cause_is_said_once_for_a_case_and_engine(found: Stress) -> None:
-    text = report_markdown(found, [])
+    text = markdown(report(found, []))
     silent = text.split("## Silently wrong")[1].split("\n## ")[0]
     assert silent.count("| rising | mujoco RK4 | force, motion |") == 1
     assert silent.count("| why |") == 4

@@ -9,12 +9,12 @@ import numpy as np
 from screwgauge.report.curves import bin_maxima, sparse
 from screwgauge.report.drawing import handle, mark, pair_look
 from screwgauge.report.sheet import Sheet, Strip, log_scale
-from screwgauge.study.results import Results
+from screwgauge.study.comparison import Comparison
 
 WIDE = 30.0  # ratio of largest to smallest from which the axis is logarithmic
 
 
-def draw_condition(title: str, results: Results) -> str:
+def draw_condition(title: str, results: Comparison) -> str:
     """One line an engine, the largest of each stretch of samples; markers keep lines apart that coincide."""
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}

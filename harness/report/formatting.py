@@ -1,15 +1,17 @@
-"""Numbers, units and tables as text for people."""
+"""Numbers, units and names as text for people."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-MAX_DIGITS = 17.0
+from screwgauge.quantities import digits
+
 Row = dict[str, Any]
 
 
@@ -18,13 +20,12 @@ def rows(frame: pd.DataFrame) -> list[Row]:
     return [{str(key): value for key, value in row.items()} for row in frame.to_dict("records")]
 
 
-def digits(scaled: float) -> float:
-    """Digits of agreement of a scaled error: 17 at most, 0 at least, NaN for NaN."""
-    if not np.isfinite(scaled):
-        return float("nan")
-    if scaled <= 0.0:
-        return MAX_DIGITS
-    return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS))
+def grouped(found: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+    """Rows by what they have in common, in order of appearance."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in found:
+        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return groups
 
 
 def missing(value: Any) -> bool:
@@ -33,32 +34,56 @@ def missing(value: Any) -> bool:
 
 
 def number(value: Any, figures: int = 6) -> str:
-    """A number with so many significant figures, without trailing zeros: ``1.25``, ``1e-11``."""
+    """A number with so many significant figures, without trailing zeros: ``1.25``, ``1e-11``; empty for None."""
     if value is None:
         return ""
     if not np.isfinite(value):
-        return "NaN" if np.isnan(value) else ("inf" if value > 0 else "-inf")
-    if value and not 1e-4 <= abs(value) < 1e6:
-        mantissa, exponent = f"{value:.{figures - 1}e}".split("e")
-        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        return f"{mantissa}e{int(exponent)}"
-    mantissa, e, exponent = f"{value:.{figures}g}".partition("e")
-    return f"{mantissa}e{int(exponent)}" if e else mantissa
+        return "NaN" if np.isnan(value) else f"{float(value)}"
+    scientific = value and not 1e-4 <= abs(value) < 1e6
+    mantissa, e, exponent = (f"{value:.{figures - 1}e}" if scientific else f"{value:.{figures}g}").partition("e")
+    if not e:
+        return mantissa
+    return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(exponent)}"
 
 
 def size(value: Any) -> str:
     """The size of an error, two figures: ``3.1e-13``; ``0`` if there is none."""
     if missing(value):
         return "NaN"
-    if value == 0:
-        return "0"
-    mantissa, exponent = f"{value:.1e}".split("e") if np.isfinite(value) else ("inf", "0")
-    return f"{mantissa}e{int(exponent)}" if np.isfinite(value) else "inf"
+    if value == 0 or not np.isfinite(value):
+        return "0" if value == 0 else "inf"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def digits_text(scaled: float) -> str:
+    """Digits of a scaled error, one place; ``NaN`` where it is none."""
+    value = digits(scaled)
+    return "NaN" if np.isnan(value) else f"{value:.1f}"
+
+
+def duration(seconds: float) -> str:
+    """``12.3 µs``; empty where it was not measured."""
+    if missing(seconds):
+        return ""
+    scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
+    unit, scale = next((pair for pair in scales if seconds >= pair[1]), scales[-1])
+    return f"{seconds / scale:.3g} {unit}"
+
+
+def vector(values: Iterable[float]) -> str:
+    """``(0, 0, -9.81)``."""
+    return "(" + ", ".join(map(number, values)) + ")"
 
 
 def unit_text(unit: str) -> str:
     """``m/s^2`` -> ``m/s²``, ``N m`` -> ``N·m``."""
-    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·").replace(",·", ", ")
+
+
+def words(name: str) -> str:
+    """``loop_closure`` -> ``loop closure``."""
+    return name.replace("_", " ")
 
 
 def tick(ok: Any) -> str:
@@ -71,35 +96,21 @@ def file_name(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
-def listed(words: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     """``a, b and c``."""
-    items = list(words)
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+    items = list(names)
+    return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)
 
 
-def cell(value: Any) -> str:
-    """Text for one cell of a Markdown table."""
-    text = " ".join(str(value).split())
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("|", "\\|")
-
-
-def markdown_table(head: Sequence[str], body: Iterable[Sequence[Any]], right: Iterable[int] = ()) -> str:
-    """A Markdown table; `right` are the columns of numbers."""
-    ends = set(right)
-    rule = ["---:" if i in ends else "---" for i in range(len(head))]
-    lines = [head, rule, *([cell(value) for value in row] for row in body)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def text_table(head: Sequence[str], body: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
-    """Aligned lines for a terminal."""
-    ends = set(right)
-    widths = [max(len(row[i]) for row in [head, *body]) for i in range(len(head))]
-
-    def line(row: Sequence[str]) -> str:
-        parts = [
-            text.rjust(w) if i in ends else text.ljust(w) for i, (text, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        return "  ".join(parts).rstrip()
-
-    return [line(row) for row in [head, *body]]
+#: How the columns of tables read; any other as it is.
+FORMS: dict[str, Callable[[Any], str]] = {
+    **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error"), size),
+    **dict.fromkeys(("time_s", "seconds_per_sample", "cpu", "wall"), duration),
+    **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity"), partial(number, figures=3)),
+    "tolerance": partial(number, figures=2),
+    "expected": number,
+    "fitted": partial(number, figures=4),
+    "unit": unit_text,
+    "residual": words,
+    "ok": tick,
+}

@@ -24,7 +24,7 @@ from screwgauge.report.formatting import file_name, missing, number, unit_text
 from screwgauge.report.sheet import Sheet, Strip, log_scale, style
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import Values, common_rows
-from screwgauge.study.results import Results
+from screwgauge.study.comparison import Comparison
 
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 
@@ -38,7 +38,7 @@ class Plot:
     svg: str
 
 
-def make_plots(results: Results) -> list[Plot]:
+def make_plots(results: Comparison) -> list[Plot]:
     """All pictures of the report, in order."""
     plots: list[Plot] = []
     with style():
@@ -51,7 +51,7 @@ def make_plots(results: Results) -> list[Plot]:
     return plots
 
 
-def _figure(figure: Figure, results: Results) -> str:
+def _figure(figure: Figure, results: Comparison) -> str:
     # an engine that solved only some samples comes last: the first one is drawn as lines
     solutions = sorted(results.solutions.items(), key=lambda item: item[1].rows is not None)
     values = {e: s.values[figure.quantity] for e, s in solutions if figure.quantity in s.values}
@@ -93,7 +93,7 @@ def _figure(figure: Figure, results: Results) -> str:
     return sheet.svg()
 
 
-def _compared(figure: Figure, results: Results) -> list[tuple[str, str]]:
+def _compared(figure: Figure, results: Comparison) -> list[tuple[str, str]]:
     """Pairs of engines that were compared in the quantity of the figure, in their order there."""
     table = results.errors
     here = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
@@ -127,7 +127,7 @@ def _height(parts: list[Array]) -> float:
     return float(np.ptp(numbers)) if len(numbers) else 1.0
 
 
-def _tolerance(figure: Figure, results: Results) -> float | None:
+def _tolerance(figure: Figure, results: Comparison) -> float | None:
     """Tolerance of the scaled error times its scale, if it is the same for every pair."""
     table = results.errors
     here = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]

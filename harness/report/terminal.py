@@ -1,85 +1,43 @@
-"""What ``screwgauge run`` prints: verdict, quantities, judge. Fits 100 columns."""
+"""Blocks as plain text of 100 columns: what commands print."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 
-import numpy as np
-
-from screwgauge.report.formatting import Row, digits, number, rows, size, text_table, tick
-from screwgauge.report.guard import guard_line
-from screwgauge.report.verdict import compared, verdict
-from screwgauge.study.results import Results
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, spans
 
 COLUMNS = 100
 
 
-def format_terminal(results: Results) -> str:
-    """The run in a few lines: the worst pair of each quantity and unit, the worst engine of each residual."""
-    found = verdict(results)
-    parts = [*textwrap.wrap(f"{found.word}: {found.sentence}", COLUMNS)]
-    for warning in results.warnings:
-        parts += ["", *textwrap.wrap(f"Warning: {warning}", COLUMNS)]
-    pairs = compared(results)
-    if pairs:
-        parts += ["", *_pairs(pairs)]
-    if len(results.judge):
-        parts += ["", *_judge(rows(results.judge))]
-    parts += ["", *textwrap.wrap(guard_line(results), COLUMNS)] if results.guard else []
-    return "\n".join(line[:COLUMNS].rstrip() for line in parts)
+def terminal(blocks: Iterable[Block]) -> str:
+    """The text, with an empty line between blocks; plots are left out."""
+    parts = (_lines(block) for block in blocks)
+    return "\n\n".join("\n".join(line[:COLUMNS].rstrip() for line in lines) for lines in parts if lines)
 
 
-def _worst(group: list[Row]) -> Row:
-    """Out of tolerance first, then the largest; a missing number is worse than any."""
-
-    def badness(row: Row) -> tuple[bool, float]:
-        scaled = float(row["max_scaled"])
-        return not row["ok"], np.inf if np.isnan(scaled) else scaled
-
-    return max(group, key=badness)
-
-
-def _groups(table: list[Row], *keys: str) -> list[Row]:
-    groups: dict[tuple[object, ...], list[Row]] = {}
-    for row in table:
-        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return [_worst(group) for group in groups.values()]
-
-
-def _pairs(table: list[Row]) -> list[str]:
-    head = ("quantity", "unit", "worst pair", "scaled", "digits", "tolerance", "")
-    body = [
-        (
-            str(row["quantity"]),
-            str(row["unit"]),
-            f"{row['a']} - {row['b']}",
-            size(row["max_scaled"]),
-            _digits(row),
-            number(row["tolerance"], 2),
-            tick(row["ok"]),
-        )
-        for row in _groups(table, "quantity", "unit")
-    ]
-    return text_table(head, body, right=(3, 4, 5))
+def _lines(block: Block) -> list[str]:
+    match block:
+        case Heading(text) | Paragraph(text):
+            return textwrap.wrap(_plain(text), COLUMNS)
+        case Banner(text, word):
+            return textwrap.wrap(_plain(f"{word}: {text}" if word else text), COLUMNS)
+        case Items(texts):
+            return [line for text in texts for line in textwrap.wrap(f"- {_plain(text)}", COLUMNS)]
+        case Table(head, body):
+            return _table([[_plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
+        case Folded(title, inside):
+            return [f"{_plain(title)}:", *terminal(inside).splitlines()]
+        case Picture():
+            return []
 
 
-def _judge(table: list[Row]) -> list[str]:
-    head = ("judge: residual", "unit", "worst engine", "scaled", "digits", "tolerance", "")
-    body = [
-        (
-            str(row["residual"]).replace("_", " "),
-            str(row["unit"]),
-            str(row["engine"]),
-            size(row["max_scaled"]),
-            _digits(row),
-            number(row["tolerance"], 2),
-            tick(row["ok"]),
-        )
-        for row in _groups(table, "residual", "unit")
-    ]
-    return text_table(head, body, right=(3, 4, 5))
+def _plain(text: str) -> str:
+    return "".join(piece for _, piece in spans(text))
 
 
-def _digits(row: Row) -> str:
-    value = digits(row["max_scaled"])
-    return "-" if np.isnan(value) else f"{value:.1f}"
+def _table(lines: list[list[str]], block: Table) -> list[str]:
+    """Columns side by side, numbers at their right ends."""
+    right, widths = block.right, [max(map(len, column)) for column in zip(*lines, strict=True)]
+    forms = [f"{'>' if i in right else '<'}{width}" for i, width in enumerate(widths)]
+    return ["  ".join(map(format, line, forms)) for line in lines]

@@ -2,59 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
-from screwgauge.report.formatting import Row, digits, listed, missing, number, rows, size, unit_text
-from screwgauge.study.results import Results
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """`status` decides the colour, `word` says the same without it."""
-
-    status: Literal["agree", "differ", "failed"]
-    word: str
-    sentence: str
+from screwgauge.quantities import digits
+from screwgauge.report.blocks import Banner
+from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
+from screwgauge.study.comparison import Comparison
 
 
-def compared(results: Results) -> list[Row]:
-    """Rows of pairs of which both engines ran."""
-    return [row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures)]
+def compared(results: Comparison) -> list[Row]:
+    """Rows of pairs of which both engines ran, with the name of the pair."""
+    ran = (row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures))
+    return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in ran]
 
 
-def first_difference(results: Results) -> Row | None:
+def first_difference(results: Comparison) -> Row | None:
     """The first row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
-    for row in compared(results):
-        if not row["ok"]:
-            return {
-                "quantity": row["quantity"],
-                "component": row["worst_component"],
-                "a": row["a"],
-                "b": row["b"],
-                "size": row["max_scaled"],
-            }
-    return None
+    keys = {"quantity": "quantity", "component": "worst_component", "a": "a", "b": "b", "size": "max_scaled"}
+    bad = (row for row in compared(results) if not row["ok"])
+    return next(({key: row[column] for key, column in keys.items()} for row in bad), None)
 
 
-def verdict(results: Results) -> Verdict:
+def verdict(results: Comparison) -> Banner:
     """What a run found, worst news first."""
     refused = _refused(results)
     difference, fault = _difference(results, beside=bool(refused)), _fault(results)
     rest = " ".join(part for part in (refused, difference, fault) if part)
     if results.failures:
-        failed = [f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items()]
-        head = "An engine failed" if len(failed) == 1 else f"{len(failed)} engines failed"
-        return Verdict("failed", "✗ FAILED", f"{head}: {'; '.join(failed)}. {rest or _agreement(results)}")
+        failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
+        head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
+        return Banner(f"{head}: {failed}. {rest or _agreement(results)}", "✗ FAILED", "failed")
     if rest:
         word = "✗ DIFFER" if difference else "✗ NO NUMBER" if refused else "✗ OUT OF TOLERANCE"
-        return Verdict("differ", word, rest)
+        return Banner(rest, word, "differ")
     if not results.ok:
-        return Verdict("differ", "✗ NOTHING COMPARED", _agreement(results))
-    return Verdict("agree", "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE", _agreement(results))
+        return Banner(_agreement(results), "✗ NOTHING COMPARED", "differ")
+    return Banner(_agreement(results), "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE", "agree")
 
 
-def _refused(results: Results) -> str:
+def _refused(results: Comparison) -> str:
     """Samples without numbers, those of the same kind named once."""
     said: dict[str, list[str]] = {}
     for one in results.refusals:
@@ -62,60 +46,55 @@ def _refused(results: Results) -> str:
     return " ".join(f"{listed(names)}: {sentence}." for sentence, names in said.items())
 
 
-def _difference(results: Results, *, beside: bool = False) -> str:
+def _difference(results: Comparison, *, beside: bool) -> str:
     """The first difference; `beside`: other than by missing numbers, which are explained already."""
-    bad = [row for row in compared(results) if not row["ok"]]
-    if beside:
-        bad = [row for row in bad if not missing(row["max_scaled"])]
+    pairs = compared(results)
+    bad = [row for row in pairs if not row["ok"] and not (beside and missing(row["max_scaled"]))]
     if not bad:
         return ""
     row = bad[0]
-    more = f" {len(bad)} of {len(compared(results))} comparisons are out of tolerance." if len(bad) > 1 else ""
+    more = f" {len(bad)} of {len(pairs)} comparisons are out of tolerance." if len(bad) > 1 else ""
     where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
-        reason = str(row["reason"]).rstrip(".") if row.get("reason") else "not a number"
+        reason = str(row.get("reason") or "not a number").rstrip(".")
         if not row["b"]:  # an engine that stopped, and nobody beside it
             return f"{reason}.{more}"
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
-    return (
-        f"{row['a']} and {row['b']} differ: first in {where}, "
-        f"by {size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
-        f"tolerance {number(row['tolerance'], 2)}) at t = {number(row['worst_t'])} s{_because(row)}.{more}"
-    )
+    at = f" at t = {number(row['worst_t'])} s"
+    return f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}.{more}"
 
 
-def _fault(results: Results) -> str:
+def _fault(results: Comparison) -> str:
     """The first judge residual out of tolerance."""
-    bad = [r for r in rows(results.judge) if not r["ok"] and r["engine"] not in results.failures]
+    bad = [row for row in rows(results.judge) if not row["ok"] and row["engine"] not in results.failures]
     if not bad:
         return ""
     row = bad[0]
-    named = bool(row.get("worst_component"))
-    where = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if named else ""
-    residual = str(row["residual"]).replace("_", " ")
-    return (
-        f"The judge faults {row['engine']}: {residual} residual "
-        f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, "
-        f"tolerance {number(row['tolerance'], 2)}){where}{_because(row)}."
-    )
+    at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
+    return f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
+
+
+def _amount(row: Row) -> str:
+    tolerance = number(row["tolerance"], 2)
+    return f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, tolerance {tolerance})"
 
 
 def _because(row: Row) -> str:
     return f", {row['reason']}" if row.get("reason") else ""
 
 
-def _agreement(results: Results) -> str:
+def _agreement(results: Comparison) -> str:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
         return "No engine ran."
-    if not pairs:
-        judged = "its residuals are" if len(engines) == 1 else "their residuals are"
-        judged = f"{judged} within tolerance" if len(results.judge) else "nothing was judged"
-        if len(engines) == 1:
-            return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
-        return f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."
-    least = min(pairs, key=lambda row: digits(row["max_scaled"]))
-    return (
-        f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
-        f"to {digits(least['max_scaled']):.1f} digits or more (fewest in {least['quantity']})."
-    )
+    if pairs:
+        least = min(pairs, key=lambda row: digits(row["max_scaled"]))
+        return (
+            f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
+            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})."
+        )
+    residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
+    judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"
+    if len(engines) == 1:
+        return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
+    return f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."

@@ -64,6 +64,7 @@ class Scene:
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
     published: tuple[Published, ...] = ()
+    file: Path | None = None
 
     @property
     def t(self) -> Array:

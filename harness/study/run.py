@@ -58,6 +58,7 @@ def run(
         quantities: Names; those of the scene by default. Nothing else is computed.
         progress: Called as work goes on.
         warn: Called with a sentence on what may take long or go wrong, before it begins.
+        date: That the report bears; now by default.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.

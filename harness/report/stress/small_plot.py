@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from screwgauge.quantities import MAX_DIGITS, digits
 from screwgauge.report.bench.looks import CAMPS, MARKERS
-from screwgauge.report.formatting import MAX_DIGITS, digits, number
+from screwgauge.report.formatting import number
 from screwgauge.report.sheet import DASHES, GREY
 from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
 from screwgauge.study.stress.run import Row

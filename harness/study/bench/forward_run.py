@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -27,7 +27,8 @@ from screwgauge.study.bench.rows import CUT
 from screwgauge.study.bench.slopes import Fit, Rule, fit
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.forward import started
-from screwgauge.study.run import Report
+from screwgauge.study.provenance import provenance
+from screwgauge.study.run import Report, model_files
 
 FULL = Plan(samples=41, rounds=3, budget=90.0, each=45.0, share=1.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
@@ -44,6 +45,7 @@ class Contest:
 
     Attributes:
         reference: What errors are measured against, in words.
+        provenance: Files that were judged, and the date.
     """
 
     scene: Scene
@@ -53,6 +55,7 @@ class Contest:
     reference: str
     notes: tuple[str, ...]
     environment: Mapping[str, Any]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -97,6 +100,8 @@ def contest(
             waiting.remove(entrant)
             progress(entrant.family, 1.0 - (len(waiting) + 1) / n)
             outcomes.append(_turn(work, entrant, outcomes, plan.budget - perf_counter() + begin))
+        names = dict.fromkeys(entrant.engine for entrant in chosen)
+        files = provenance(scene, {name: model_files(scene, name, Path(folder))[0] for name in names})
     return Contest(
         scene=here,
         plan=plan,
@@ -105,6 +110,7 @@ def contest(
         reference=work.source,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
+        provenance=files,
     )
 
 

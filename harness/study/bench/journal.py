@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from screwgauge.environment import json_text
 from screwgauge.models.generate import model_texts
 from screwgauge.reference.errors import OutputError
-from screwgauge.report.summary import json_text
 from screwgauge.scene.scene import Scene
 
 NAME = "bench.partial.jsonl"

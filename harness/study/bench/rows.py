@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from screwgauge.report.formatting import digits
+from screwgauge.quantities import digits
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 
 COLUMNS = [

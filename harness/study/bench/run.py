@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from screwgauge.engines.registry import GENERATED
 from screwgauge.environment import environment
 from screwgauge.quantities import SOLVED
 from screwgauge.reference.errors import DescriptionError
@@ -24,6 +25,7 @@ from screwgauge.study.bench.registry import LEAVING_OUT, Entry, choose, load
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.score import score
 from screwgauge.study.bench.threads import one_thread
+from screwgauge.study.provenance import provenance
 from screwgauge.study.run import Report
 
 
@@ -51,6 +53,7 @@ class Bench:
         leaving_out: Rows of ``leaving_out.csv``.
         reference: Engine that errors are measured against.
         notes: Sentences for the report.
+        provenance: Files that were judged, and the date.
     """
 
     scene: Scene
@@ -62,6 +65,7 @@ class Bench:
     reference: str
     notes: tuple[str, ...]
     environment: Mapping[str, Any]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -114,6 +118,8 @@ def bench(
         work.errors(chosen)
         work.differences(trials)
         work.time_all()
+        models = {name: Path(case.problem(name, ()).model) for name in GENERATED}
+        files = provenance(case.scene, models)
     rows = tuple(row for contestant in chosen for row in _rows(contestant, kept))
     found = Bench(
         scene=case.scene,
@@ -125,6 +131,7 @@ def bench(
         reference=case.reference.engine,
         notes=tuple(note for note in (case.reference.note, kept.note) if note),
         environment=here,
+        provenance=files,
     )
     if found.complete:
         kept.remove()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment
+from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.report.formatting import digits
+from screwgauge.study.provenance import provenance
 from screwgauge.study.run import Report, missing
 from screwgauge.study.stress.case import SILENT, Case, Finding, Rung
 from screwgauge.study.stress.registry import choose
@@ -50,6 +51,7 @@ class Stress:
     seconds: Mapping[str, float]
     quick: bool
     environment: Mapping[str, Any]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -109,7 +111,7 @@ def stress(
             progress(case.name, i / len(rungs))
             rows += [Row(case.name, rung.severity, finding) for finding in _climb(rung)]
         seconds[case.name] = perf_counter() - start
-    return Stress(tuple(chosen), tuple(rows), seconds, quick, environment())
+    return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 
 
 def _climb(rung: Rung) -> list[Finding]:

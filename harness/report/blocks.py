@@ -1,0 +1,179 @@
+"""What reports are made of. Texts may hold **bold**, *emphasis* and `code`; three renderers make files of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from screwgauge.report.formatting import FORMS, number, words
+
+if TYPE_CHECKING:
+    from screwgauge.report.plots import Plot
+
+Status = Literal["agree", "differ", "failed", "note"]
+TEXTS = Path(__file__).with_name("texts")
+LONG = 12  # rows from which a table is folded
+_MARKUP = re.compile(r"`([^`]+)`|\*\*(\S(?:.*?\S)?)\*\*|\*(\S(?:.*?\S)?)\*")
+_VALUE = r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)"
+_NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no number|cut short")
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A heading; level 1 is the title of the report."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """Running text; line breaks in it mean nothing."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """A sentence set apart: what was found, or a warning. `status` decides its colour, `word` says the same."""
+
+    text: str
+    word: str = ""
+    status: Status = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list."""
+
+    texts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Cells as text, line by line; without any head it has names and values."""
+
+    head: tuple[str, ...]
+    body: tuple[tuple[str, ...], ...]
+
+    @property
+    def right(self) -> frozenset[int]:
+        """Columns of numbers."""
+        columns = enumerate(zip(*self.body, strict=True) if any(self.head) else ())
+        return frozenset(i for i, cells in columns if all(map(_NUMBER.fullmatch, cells)) and any(cells))
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Where a plot stands."""
+
+    plot: Plot
+
+
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """Blocks behind their title."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded
+
+
+@cache
+def _texts(report: str) -> dict[str, str]:
+    parts = re.split(r"^# (.*)\n", (TEXTS / f"{report}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def section(report: str, title: str, *blocks: Block, **values: object) -> list[Block]:
+    """A heading, what ``texts/REPORT.md`` says below the same one, with values put in, and blocks."""
+    return [Heading(title), *prose(_texts(report).get(title, "").format(**values)), *blocks]
+
+
+def prose(text: str) -> list[Block]:
+    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
+    blocks: list[Block] = []
+    for part in filter(None, text.strip().split("\n\n")):
+        lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
+        blocks += [*([Paragraph(lead)] if lead else []), *([Items(tuple(items))] if items else [])]
+    return blocks
+
+
+def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
+    """One line for each row.
+
+    Args:
+        columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
+            how values read, see `FORMS`.
+    """
+    shown = _columns(columns)
+    return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
+
+
+def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, cell: str) -> Table:
+    """One line for each distinct text of the columns, with one cell more for each value of the key `across`."""
+    shown, lines, names = _columns(columns), dict[tuple[str, ...], dict[str, str]](), dict[str, None]()
+    for row in rows:
+        name = _text(row, across)
+        names[name] = None
+        lines.setdefault(tuple(_text(row, key) for key in shown.values()), {})[name] = _text(row, cell)
+    body = tuple((*line, *(cells.get(name, "") for name in names)) for line, cells in lines.items())
+    return Table((*shown, *names), body)
+
+
+def _columns(columns: str) -> dict[str, str]:
+    parts = ([part.strip() for part in column.split("=")] for column in columns.split("|"))
+    return {head: key[0] if key else head.replace(" ", "_") for head, *key in parts}
+
+
+def _text(row: Mapping[str, Any], key: str) -> str:
+    return FORMS.get(key, str)(row[key])
+
+
+def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
+    """Names and values without a head: a line for each value of a list or mapping, none for an empty text."""
+    body: list[tuple[str, str]] = []
+    for key, value in mapping.items():
+        name = words(key)
+        if isinstance(value, Mapping) and all(isinstance(v, (bool, np.bool_)) for v in value.values()):
+            sides = {_said(side): [k for k, v in value.items() if bool(v) is side] for side in (True, False)}
+            body.append((name, "; ".join(f"{word}: {', '.join(keys)}" for word, keys in sides.items() if keys)))
+        elif isinstance(value, Mapping):
+            body += [(f"{name}: {k}", _said(v)) for k, v in value.items()]
+        else:
+            body += [(name, _said(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
+    return Table(("", ""), tuple(body)) if body else Paragraph(empty)
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    return number(value) if isinstance(value, float) else str(value)
+
+
+def folded(title: str, long: Table) -> Block:
+    """A table, behind its title if it is long."""
+    return Folded(title, (long,)) if len(long.body) > LONG else long
+
+
+def spans(text: str) -> Iterator[tuple[str, str]]:
+    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones."""
+    end = 0
+    for match in _MARKUP.finditer(text):
+        yield "", text[end : match.start()]
+        yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)
+        end = match.end()
+    yield "", text[end:]
+
+
+def plots(blocks: Iterable[Block]) -> list[Plot]:
+    """All plots in their order."""
+    return [block.plot for block in blocks if isinstance(block, Picture)]

@@ -1,0 +1,156 @@
+"""The report of a run: verdict first, evidence after; with its summary, its tables, and what a terminal shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.environment import plain
+from screwgauge.judging.compare import ERROR_COLUMNS
+from screwgauge.judging.conditioning import LIMIT
+from screwgauge.report import blocks
+from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
+from screwgauge.report.pages import sections
+from screwgauge.report.pages.simulation import published
+from screwgauge.report.verdict import compared, first_difference, verdict
+from screwgauge.report.write import SAMPLES, check_writable, write_report
+from screwgauge.solution import REFERENCE, Timing
+from screwgauge.study.comparison import Comparison
+
+TIMING = "engine | setting | stage | samples = n_sample | min [s] = min_s | median [s] = median_s"
+SCALED = "scaled = max_scaled | digits | tolerance | = ok"
+JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
+FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
+
+
+def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Block] = ()) -> list[Block]:
+    """The blocks of ``report.md`` and ``report.html``.
+
+    Args:
+        errata: The section "The paper, checked", left out if empty.
+    """
+    section = partial(blocks.section, "run" if results.scene.forward is None else "simulation")
+    others, drawn = published(results), list[Block](pictures)
+    return [
+        Heading(f"{results.scene.title or results.scene.name}: verification report", 1),
+        verdict(results),
+        *(Banner(sentence, "Warning:") for sentence in results.warnings),
+        *sections.overview(results),
+        *section("Scene", *sections.scene(results)),
+        *section("Engines", *sections.engines(results)),
+        *section("Pairs", *sections.every_pair(results)),
+        *section("Judge", *sections.judge(results)),
+        *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
+        *(section("Plots") if len(results.solutions) > 1 and drawn else [Heading("Plots")]),
+        *(drawn or [Paragraph("Nothing to draw.")]),
+        *section("Mechanism", facts(results.mobility, "No facts of the mechanism were computed.")),
+        *(section("The paper, checked", *errata) if errata else []),
+        *(section("Published results", others) if others else []),
+        *section("How it was compared"),
+        *section("Run times", _times(results)),
+        *section("Environment", facts(results.environment)),
+        *section("Known limitations"),
+    ]
+
+
+def _timings(results: Comparison) -> list[Timing]:
+    return [timing for solution in results.solutions.values() for timing in solution.timings]
+
+
+def _times(results: Comparison) -> Block:
+    """Measured stages with what the clock covers."""
+    found = [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in _timings(results)]
+    columns = f"{TIMING} | median per sample [µs] = each | covers"
+    return table(found, columns) if found else Paragraph("Nothing was timed.")
+
+
+def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
+    """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
+    residual of the judge, conditioning."""
+    shown: list[Block] = []
+    if pairs := _worst(compared(results), "quantity"):
+        shown.append(table(pairs, f"quantity | unit | worst pair = pair | {SCALED}"))
+    if judged := _worst(rows(results.judge), "residual") if judge else []:
+        shown.append(table(judged, f"judge: residual = residual | unit | worst engine = engine | {SCALED}"))
+    return [
+        verdict(results),
+        *(Banner(sentence, "Warning") for sentence in results.warnings),
+        *shown,
+        *([Banner(sections.conditioning(results), "conditioning")] if results.guard else []),
+    ]
+
+
+def _worst(found: Sequence[Row], key: str) -> list[Row]:
+    """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
+
+    def badness(row: Row) -> tuple[bool, float]:
+        return not row["ok"], np.inf if np.isnan(row["max_scaled"]) else float(row["max_scaled"])
+
+    worst = [max(group, key=badness) for group in grouped(found, key, "unit").values()]
+    return [{**row, "digits": digits_text(row["max_scaled"]).replace("NaN", "-")} for row in worst]
+
+
+def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False) -> Path:
+    """Writes everything, see `screwgauge.report.results.Results.write`."""
+    from screwgauge.report.pages.paper import errata_section
+    from screwgauge.report.plots import make_plots
+
+    check_writable(out, samples=samples)
+    timings = pd.DataFrame(_timings(results), columns=list(Timing.__dataclass_fields__))
+    data = {
+        "errors.csv": results.errors[ERROR_COLUMNS],
+        "timings.csv": timings,
+        "environment.json": results.environment,
+    }
+    data |= {SAMPLES: _samples(results)} if samples else {}
+    told = report(results, map(Picture, make_plots(results)), errata_section(results.scene) if errata else ())
+    return write_report(out, told, {**data, "summary.json": summary(results)})
+
+
+def _samples(results: Comparison) -> pd.DataFrame:
+    """Every sample: column t and one column ``engine/quantity/component`` for each value."""
+    values = {
+        f"{engine}/{quantity}/{name}": column
+        for engine, solution in results.solutions.items()
+        for quantity, found in solution.values.items()
+        for name, column in zip(found.components, found.array.T, strict=True)
+    }
+    return pd.DataFrame({"t": results.times, **values})
+
+
+def summary(results: Comparison) -> dict[str, Any]:
+    """What ``summary.json`` says, as plain Python values: no NaN, no numpy."""
+    refused = [
+        {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
+        for x in results.refusals
+    ]
+    found = {
+        "scene": results.scene.name,
+        "ok": results.ok,
+        "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
+        "failures": {name: failure.reason for name, failure in results.failures.items()},
+        "warnings": results.warnings,
+        "first_difference": first_difference(results),
+        "quantities": [_quantity(row) for row in rows(results.pairs)],
+        "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
+        "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
+        "refused": refused,
+        "timings": [asdict(timing) for timing in _timings(results)],
+        "environment": results.environment,
+        **{key: results.provenance.get(key) for key in FILES},
+    }
+    return dict(plain(found))
+
+
+def _quantity(row: Row) -> Row:
+    worst = {"component": row["worst_component"], "t": row["worst_t"]}
+    reason = {"reason": row["reason"]} if row.get("reason") else {}
+    first = {key: row[key] for key in ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")}
+    return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **reason}

@@ -1,0 +1,96 @@
+"""What `screwgauge.run` returns: a comparison that can be written, drawn and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.report.blocks import Picture
+from screwgauge.report.html import fragment, page
+from screwgauge.report.pages import run as run_page
+from screwgauge.report.terminal import terminal
+from screwgauge.report.write import write_files
+from screwgauge.scene.scene import Scene
+from screwgauge.study import run as study
+from screwgauge.study.comparison import Comparison
+
+LINES = 24  # of one screen
+
+
+class Results(Comparison):
+    """A comparison with its report."""
+
+    __slots__ = ()
+
+    def write(self, out: str | Path, *, samples: bool = False, errata: bool = False) -> Path:
+        """Writes report, plots, tables and summary into a folder; files of an earlier run there are replaced.
+
+        Args:
+            out: Folder, made if need be; if writing fails, it is as it was before.
+            samples: Also every sample of every engine, as Parquet.
+            errata: Also a section with the errata of the paper, if the scene is the paper's.
+
+        Raises:
+            OutputError: The folder cannot be written, or pyarrow is missing for the samples.
+        """
+        return run_page.write(self, Path(out), samples=samples, errata=errata)
+
+    def plot(self) -> Pictures:
+        """The pictures of the report; a notebook shows them."""
+        from screwgauge.report.plots import make_plots
+
+        return Pictures(map(Picture, make_plots(self)))
+
+    def to_html(self, path: str | Path) -> Path:
+        """Writes the report as one page that opens offline.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        path = Path(path)
+        write_files(path.parent, {path.name: page(run_page.report(self, self.plot()))})
+        return path
+
+    def __repr__(self) -> str:
+        lines = terminal(run_page.terminal(self, judge=False)).splitlines()
+        return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
+
+    def _repr_html_(self) -> str:
+        return fragment(run_page.terminal(self, judge=False))
+
+
+class Pictures(list[Picture]):
+    """Pictures; a notebook shows them."""
+
+    def __repr__(self) -> str:
+        return "\n".join(picture.plot.title for picture in self)
+
+    def _repr_html_(self) -> str:
+        return fragment(self)
+
+
+def run(
+    scene: Scene,
+    engines: Iterable[str] | None = None,
+    quantities: Iterable[str] | None = None,
+    *,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    warn: Callable[[str], None] = lambda sentence: None,
+) -> Results:
+    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
+
+    Args:
+        engines: Names; those of the scene by default.
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
+        warn: Called with a sentence on what may take long or go wrong, before it begins.
+
+    Raises:
+        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+    """
+    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+        found = study.run(scene, engines, quantities, progress=progress, warn=warn)
+    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})
