@@ -7,10 +7,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.report.bench.looks import MARKERS
-from screwgauge.report.stress.drawing import make_plots
+from screwgauge.report.figures.looks import MARKERS
+from screwgauge.report.stress.drawing import inks, make_plots
 from screwgauge.report.stress.report import headline, report_markdown
-from screwgauge.report.stress.small_plot import inks
 from screwgauge.study.stress.case import GOOD, Case, Finding, Rung
 from screwgauge.study.stress.run import Row, Stress
 
