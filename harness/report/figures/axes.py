@@ -61,5 +61,5 @@ def decade(k: int) -> str:
 
 def _range(values: Iterable[Array], otherwise: tuple[float, float]) -> tuple[float, float]:
     """Smallest and largest finite value."""
-    numbers = np.concatenate([v[np.isfinite(v)] for v in values])
+    numbers = np.concatenate([np.empty(0), *(v[np.isfinite(v)] for v in values)])
     return (float(numbers.min()), float(numbers.max())) if len(numbers) else otherwise

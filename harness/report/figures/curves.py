@@ -68,13 +68,6 @@ def bin_maxima(t: Array, v: Array, bins: int = BINS) -> tuple[Array, Array]:
     return t[at], v[at]
 
 
-def envelope(a: Array, b: Array) -> Array:
-    """Largest difference over the components; NaN as soon as one side is not a number. (n, k) -> (n,)."""
-    difference = np.abs(a - b)
-    largest: Array = np.where(np.isfinite(difference), difference, np.nan).max(axis=1)
-    return largest
-
-
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> Index:
     """About `marks` samples, staggered so that the marks of different engines do not hide each other."""
     if n <= 2 * marks:

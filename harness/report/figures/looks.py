@@ -34,7 +34,7 @@ def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]
     Args:
         before: Names that have their looks already.
     """
-    looks, camps = {}, [camp(name) for name in before]
+    looks, camps = {}, [camp(name) for name in dict.fromkeys(before)]
     for name in dict.fromkeys(names):
         k = camps.count(camp(name))
         camps.append(camp(name))

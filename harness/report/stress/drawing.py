@@ -21,7 +21,8 @@ NOTE = (
     "Severity grows to the right, that of a ratio to both sides. "
     "In the shaded part, below nine digits, a result needs a warning."
 )
-COLUMNS, WIDTH, TALL = 3, 846.0, 126.0
+COLUMNS, TALL = 3, 126.0
+NARROW, WIDE = 660.0, 846.0  # of pages with less than `COLUMNS` cases, and others
 RED = "#b3202a"
 LOWEST, NO_NUMBER, APART = -2.6, -0.9, 0.55  # end of the axis; where crosses begin, a line of them for each camp
 DIGITS = Axis("digits", LOWEST, MAX_DIGITS + 0.6, tuple((float(d), str(d)) for d in range(0, 16, 3)))
@@ -41,7 +42,8 @@ def make_plots(found: Stress) -> list[Plot]:
     panels = [_panel(case, rows, common, looks) for (case, rows), looks in zip(results.items(), own, strict=True)]
     grid = tuple(Row(tuple(panels[i : i + COLUMNS]), TALL) for i in range(0, len(panels), COLUMNS))
     verdicts = {words: mark(verdict, Look(GREY, marker="o")) for verdict, words in WORDS.items()}
-    return drawn([("digits", Diagram(TITLE, grid, WIDTH, NOTE, legends=(common, verdicts)))])
+    width = WIDE if len(panels) >= COLUMNS else NARROW
+    return drawn([("digits", Diagram(TITLE, grid, width, NOTE, legends=(common, verdicts)))])
 
 
 def inks(plots: Sequence[Sequence[str]]) -> tuple[dict[str, Look], list[dict[str, Look]]]:
