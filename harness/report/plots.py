@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.report.comparison import comparison, condition
 from screwgauge.report.figures.data import Diagram
 from screwgauge.report.figures.render import render
 from screwgauge.report.figures.selection import drawable
 from screwgauge.report.formatting import file_name
-from screwgauge.study.results import Results
+from screwgauge.report.run_diagrams import condition_diagram, quantity_diagram
+
+if TYPE_CHECKING:
+    from screwgauge.study.comparison import Comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +33,10 @@ def drawn(diagrams: Iterable[tuple[str, Diagram]]) -> list[Plot]:
     return [Plot(f"{i:02d}-{name}", diagram.title, render(diagram)) for i, (name, diagram) in named]
 
 
-def make_plots(results: Results) -> list[Plot]:
+def make_plots(comparison: Comparison) -> list[Plot]:
     """All pictures of the report, in order."""
-    figures = drawable(tuple(results.scene.figures), results.solutions)
-    diagrams = [(file_name(figure.title), comparison(figure, results)) for figure in figures]
-    if any(np.isfinite(s.condition).any() for s in results.solutions.values()):
-        diagrams.append(("condition", condition(results)))
+    figures = drawable(tuple(comparison.scene.figures), comparison.solutions)
+    diagrams = [(file_name(figure.title), quantity_diagram(figure, comparison)) for figure in figures]
+    if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
+        diagrams.append(("condition", condition_diagram(comparison)))
     return drawn(diagrams)

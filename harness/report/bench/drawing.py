@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,11 @@ from screwgauge.report.figures.looks import DOTTED, GREY, by_camp, camp
 from screwgauge.report.plots import Plot, drawn
 from screwgauge.study.bench.contestant import QUANTITIES
 from screwgauge.study.bench.rows import LEVELS
-from screwgauge.study.bench.rows import Row as Result
-from screwgauge.study.bench.run import Bench
-from screwgauge.study.bench.slopes import Fit
+
+if TYPE_CHECKING:
+    from screwgauge.study.bench.rows import Row as Result
+    from screwgauge.study.bench.run import Bench
+    from screwgauge.study.bench.slopes import Fit
 
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +12,11 @@ from screwgauge.report.bench.work_precision import FILLED, HOLLOW, STAR, Point, 
 from screwgauge.report.figures.data import Diagram, Row
 from screwgauge.report.figures.looks import by_camp
 from screwgauge.report.plots import Plot, drawn
-from screwgauge.study.bench.forward_run import Contest
-from screwgauge.study.bench.forward_work import Outcome
 from screwgauge.study.bench.rows import OK
+
+if TYPE_CHECKING:
+    from screwgauge.study.bench.forward_run import Contest
+    from screwgauge.study.bench.forward_work import Outcome
 
 SENSELESS = 10.0  # scaled error from which a motion has nothing to do with the scene: it is in the table only
 #: What is measured, its axis, and its error.
@@ -27,9 +30,9 @@ MEASURES: tuple[tuple[str, str, Callable[[Outcome], float]], ...] = (
 )
 
 
-def make_plots(found: Contest) -> list[Plot]:
+def make_plots(contest: Contest) -> list[Plot]:
     """The work-precision diagram, if there is anything to draw."""
-    done = [o for o in found.outcomes if _time(o) > 0.0 and o.scaled < SENSELESS]
+    done = [o for o in contest.outcomes if _time(o) > 0.0 and o.scaled < SENSELESS]
     if not done:
         return []
     looks = by_camp(o.entrant.family for o in done)
@@ -40,7 +43,7 @@ def make_plots(found: Contest) -> list[Plot]:
         for family, look in looks.items():
             outcomes = [o for o in done if o.entrant.family == family and np.isfinite(error(o))]
             lines.append((look, [Point(_time(o), error(o), o.entrant.label, o.status == OK) for o in outcomes]))
-        theirs = [item for item in found.scene.published if item.measure == measure or np.isnan(item.accuracy)]
+        theirs = [item for item in contest.scene.published if item.measure == measure or np.isnan(item.accuracy)]
         others = [Point(item.cpu_s, item.accuracy, item.who.split(",")[0].split(":")[0]) for item in theirs]
         axes = ("processor time of the integration", label)
         panels.append(work_precision(axes, lines, lambda seconds: f"{seconds:g} s", others))

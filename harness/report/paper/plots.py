@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +13,13 @@ from screwgauge.report.figures.data import Diagram, Guide, Look, Panel, Row, Ser
 from screwgauge.report.figures.looks import COLOURS, DASHES, DOTTED, MARKERS
 from screwgauge.report.figures.render import render
 from screwgauge.report.plots import Plot
-from screwgauge.study.paper.axial import AxialRule
-from screwgauge.study.paper.scheme import SchemeRuns
+
+if TYPE_CHECKING:
+    from screwgauge.study.paper.axial import AxialRule
+    from screwgauge.study.paper.scheme import SchemeRuns
 
 LINES = [Look(colour, dash) for colour, dash in zip(COLOURS, DASHES, strict=False)]
-FLOOR = 1e-16  # m: closure residuals below the rounding of lengths of about 1 m
+FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
 TALL = 165.0
 
 
@@ -32,7 +35,7 @@ def _steps(runs: SchemeRuns) -> Diagram:
     }
     series = tuple(Series(steps, errors, looks[label]) for label, (steps, errors) in runs.ladders.items())
     across = log("step [s]", [one.x for one in series], whole=False)
-    panel = Panel(across, log("largest closure residual of a leg [m]", [one.y for one in series]), series)
+    panel = Panel(across, log("largest gap of a leg [m]", [one.y for one in series]), series)
     title = "The paper's scheme: a shorter step does not mend the printed twist"
     return Diagram(title, (Row((panel,), TALL),), 576.0, legends=(looks,))
 
@@ -40,7 +43,7 @@ def _steps(runs: SchemeRuns) -> Diagram:
 def _over_time(runs: SchemeRuns) -> Diagram:
     looks = {run.label: look for run, look in zip(runs.over_time, LINES, strict=False)}
     time = linear("t [s]", [run.t for run in runs.over_time], 6, 0.02)
-    up = log("closure residual [m]", [np.maximum(run.gap, FLOOR) for run in runs.over_time])
+    up = log("gap [m]", [np.maximum(run.gap, FLOOR) for run in runs.over_time])
     panels = []
     for title, legs in (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4))):
         series = []
@@ -48,7 +51,7 @@ def _over_time(runs: SchemeRuns) -> Diagram:
             t, size = thin(run.t, np.log10(np.maximum(run.gap[:, legs].max(axis=1), FLOOR)), np.log10(up.high / up.low))
             series.append(Series(t, 10.0**size, looks[run.label]))
         panels.append(Panel(time, up, tuple(series), (title,)))
-    title = "Closure residual between leg and platform over time, joint angles by eq. (27)"
+    title = "Gap between leg and platform over time, joint angles by eq. (27)"
     return Diagram(title, (Row(tuple(panels), TALL),), 720.0, legends=(looks,))
 
 

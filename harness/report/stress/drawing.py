@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from screwgauge.report.figures.looks import DOTTED, GREY, by_camp
 from screwgauge.report.formatting import MAX_DIGITS, digits
 from screwgauge.report.plots import Plot, drawn
 from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
-from screwgauge.study.stress.run import Row as Result
-from screwgauge.study.stress.run import Stress
+
+if TYPE_CHECKING:
+    from screwgauge.study.stress.run import Row as Result
+    from screwgauge.study.stress.run import Stress
 
 TITLE = "Digits kept as scenes become extreme"
 NOTE = (
@@ -29,11 +32,11 @@ DIGITS = Axis("digits", LOWEST, MAX_DIGITS + 0.6, tuple((float(d), str(d)) for d
 WORDS = {OK: "ok", DEGRADED: "degraded, and says so", REFUSED: "refused", SILENT: "silently wrong"}
 
 
-def make_plots(found: Stress) -> list[Plot]:
+def make_plots(stress: Stress) -> list[Plot]:
     """The page, if there is anything to draw."""
     results = {}
-    for case in found.cases:
-        rows = [r for r in found.rows if r.case == case.name and r.finding.quantity in (case.drawn, "judge")]
+    for case in stress.cases:
+        rows = [r for r in stress.rows if r.case == case.name and r.finding.quantity in (case.drawn, "judge")]
         if rows:
             results[case] = rows
     if not results:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,9 @@ from screwgauge.report.figures.selection import select, short_labels
 from screwgauge.report.formatting import missing, number, unit_text
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import common_rows
-from screwgauge.study.results import Results
+
+if TYPE_CHECKING:
+    from screwgauge.study.comparison import Comparison
 
 MAX_CURVES = 12  # in a panel; more cannot be told apart
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
@@ -58,9 +61,9 @@ class _Subject:
         return self.values[engine].get(name, np.full(len(self.t), np.nan))
 
 
-def comparison(figure: Figure, results: Results) -> Diagram:
+def quantity_diagram(figure: Figure, comparison: Comparison) -> Diagram:
     """The diagram of one figure that a scene asks for."""
-    subject, (pairs, tolerance) = _subject(figure, results), _compared(figure, results)
+    subject, (pairs, tolerance) = _subject(figure, comparison), _compared(figure, comparison)
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
     unit, time = unit_text(figure.unit), linear("t [s]", [subject.t], 6, 0.02)
@@ -81,34 +84,34 @@ def comparison(figure: Figure, results: Results) -> Diagram:
     return Diagram(figure.title, tuple(rows), width, warnings=warnings, legends=(looks, engines))
 
 
-def condition(results: Results) -> Diagram:
+def condition_diagram(comparison: Comparison) -> Diagram:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
-    finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in results.solutions.items()}
+    finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
     series, legend = [], {}
     for i, (engine, line) in enumerate(lines.items()):
-        t, peak = bin_maxima(results.times, line)
+        t, peak = bin_maxima(comparison.times, line)
         at = sparse(len(t), i, len(lines))  # marks keep lines apart that coincide
         mark = _mark(i + 1, _pair(i).colour)
         legend[engine] = replace(mark, dash=())
         series += [Series(t, peak, Look(mark.colour)), Series(t[at], peak[at], mark)]
     numbers = np.concatenate([line[np.isfinite(line)] for line in lines.values()])
     axis = log if numbers.max() > WIDE * numbers.min() else linear
-    panel = Panel(linear("t [s]", [results.times], 6, 0.02), axis("condition number [1]", [numbers]), tuple(series))
+    panel = Panel(linear("t [s]", [comparison.times], 6, 0.02), axis("condition number [1]", [numbers]), tuple(series))
     title = "Condition number of the closure along the path"
     return Diagram(title, (Row((panel,), UPPER),), WIDTHS[1], legends=(legend,))
 
 
-def _subject(figure: Figure, results: Results) -> _Subject:
+def _subject(figure: Figure, comparison: Comparison) -> _Subject:
     # an engine that solved only some samples comes last: the first one is drawn as lines
-    order = sorted(results.solutions.items(), key=lambda item: item[1].rows is not None)
+    order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if figure.quantity in solution.values}
     values = {engine: solution.values[figure.quantity] for engine, solution in solutions.items()}
     columns = {engine: dict(zip(v.components, v.array.T, strict=True)) for engine, v in values.items()}
-    n, first = len(results.times), next(iter(values))
+    n, first = len(comparison.times), next(iter(values))
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
     parts = [_part(title, select(values[first], figure.unit, p), columns[first]) for title, p in figure.panels]
-    return _Subject(results.times, columns, solved, parts)
+    return _Subject(comparison.times, columns, solved, parts)
 
 
 def _part(title: str, names: list[str], columns: dict[str, Array]) -> _Part:
@@ -155,9 +158,9 @@ def _differences(subject: _Subject, pairs: Sequence[Pair], tolerance: float | No
 def _peaks(subject: _Subject, part: _Part, pair: Pair) -> tuple[Array, Array]:
     """Largest difference over the components and over stretches of time; NaN as soon as one side is no number."""
     first, second = pair
-    gaps = [np.abs(subject.column(first, name) - subject.column(second, name)) for name in part.names]
-    gap, both = np.max(gaps, axis=0), subject.solved[first] & subject.solved[second]
-    return bin_maxima(subject.t[both], np.where(np.isfinite(gap), gap, np.nan)[both])
+    differences = [np.abs(subject.column(first, name) - subject.column(second, name)) for name in part.names]
+    largest, both = np.max(differences, axis=0), subject.solved[first] & subject.solved[second]
+    return bin_maxima(subject.t[both], np.where(np.isfinite(largest), largest, np.nan)[both])
 
 
 def _component(i: int) -> Look:
@@ -177,9 +180,9 @@ def _pair(i: int) -> Look:
     return Look(COLOURS[i % len(COLOURS) - 1], DASHES[i % len(DASHES)])
 
 
-def _compared(figure: Figure, results: Results) -> tuple[list[tuple[str, str]], float | None]:
+def _compared(figure: Figure, comparison: Comparison) -> tuple[list[tuple[str, str]], float | None]:
     """Pairs of engines that were compared in the figure's quantity; the tolerance if all have the same."""
-    table = results.errors
+    table = comparison.errors
     rows = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
     limits = {number(limit, 4) for limit in rows["tolerance"] * rows["scale"] if not missing(limit)}
     pairs = list(dict.fromkeys(zip(rows["a"], rows["b"], strict=True)))
