@@ -34,8 +34,7 @@ def mechanism_figure(mechanism: Mechanism) -> Diagram:
     view = np.delete(np.eye(3), flat[0], axis=0) if flat else VIEW
     bodies = {name: _lines(ends[name], com, view) for name, com in coms.items()}
     everything = np.concatenate([*bodies.values(), [view @ point for _, point, _ in joints]])
-    low, high = np.nanmin(everything, axis=0), np.nanmax(everything, axis=0)
-    room = np.array([WIDTH - EDGE - GAP, TALL])
+    low, high, room = np.nanmin(everything, axis=0), np.nanmax(everything, axis=0), np.array([WIDTH - EDGE - GAP, TALL])
     unit = float(max((high - low) / (room - 2 * MARGIN)))  # metres to a point
     room[1] = (high[1] - low[1]) / unit + 2 * MARGIN
     x, y = (Axis("", mid - half, mid + half) for mid, half in zip((low + high) / 2, unit * room / 2, strict=True))
@@ -54,8 +53,8 @@ def mechanism_figure(mechanism: Mechanism) -> Diagram:
         if len(ends[name]) == 1:  # no body goes on from here: a weight
             series.append(_series(view @ coms[name], Look(colour, None, 1.0, "o", size=9.0)))
     panel = Panel(x, y, (*series, *marks), labels=tuple(labels), bare=True)
-    title = f"{mechanism.title or mechanism.name}: home pose"
-    return Diagram(title, (Row((panel,), float(room[1])),), WIDTH, legends=(legend,))
+    heading, row = f"{mechanism.title or mechanism.name}: home pose", Row((panel,), float(room[1]))
+    return Diagram(heading, (row,), WIDTH, legends=(legend,))
 
 
 def _home(mechanism: Mechanism) -> tuple[dict[str, list[End]], list[tuple[Joint, Array, bool]], dict[str, Array]]:
