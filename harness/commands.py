@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
-    from screwgauge.scene.scene import load_scene
+    from screwgauge.scene.read import load_scene
 
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
 def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
     from screwgauge.report.pages import bench as page
-    from screwgauge.scene.scene import load_scene
+    from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import run as study
     from screwgauge.study.bench.journal import NAME
 
@@ -82,7 +82,7 @@ def bench(options: argparse.Namespace) -> int:
         plan = replace(plan, budget=study.check_budget(options.budget))
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
-    if scene.forward is not None:
+    if scene.simulated:
         return _bench_simulation(options, scene, out)
     more: dict[str, Any] = {"contestants": _names(options.contestants), "journal": out / NAME}
     try:

@@ -24,13 +24,13 @@ from screwgauge.reference.applied import Load
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
 from screwgauge.report.blocks import Table
-from screwgauge.report.curves import bin_maxima, thin
-from screwgauge.report.figures import default_figures
+from screwgauge.report.figures.curves import bin_maxima, thin
+from screwgauge.report.figures.selection import default_figures
 from screwgauge.report.formatting import number, size
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages import run as page
 from screwgauge.report.results import Results
-from screwgauge.report.svg import inline, tidy
+from screwgauge.report.svg import inline, polyline
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.scene.figures import Figure
@@ -442,9 +442,7 @@ def test_default_figures_show_every_component_once() -> None:
 
 def test_svg_is_rounded_without_drift() -> None:
     corners = [(k / 3, np.sin(k / 7)) for k in range(500)]
-    path = "M " + " L ".join(f"{x:.6f} {y:.6f}" for x, y in corners)
-    small = tidy(f'<svg width="1pt"><path d="{path}"/></svg>')
-    start, steps = re.search(r'd="M(.*?)l(.*?)"', small).groups()  # type: ignore[union-attr]
+    start, steps = re.fullmatch("M(.*?)l(.*)", polyline(*np.array(corners).T)).groups()  # type: ignore[union-attr]
     numbers = [float(x) for x in re.findall(r"-?[\d.]+(?:e-?\d+)?", steps)]
     ends = np.cumsum([[float(x) for x in start.split()], *np.reshape(numbers, (-1, 2))], axis=0)
     assert np.abs(ends - np.array(corners)).max() < 0.006

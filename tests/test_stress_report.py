@@ -7,11 +7,10 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.report.bench.looks import MARKERS
-from screwgauge.report.stress.drawing import make_plots
+from screwgauge.report.figures.looks import MARKERS
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import headline, report
-from screwgauge.report.stress.small_plot import inks
+from screwgauge.report.stress.drawing import inks, make_plots
 from screwgauge.study.stress.case import GOOD, Case, Finding, Rung
 from screwgauge.study.stress.run import Row, Stress
 

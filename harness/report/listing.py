@@ -10,7 +10,7 @@ from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Table
 from screwgauge.report.terminal import terminal
-from screwgauge.scene.scene import load_scene, scene_names
+from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.stress.registry import CASES
 from screwgauge.study.stress.registry import load as load_case
 

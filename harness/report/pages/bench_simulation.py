@@ -41,7 +41,7 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
     how = {
         "threads": "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
         "reference": found.reference,
-        "samples": len(found.scene.motion),
+        "samples": len(found.scene.t),
         "rounds": plan.rounds,
         "each": number(plan.each),
         "budget": number(plan.budget),
@@ -97,7 +97,7 @@ def _who(o: Outcome) -> tuple[str, str, str]:
 
 def headline(found: Contest) -> str:
     """Counts, and who reaches six digits first."""
-    t, outcomes = found.scene.motion.t, found.outcomes
+    t, outcomes = found.scene.t, found.outcomes
     parts = [f"{len(outcomes)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
     if six := [o for o in outcomes if o.status == OK and o.scaled <= SIX]:
         best = min(six, key=_cpu)

@@ -36,7 +36,7 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
     Args:
         errata: The section "The paper, checked", left out if empty.
     """
-    section = partial(blocks.section, "run" if results.scene.forward is None else "simulation")
+    section = partial(blocks.section, "run" if not results.scene.simulated else "simulation")
     others, drawn = published(results), list[Block](pictures)
     return [
         Heading(f"{results.scene.title or results.scene.name}: verification report", 1),

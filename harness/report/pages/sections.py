@@ -98,7 +98,7 @@ def conditioning(results: Comparison) -> str:
     bad = [row for row in results.guard if not row.ok]
     worst = max(bad or results.guard, key=lambda row: (row.estimate, row.flagged))
     if not bad:
-        what = "error" if results.scene.forward is None else "effect of rounding on the motion"
+        what = "error" if not results.scene.simulated else "effect of rounding on the motion"
         return f"nothing flagged; largest estimated {what} {_estimate(worst)} ({worst.quantity} of {worst.engine})"
     engines = listed(dict.fromkeys(row.engine for row in bad))
     return (
@@ -121,7 +121,7 @@ def scene(results: Comparison) -> list[Block]:
             "gravity": f"{vector(this.gravity)} m/s²",
             "load": [_load(load) for load in this.loads],
             **acting(this),
-            **({"rule for redundant forces": this.rule} if this.forward is None else simulated(this, this.forward)),
+            **({"rule for redundant forces": this.rule} if not this.simulated else simulated(this, this.start)),
             **judged(results.provenance),
         }
     )

@@ -7,14 +7,15 @@ from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Table, table
 from screwgauge.report.formatting import Row, missing, number, rows, size, vector
 from screwgauge.scene.scene import Scene
-from screwgauge.scene.setting import Forward, Published
+from screwgauge.problem import InitialValue
+from screwgauge.scene.observables import Published
 from screwgauge.solution import REFERENCE
 from screwgauge.study.comparison import Comparison
 
 
 def acting(scene: Scene) -> dict[str, list[str]]:
     """Springs and motors in words."""
-    springs, motors = map(spring_text, scene.springs), map(motor_text, scene.motors)
+    springs, motors = map(spring_text, scene.applied.springs), map(motor_text, scene.applied.motors)
     return {"spring and damper": list(springs), "motor": list(motors)}
 
 

@@ -1,90 +1,66 @@
-"""Pictures of ``screwgauge paper``: what the printed scheme and the rule of eq. (56) do over time."""
+"""The pictures of ``screwgauge paper``: what the printed scheme and the rule of eq. (56) do over time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
 
-from screwgauge.reference.rotations import Array
+from screwgauge.report.figures.axes import linear, log
+from screwgauge.report.figures.curves import thin
+from screwgauge.report.figures.data import Diagram, Guide, Look, Panel, Row, Series
+from screwgauge.report.figures.looks import COLOURS, DASHES, DOTTED, MARKERS
+from screwgauge.report.figures.render import render
 from screwgauge.report.plots import Plot
-from screwgauge.report.sheet import COLOURS, DASHES, GREY, MARKERS, Sheet, Strip, log_scale, style
-from screwgauge.study.paper.axial import AxialRule
-from screwgauge.study.paper.scheme import SchemeRuns
 
+if TYPE_CHECKING:
+    from screwgauge.study.paper.axial import AxialRule
+    from screwgauge.study.paper.scheme import SchemeRuns
+
+LINES = [Look(colour, dash) for colour, dash in zip(COLOURS, DASHES, strict=False)]
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
+TALL = 165.0
 
 
 def make_paper_plots(runs: SchemeRuns, axial: AxialRule) -> list[Plot]:
     """All pictures, in the order of the report."""
-    with style():
-        return [
-            Plot("paper-scheme-steps", *_steps(runs)),
-            Plot("paper-scheme-time", *_over_time(runs)),
-            Plot("paper-axial-rule", *_axial(axial)),
-        ]
+    diagrams = {"scheme-steps": _steps(runs), "scheme-time": _over_time(runs), "axial-rule": _axial(axial)}
+    return [Plot(f"paper-{name}", diagram.title, render(diagram)) for name, diagram in diagrams.items()]
 
 
-def _handle(label: str, i: int, marker: str = "") -> Line2D:
-    return Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], marker=marker, label=label, markersize=4)
-
-
-def _steps(runs: SchemeRuns) -> tuple[str, str]:
+def _steps(runs: SchemeRuns) -> Diagram:
+    looks = {
+        label: replace(look, marker=marker) for label, look, marker in zip(runs.ladders, LINES, MARKERS, strict=False)
+    }
+    series = tuple(Series(steps, errors, looks[label]) for label, (steps, errors) in runs.ladders.items())
+    across = log("step [s]", [one.x for one in series], whole=False)
+    panel = Panel(across, log("largest gap of a leg [m]", [one.y for one in series]), series)
     title = "The paper's scheme: a shorter step does not mend the printed twist"
-    handles = [_handle(label, i, MARKERS[i]) for i, label in enumerate(runs.ladders)]
-    sheet = Sheet(title, [""], [Strip(handles)], lower=False)
-    ax = sheet.upper[0]
-    for i, (steps, gaps) in enumerate(runs.ladders.values()):
-        ax.plot(steps, gaps, color=COLOURS[i], linestyle=DASHES[i], marker=MARKERS[i], markersize=4)
-    ax.set_xscale("log")
-    steps = np.unique(np.concatenate([steps for steps, _ in runs.ladders.values()]))
-    ax.set_xticks(steps, minor=False)
-    ax.set_xticks([], minor=True)
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.set_xlabel("step [s]")
-    _log(ax, [gaps for _, gaps in runs.ladders.values()])
-    ax.set_ylabel("largest gap of a leg [m]")
-    return title, sheet.svg()
+    return Diagram(title, (Row((panel,), TALL),), 576.0, legends=(looks,))
 
 
-def _over_time(runs: SchemeRuns) -> tuple[str, str]:
+def _over_time(runs: SchemeRuns) -> Diagram:
+    looks = {run.label: look for run, look in zip(runs.over_time, LINES, strict=False)}
+    time = linear("t [s]", [run.t for run in runs.over_time], 6, 0.02)
+    up = log("gap [m]", [np.maximum(run.gap, FLOOR) for run in runs.over_time])
+    panels = []
+    for title, legs in (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4))):
+        series = []
+        for run in runs.over_time:
+            t, size = thin(run.t, np.log10(np.maximum(run.gap[:, legs].max(axis=1), FLOOR)), np.log10(up.high / up.low))
+            series.append(Series(t, 10.0**size, looks[run.label]))
+        panels.append(Panel(time, up, tuple(series), (title,)))
     title = "Gap between leg and platform over time, joint angles by eq. (27)"
-    sheet = Sheet(
-        title,
-        ["leg 1 (UPU)", "legs 2 to 4 (UPS), the largest"],
-        [Strip([_handle(run.label, i) for i, run in enumerate(runs.over_time)])],
-        lower=False,
-    )
-    for ax, legs in zip(sheet.upper, (slice(0, 1), slice(1, 4)), strict=True):
-        for i, run in enumerate(runs.over_time):
-            stride = max(1, len(run.t) // 250)
-            gap = np.maximum(run.gap[::stride, legs].max(axis=1), FLOOR)
-            ax.plot(run.t[::stride], gap, color=COLOURS[i], linestyle=DASHES[i], linewidth=1.2)
-    _log(sheet.upper[0], [np.maximum(run.gap, FLOOR) for run in runs.over_time])
-    sheet.upper[0].set_ylabel("gap [m]")
-    return title, sheet.svg()
+    return Diagram(title, (Row(tuple(panels), TALL),), 720.0, legends=(looks,))
 
 
-def _axial(axial: AxialRule) -> tuple[str, str]:
+def _axial(axial: AxialRule) -> Diagram:
+    looks = {"eq. (56): F_S along O P": LINES[0], "minimum norm": LINES[1], "t = k pi: eq. (56) is singular": DOTTED}
+    sizes = (axial.size, axial.least)
+    series = tuple(Series(axial.t, size, look) for size, look in zip(sizes, looks.values(), strict=False))
+    guides = tuple(Guide(k * np.pi, DOTTED, upright=True) for k in range(4))
+    up = log("largest driving force [N]", sizes)
+    panel = Panel(linear("t [s]", [axial.t], 6, 0.02), up, series, guides=guides)
     title = "Largest driving force: eq. (56) against the smallest possible"
-    labels = ("eq. (56): F_S along O P", "minimum norm")
-    mark = Line2D([], [], color=GREY, linestyle=(0, (1, 2)), label="t = k pi: eq. (56) is singular")
-    handles = [*(_handle(label, i) for i, label in enumerate(labels)), mark]
-    sheet = Sheet(title, [""], [Strip(handles)], lower=False)
-    ax = sheet.upper[0]
-    for k in range(4):
-        ax.axvline(k * np.pi, color=GREY, linestyle=(0, (1, 2)), linewidth=1.0)
-    for i, size in enumerate((axial.size, axial.least)):
-        ax.plot(axial.t, size, color=COLOURS[i], linestyle=DASHES[i], linewidth=1.2)
-    _log(ax, [axial.size, axial.least])
-    ax.set_ylabel("largest driving force [N]")
-    return title, sheet.svg()
-
-
-def _log(ax: Any, arrays: Sequence[Array]) -> None:
-    numbers = np.concatenate([array.ravel() for array in arrays])
-    numbers = numbers[np.isfinite(numbers) & (numbers > 0)]
-    log_scale(ax, float(numbers.min()), float(numbers.max()))
+    return Diagram(title, (Row((panel,), TALL),), 576.0, legends=(looks,))

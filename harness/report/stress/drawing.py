@@ -3,111 +3,96 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from io import StringIO
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure as Canvas
-from matplotlib.lines import Line2D
+import numpy as np
 
-from screwgauge.report.plots import Plot
-from screwgauge.report.sheet import style
-from screwgauge.report.stress.small_plot import PLAIN, Ink, draw, inks, mark
-from screwgauge.report.svg import tidy
-from screwgauge.study.stress.case import DEGRADED, OK, REFUSED, SILENT, Case
-from screwgauge.study.stress.run import Row, Stress
+from screwgauge.report.figures.axes import log
+from screwgauge.report.figures.data import Axis, Diagram, Guide, Look, Panel, Row, Series
+from screwgauge.report.figures.looks import DOTTED, GREY, by_camp
+from screwgauge.report.formatting import MAX_DIGITS, digits
+from screwgauge.report.plots import Plot, drawn
+from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
+
+if TYPE_CHECKING:
+    from screwgauge.study.stress.run import Row as Result
+    from screwgauge.study.stress.run import Stress
 
 TITLE = "Digits kept as scenes become extreme"
 NOTE = (
     "Severity grows to the right, that of a ratio to both sides. "
     "In the shaded part, below nine digits, a result needs a warning."
 )
-COLUMNS, WIDE = 3, 3.9  # small plots side by side; inches of each
-HEAD, AXES, FOOT, LINE = (
-    0.34,
-    1.75,
-    0.54,
-    0.165,
-)  # inches: its title, the plot, its axis, a line of its legend
-LEFT, RIGHT = 0.5, 0.22  # inches beside a plot
-TOP, LETTER, SAMPLE = 0.64, 0.066, 0.55  # inches: above the legends; of a letter; of the line before the text
-_WORDS = {OK: "ok", DEGRADED: "degraded, and says so", REFUSED: "refused", SILENT: "silently wrong"}
+COLUMNS, TALL = 3, 126.0
+NARROW, WIDE = 660.0, 846.0  # of pages with less than `COLUMNS` cases, and others
+RED = "#b3202a"
+LOWEST, NO_NUMBER, APART = -2.6, -0.9, 0.55  # end of the axis; where crosses begin, a line of them for each camp
+DIGITS = Axis("digits", LOWEST, MAX_DIGITS + 0.6, tuple((float(d), str(d)) for d in range(0, 16, 3)))
+WORDS = {OK: "ok", DEGRADED: "degraded, and says so", REFUSED: "refused", SILENT: "silently wrong"}
 
 
-def make_plots(found: Stress) -> list[Plot]:
+def make_plots(stress: Stress) -> list[Plot]:
     """The page, if there is anything to draw."""
-    drawn = {case: rows for case in found.cases if (rows := _points(found, case))}
-    if not drawn:
+    results = {}
+    for case in stress.cases:
+        rows = [r for r in stress.rows if r.case == case.name and r.finding.quantity in (case.drawn, "judge")]
+        if rows:
+            results[case] = rows
+    if not results:
         return []
-    common, own = inks([_engines(rows) for rows in drawn.values()])
-    columns = min(COLUMNS, len(drawn))
-    width = columns * WIDE
-    legends = _common_legends(common)
-    top = TOP + 0.22 * len(legends) + 0.1
-    heights = _heights([len(ink) for ink in own], columns)
-    tall = top + sum(heights)
-    with style():
-        canvas = Canvas(figsize=(width, tall))
-        canvas.text(0.1 / width, 1 - 0.1 / tall, TITLE, va="top", weight="bold", size=11.5)
-        canvas.text(0.1 / width, 1 - 0.36 / tall, NOTE, va="top", color="#444444", size=9)
-        for i, handles in enumerate(legends):
-            _legend(canvas, handles, (0.1, TOP + 0.22 * i), len(handles))
-        for i, (case, rows) in enumerate(drawn.items()):
-            line, column = divmod(i, columns)
-            left, upper = column * WIDE + LEFT, top + sum(heights[:line]) + HEAD
-            size = (WIDE - LEFT - RIGHT) / width, AXES / tall
-            ax = canvas.add_axes((left / width, 1 - upper / tall - size[1], *size))
-            draw(ax, case, rows, {**common, **own[i]})
-            lines = [Line2D([], [], label=name, **ink.style()) for name, ink in own[i].items()]
-            if lines:
-                _legend(canvas, lines, (left - 0.1, upper + AXES + FOOT), _beside(lines), 7.5)
-        text = StringIO()
-        canvas.savefig(text, format="svg", metadata={"Date": None})
-    return [Plot("01-digits", TITLE, tidy(text.getvalue()))]
+    common, own = inks([[row.finding.engine for row in rows] for rows in results.values()])
+    panels = [_panel(case, rows, common, looks) for (case, rows), looks in zip(results.items(), own, strict=True)]
+    grid = tuple(Row(tuple(panels[i : i + COLUMNS]), TALL) for i in range(0, len(panels), COLUMNS))
+    verdicts = {words: mark(verdict, Look(GREY, marker="o")) for verdict, words in WORDS.items()}
+    width = WIDE if len(panels) >= COLUMNS else NARROW
+    return drawn([("digits", Diagram(TITLE, grid, width, NOTE, legends=(common, verdicts)))])
 
 
-def _points(found: Stress, case: Case) -> list[Row]:
-    return [row for row in found.rows if row.case == case.name and row.finding.quantity in (case.drawn, "judge")]
+def inks(plots: Sequence[Sequence[str]]) -> tuple[dict[str, Look], list[dict[str, Look]]]:
+    """Looks of bare engines, the same in all plots, and of engines with a setting, plot by plot.
+
+    Args:
+        plots: Names of the engines in each plot; what follows a blank is a setting.
+    """
+    common = by_camp(name for names in plots for name in names if " " not in name)
+    own = [by_camp([n for n in names if n not in common], [n for n in names if n in common]) for names in plots]
+    return common, own
 
 
-def _engines(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(row.finding.engine for row in rows))
+def mark(verdict: str, look: Look) -> Look:
+    """Full: ok; hollow: degraded; a cross below the axis: refused; in a red frame: silently wrong."""
+    if verdict == SILENT:
+        return Look(RED, None, 1.4, "s", look.colour, 6.0)
+    marker = "x" if verdict == REFUSED else look.marker
+    return replace(look, dash=None, marker=marker, size=4.5, fill="white" if verdict == DEGRADED else "")
 
 
-def _heights(settings: Sequence[int], columns: int) -> list[float]:
-    """Heights of the lines of small plots: the longest legend below them counts."""
-    lines = [settings[i : i + columns] for i in range(0, len(settings), columns)]
-    return [HEAD + AXES + FOOT + 0.2 + LINE * -(-max(line) // 2) for line in lines]
+def _panel(case: Case, rows: Sequence[Result], common: Mapping[str, Look], own: Mapping[str, Look]) -> Panel:
+    """One case; `rows` are those of the quantity drawn."""
+    least = min((row.severity for row in rows if row.severity > 0.0), default=1.0)
+    zero = least / 10.0  # where severity 0 stands on its logarithmic axis
+    looks = {engine: {**own, **common}[engine] for engine in dict.fromkeys(row.finding.engine for row in rows)}
+    camps = list(dict.fromkeys(look.colour for look in looks.values()))
+    lines, marks = [], []
+    for engine, look in looks.items():
+        ladder = sorted((row for row in rows if row.finding.engine == engine), key=lambda row: row.severity)
+        x = np.array([row.severity or zero for row in ladder])
+        y = np.array([digits(row.finding.error) for row in ladder])
+        lines.append(Series(x, y, replace(look, marker="")))
+        y = np.where(np.isnan(y), NO_NUMBER - APART * (camps.index(look.colour) % 3), y)
+        for verdict in WORDS:
+            has = np.array([row.finding.verdict == verdict for row in ladder])
+            marks.append(Series(x[has], y[has], mark(verdict, look)))
+    limit = digits(GOOD)
+    guides, shade = (Guide(limit, DOTTED),), (LOWEST, limit)
+    across = _severities(case, [row.severity for row in rows], zero)
+    return Panel(across, DIGITS, (*lines, *marks), (case.title,), guides, (), shade, own)
 
 
-def _beside(lines: Sequence[Line2D]) -> int:
-    """Columns of a small plot's own legend."""
-    longest = max(len(str(line.get_label())) for line in lines)
-    return 2 if 2 * (longest * LETTER * 0.85 + SAMPLE) < WIDE else 1
-
-
-def _common_legends(common: Mapping[str, Ink]) -> list[list[Line2D]]:
-    """Engines, if any is without a setting, and verdicts."""
-    engines = [Line2D([], [], label=name, **ink.style()) for name, ink in common.items()]
-    verdicts = [Line2D([], [], label=word, **mark(verdict, PLAIN)) for verdict, word in _WORDS.items()]
-    return [handles for handles in (engines, verdicts) if handles]
-
-
-def _legend(
-    canvas: Canvas, handles: Sequence[Line2D], at: tuple[float, float], columns: int, size: float = 8.5
-) -> None:
-    """A legend whose upper left corner is so many inches from that of the page."""
-    width, tall = canvas.get_size_inches()
-    settings: dict[str, Any] = {
-        "loc": "upper left",
-        "bbox_to_anchor": (at[0] / width, 1 - at[1] / tall),
-        "ncols": columns,
-        "frameon": False,
-        "borderaxespad": 0.0,
-        "borderpad": 0.0,
-        "handletextpad": 0.5,
-        "columnspacing": 1.2,
-        "labelspacing": 0.35,
-        "handlelength": 2.4,
-        "fontsize": size,
-    }
-    canvas.legend(handles=handles, **settings)
+def _severities(case: Case, severities: Sequence[float], zero: float) -> Axis:
+    """A logarithmic axis on which 0 stands at `zero`, if it is one of the severities."""
+    axis = log(case.axis, [np.array([severity or zero for severity in severities])], whole=False)
+    if 0.0 in severities:
+        axis = replace(axis, ticks=((zero, "0"), *(tick for tick in axis.ticks if tick[0] > 3.0 * zero)))
+    return replace(axis, low=axis.high, high=axis.low) if case.falling else axis

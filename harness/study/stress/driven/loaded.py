@@ -12,7 +12,7 @@ from screwgauge.reference.forward import Forces, forward_dense
 from screwgauge.reference.kinematics import Velocities, positions, velocities
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import load_scene
+from screwgauge.scene.read import load_scene
 from screwgauge.study.bench.case import Case, make_case
 from screwgauge.study.bench.projection import Given, given
 from screwgauge.study.bench.score import score

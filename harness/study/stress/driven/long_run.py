@@ -51,7 +51,7 @@ def long_run() -> Case:
 
 def climb(count: int) -> Iterator[Finding]:
     """All engines over a number of samples."""
-    from screwgauge.scene.scene import load_scene
+    from screwgauge.scene.read import load_scene
     from screwgauge.study.bench.reference import reference_values
 
     scene = load_scene("3ups-upu-s")

@@ -63,7 +63,7 @@ class Open:
 
 def climb(n: int) -> Iterator[Finding]:
     """All engines on n loops."""
-    from screwgauge.scene.scene import load_scene
+    from screwgauge.scene.read import load_scene
     from screwgauge.study.bench.case import make_case
 
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:

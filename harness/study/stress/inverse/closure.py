@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from screwgauge.scene.scene import load_scene
+from screwgauge.scene.read import load_scene
 from screwgauge.study.stress.case import Case, Finding, Rung
 from screwgauge.study.stress.inverse.measure import still
 from screwgauge.study.stress.inverse.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.reference.applied import Load
-from screwgauge.scene.scene import load_scene
+from screwgauge.scene.read import load_scene
 from screwgauge.study.stress.case import Case, Rung
 from screwgauge.study.stress.inverse.measure import measure, still
 from screwgauge.study.stress.inverse.states import ACCELERATIONS, POSES, RATES, SCENE, decades, samples

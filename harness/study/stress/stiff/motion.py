@@ -21,7 +21,7 @@ from screwgauge.reference.forward import Forces, energy, forward
 from screwgauge.reference.kinematics import Velocities, positions, velocities
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import load_scene
+from screwgauge.scene.read import load_scene
 from screwgauge.scene.stiffness import REACH, eigenvalues
 from screwgauge.solution import ForwardSolution
 from screwgauge.study.stress.case import GOOD, Finding

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from screwgauge.scene.figures import Figure
@@ -11,46 +12,37 @@ from screwgauge.solution import Solution, Values
 MAX_PANELS = 6  # more side by side cannot be read; they then share one
 
 
-def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[int]:
-    """Columns of the components that have the unit and match one of the patterns."""
-    return [
-        i
-        for i, (name, has) in enumerate(zip(values.components, values.units, strict=True))
-        if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)
-    ]
-
-
-def first_values(solutions: Mapping[str, Solution], quantity: str) -> Values | None:
-    """Values of the first engine that has the quantity."""
-    found = (s.values[quantity] for s in solutions.values() if quantity in s.values)
-    return next(found, None)
+def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
+    """Names of the components that have the unit and match one of the patterns."""
+    names = zip(values.components, values.units, strict=True)
+    return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
     """The figures with the panels for which an engine has values; defaults if none is left."""
-    kept = []
-    for figure in figures:
-        values = first_values(solutions, figure.quantity)
-        if values is None:
-            continue
-        panels = tuple(panel for panel in figure.panels if select(values, figure.unit, panel[1]))
-        if panels:
-            kept.append(Figure(figure.title, figure.quantity, figure.unit, panels))
+    values, kept = _first_values(solutions), []
+    for figure in (figure for figure in figures if figure.quantity in values):
+        has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
+        kept += [replace(figure, panels=tuple(has))] if has else []
     return tuple(kept) or default_figures(solutions)
 
 
 def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
     """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
     figures = []
-    for quantity in dict.fromkeys(name for solution in solutions.values() for name in solution.values):
-        values = first_values(solutions, quantity)
-        if values is None:
-            continue
-        title = quantity.replace("_", " ").capitalize()
+    for quantity, values in _first_values(solutions).items():
         for unit in dict.fromkeys(values.units):
-            names = [name for name, has in zip(values.components, values.units, strict=True) if has == unit]
-            figures.append(Figure(title, quantity, unit, _panels(names)))
+            title, panels = quantity.replace("_", " ").capitalize(), _panels(select(values, unit, ("*",)))
+            figures.append(Figure(title, quantity, unit, panels))
     return tuple(figures)
+
+
+def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
+    """Quantity -> values of the first engine that has it."""
+    values: dict[str, Values] = {}
+    for solution in solutions.values():
+        values |= {quantity: v for quantity, v in solution.values.items() if quantity not in values}
+    return values
 
 
 def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
