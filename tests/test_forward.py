@@ -65,7 +65,8 @@ def test_a_batch_is_its_samples_one_by_one():
     y, yd = rate.pose.q[:, lay.mechanism.independent_columns], rate.w[:, lay.mechanism.independent_columns]
     t = np.zeros(1)
     alone = [
-        forward(lay, velocities(lay, positions(lay, a[None], t), b[None]), forces).ydd[0] for a, b in zip(y, yd, strict=True)
+        forward(lay, velocities(lay, positions(lay, a[None], t), b[None]), forces).ydd[0]
+        for a, b in zip(y, yd, strict=True)
     ]
     assert np.abs(together - alone).max() < 1e-12 * np.abs(together).max()
 

@@ -15,8 +15,8 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.scene import Scene
-from screwgauge.study.reference import Reference, reference_values
 from screwgauge.study.ask import model_files
+from screwgauge.study.reference import Reference, reference_values
 
 #: What is measured of given motions, in this order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")

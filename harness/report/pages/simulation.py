@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from screwgauge.problem import InitialValue
 from screwgauge.reference.applied import JointSpring, Motor, Spring
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Table, table
 from screwgauge.report.formatting import Row, missing, number, rows, size, vector
-from screwgauge.scene.scene import Scene
-from screwgauge.problem import InitialValue
 from screwgauge.scene.observables import Published
+from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE
 from screwgauge.study.comparison import Comparison
 
@@ -19,14 +19,14 @@ def acting(scene: Scene) -> dict[str, list[str]]:
     return {"spring and damper": list(springs), "motor": list(motors)}
 
 
-def simulated(scene: Scene, start: Forward) -> dict[str, str]:
+def simulated(scene: Scene, start: InitialValue) -> dict[str, str]:
     """How the scene starts and is integrated, what is followed."""
 
     def named(values: Array) -> str:
         names = scene.mechanism.independent
         return ", ".join(f"{name} = {number(value)}" for name, value in zip(names, values, strict=True))
 
-    method = start.method
+    method = start.integration
     return {
         "start": f"t = {number(start.since)} s, {named(start.start)}",
         "velocities there": named(start.rates),
