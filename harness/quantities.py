@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from screwgauge.reference import pose
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import Mechanism
 
 G0 = 9.81  # [m/s^2], only a scale
+MAX_DIGITS = 17.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +59,13 @@ SIMULATED = ("joint_position", "joint_velocity", "joint_acceleration", "observab
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
 #: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
 GROWTH = 1e3
+
+
+def digits(scaled: float) -> float:
+    """Digits of agreement of a scaled error: 17 at most, 0 at least, NaN where there is no number."""
+    if not np.isfinite(scaled):
+        return float("nan")
+    return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS)) if scaled > 0.0 else MAX_DIGITS
 
 
 def integrated_tolerance(rtol: float, atol: float) -> float:
