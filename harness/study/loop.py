@@ -9,8 +9,8 @@ from time import perf_counter
 from screwgauge.engines.registry import get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.ask import missing
 from screwgauge.study.method import Method
-from screwgauge.study.run import missing
 
 
 class TooLongError(Exception):

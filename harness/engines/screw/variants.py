@@ -21,8 +21,8 @@ from screwgauge.reference.chains import closed_form
 from screwgauge.reference.continuation import Evaluation, corrector, follow
 from screwgauge.reference.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
-from screwgauge.reference.kinematics import accelerations, closure_system, positions, rates
-from screwgauge.reference.paper.scheme import METHODS, integrate
+from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
+from screwgauge.reference.paper.scheme import integrate
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
@@ -88,7 +88,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     q = closed_form(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
-    if mended and np.abs(pose(lay, q).gap).max() > 64 * np.finfo(dtype).eps:
+    if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(dtype).eps:
         q = newtons_method(_closing(lay), q, motion.y, most=5)[0]
     return _beyond(lay, problem, motion, q)
 
@@ -126,7 +126,6 @@ def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, met
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
-    check_choice("method", [method], METHODS)
     duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // (1 if method == "euler" else 2)
     start = float(motion.t[0])
     run = integrate(lay, lambda t: motion, duration / steps, duration, start=start, twist=twist, method=method)
@@ -150,7 +149,7 @@ def _closing(lay: Layout) -> Evaluation:
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.gap.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+        return np.concatenate([at.residual.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
 
     return evaluate
 
@@ -164,7 +163,7 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
     out, wanted, dtype = {"joint_position": q}, problem.wanted, q.dtype
     if wanted - set(out):
         at = pose(lay, q)
-        rate = rates(lay, at, motion.yd)
+        rate = velocities(lay, at, motion.yd)
         out["joint_velocity"] = rate.w
     if wanted - set(out):
         out["joint_acceleration"], screws = accelerations(lay, rate, motion.ydd)

@@ -13,11 +13,11 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
 from screwgauge.solution import Values
+from screwgauge.study.ask import model_files
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import CUT, OK
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
-from screwgauge.study.run import model_files
 
 COLUMNS = [
     *("engine", "group", "setting", "n_sample", "time_s", "median_s", "ratio", "max_difference", "unchanged"),
@@ -45,7 +45,7 @@ class Trial:
 
     Attributes:
         wanted: What is asked for.
-        absent: Gravity or loads (a field of `Applied`) that do not act; empty for none.
+        absent: ``gravity`` or ``load``, which does not act; empty for neither.
         part: Part that the model file has beyond the mechanics; empty for none.
         full: All joints are in the engine's tree.
         compared: Quantities that must not change against everything.
@@ -73,9 +73,10 @@ class Trial:
     def ask(self, posed: Posed) -> Asked:
         """Its question on a scene."""
         problem, folder, scene = posed.problem(*self.wanted), posed.folder, posed.scene
-        if self.absent:
-            nothing = np.zeros(3) if self.absent == "gravity" else ()
-            problem = replace(problem, applied=replace(problem.applied, **{self.absent: nothing}))
+        if self.absent == "gravity":
+            problem = replace(problem, applied=replace(problem.applied, gravity=np.zeros(3)))
+        if self.absent == "load":
+            problem = replace(problem, applied=replace(problem.applied, loads=()))
         if self.part:
             folder = folder / f"with-{self.part}"
             include = frozenset(PARTS) if self.part == ALL_PARTS else frozenset({self.part})
@@ -105,7 +106,7 @@ def _trials(engine: str) -> list[Trial]:
         Trial(engine, "asked for", "actuator forces alone", frozenset({"actuator_force"})),
         # forces change without gravity or load; motion must not
         Trial(engine, "absent", "gravity", absent="gravity", compared=MOTION),
-        Trial(engine, "absent", "load", absent="loads", compared=MOTION),
+        Trial(engine, "absent", "load", absent="load", compared=MOTION),
     ]
     if engine == "screw":
         return found

@@ -24,7 +24,10 @@ BENCH = {
 }
 TIMING = {
     **_WHO,
-    **{"rounds": "rounds", "n_sample": "n_sample", "min_s": "time_s", "median_s": "median_s"},
+    "rounds": "rounds",
+    "n_sample": "n_sample",
+    "min_s": "time_s",
+    "median_s": "median_s",
     "covers": "contestant.covers",
 }
 COLUMNS = list(BENCH)

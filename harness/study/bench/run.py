@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from itertools import chain, groupby, zip_longest
+from itertools import groupby, zip_longest
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
@@ -19,6 +19,7 @@ from screwgauge.environment import environment
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
+from screwgauge.study.ask import Report, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.journal import Journal, stamp
@@ -29,7 +30,6 @@ from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.loop import failure_text
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.run import Report, silent
 
 Item = Contestant | Trial
 
