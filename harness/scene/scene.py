@@ -64,7 +64,6 @@ class Scene:
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
     published: tuple[Published, ...] = ()
-    file: Path | None = None
 
     @property
     def t(self) -> Array:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import Simulated, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion
+from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
@@ -19,9 +22,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, Values
 
 
-def load(files: ModelFiles) -> ScrewModel:
-    """Loads a description."""
-    return ScrewModel(layout(load_mechanism(files.model)), str(files.model))
+def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
+    """Loads a description; with settings, a variant of the solver, see `screwgauge.engines.screw.variants`."""
+    lay = layout(load_mechanism(files.model))
+    return load_variant(lay, **settings) if settings else ScrewModel(lay, str(files.model))
 
 
 class ScrewModel:

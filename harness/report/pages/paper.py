@@ -18,7 +18,8 @@ from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.paper.errata import KINDS, SCENE, Erratum
+from screwgauge.study.paper.case import SCENE
+from screwgauge.study.paper.errata import KINDS, Erratum
 from screwgauge.study.paper.measure import NUMBERS, Paper, is_the_papers, measured
 from screwgauge.study.provenance import provenance
 

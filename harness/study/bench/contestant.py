@@ -1,18 +1,19 @@
-"""What a contestant is: one method with one setting, prepared outside the clock, called inside it."""
+"""What a bench measures: a method with a question, and its place in tables and diagrams. Data only; it pickles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from screwgauge.solution import Values
+from screwgauge.solution import Solution
+from screwgauge.study.bench.questions import Asked, Question
+from screwgauge.study.method import Method
+from screwgauge.study.posed import QUANTITIES, Posed
 
-if TYPE_CHECKING:
-    from screwgauge.study.bench.case import Case
-
-#: What is measured, in this order; `NOTHING` for a contestant that computes none of it.
-QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
+FROM_Y = "from y and its derivatives"
+ONE_BY_ONE = tuple((quantity,) for quantity in QUANTITIES)
+#: The quantity of a contestant that computes none.
 NOTHING = "none"
 
 
@@ -23,63 +24,31 @@ def count(n: int, word: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """What a contestant found for one quantity.
-
-    Attributes:
-        values: Shape (n_sample, n_component); components may be some of the quantity's only.
-        reference: What it is measured against, if not the case's reference at the case's times.
-        scales: Unit -> S of the scaled error, if not the case's.
-    """
-
-    values: Values
-    reference: Values | None = None
-    scales: Mapping[str, float] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """A contestant that is loaded.
-
-    Attributes:
-        call: What the clock covers.
-        read: Turns what `call` returned into outcomes, quantity -> outcome; outside the clock.
-        n_sample: Samples that one call delivers.
-        hint: Why it may fail, for the row that says so.
-    """
-
-    call: Callable[[], Any]
-    read: Callable[[Any], Mapping[str, Outcome]]
-    n_sample: int
-    hint: str = ""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
     """One method with one setting: one row for each of its quantities.
 
     Attributes:
+        setting: In words.
         covers: What the clock covers.
-        prepare: Loads and allocates everything; outside the clock.
-        given: It starts from given joint motion, so that closing the loops is not in its time.
         series: Line of the family that it belongs to, such as ``1 iteration``.
         parameter: Name and value of what is varied along that line.
         label: Short name of the setting in diagrams.
         drawn: Whether it has a place in the work-precision diagram.
-        family, name: As registered.
+        hint: Why it may fail, for the row that says so.
     """
 
+    family: str
+    name: str
     setting: str
+    method: Method
+    question: Question
     quantities: tuple[str, ...]
     covers: str
-    prepare: Callable[[Case], Task]
-    given: bool = False
     series: str = ""
     parameter: tuple[str, float] | None = None
     label: str = ""
     drawn: bool = True
-    family: str = ""
-    name: str = ""
+    hint: str = ""
 
     @property
     def key(self) -> str:
@@ -90,3 +59,21 @@ class Contestant:
     def line(self) -> str:
         """Its line in a diagram: family, or family and series."""
         return f"{self.family} ({self.series})" if self.series else self.family
+
+    @property
+    def given(self) -> bool:
+        """It starts from given joint motion, so that closing the loops is not in its time."""
+        return self.question.given
+
+    def ask(self, posed: Posed) -> Asked:
+        """Its question on a scene."""
+        return self.question.ask(posed, self.method.engine, self.quantities)
+
+    def result(self, asked: Asked, solutions: Sequence[Solution]) -> dict[str, Any]:
+        """What it found: quantity -> largest and RMS scaled error, and why there is none."""
+        scores = {}
+        for quantity in self.quantities if self.quantities != (NOTHING,) else ():
+            score = asked.score(quantity, solutions)
+            reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
+            scores[quantity] = [score.max_scaled, score.rms_scaled, reason]
+        return {"scores": scores}

@@ -1,204 +1,126 @@
-"""Our own solver: its parts, its precisions, and per sample against whole trajectory."""
+"""Our own solver in a bench: its parts and precisions, what shortcuts cost, and the paper's scheme."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
-import numpy as np
+from screwgauge.study.bench.contestant import FROM_Y, NOTHING, ONE_BY_ONE, Contestant, count
+from screwgauge.study.bench.questions import Differenced, Faster, Motion, Stepped
+from screwgauge.study.method import Method
+from screwgauge.study.posed import QUANTITIES
 
-from screwgauge.engines.screw.inverse import solve_layout
-from screwgauge.problem import Motion
-from screwgauge.reference import dynamics
-from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import Evaluation, corrector, follow, newton
-from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.kinematics import accelerations, closure_system, velocities
-from screwgauge.reference.pose import Layout, layout, pose
-from screwgauge.reference.precision import in_precision
-from screwgauge.reference.rotations import Array
-from screwgauge.solution import Values
-from screwgauge.study.bench.case import Case
-from screwgauge.study.bench.contestant import NOTHING, QUANTITIES, Contestant, Outcome, Task, count
-
-_FROM_Y = "from y and its derivatives"
-
-
-def floor(quick: bool) -> list[Contestant]:
-    """An empty loop over the samples: what the clock and a Python loop cost by themselves."""
-
-    def prepare(case: Case) -> Task:
-        n = len(case.times)
-
-        def call() -> None:
-            for _ in range(n):
-                pass
-
-        return Task(call, lambda _: {}, n)
-
-    return [
-        Contestant("empty loop", (NOTHING,), "a Python loop over the samples that does nothing", prepare, drawn=False)
-    ]
+#: Steps as parts of the motion's duration, on a scene of 10 s: differences 1e-3 s to 5e-2 s, Euler 1e-1 s to 1e-4 s,
+#: Runge and Kutta 2e-1 s to 1e-2 s.
+DIFFERENCES = (1e-4, 2e-4, 5e-4, 1e-3, 2.5e-3, 5e-3)
+EULER = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 1e-5)
+RK4 = (2e-2, 1e-2, 5e-3, 2e-3, 1e-3)
+SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+ROUNDING = 60  # Newton steps after which nothing but rounding is left
+#: The twist of the paper's scheme, in words, and its line.
+TWISTS = {
+    "printed": ("eq. (60) as printed", "eq. 60"),
+    "literal": ("eqs. (22)-(23) and (60) as printed", "eqs 22, 23, 60"),
+    "right": ("right twist", ""),
+}
 
 
-def closed(quick: bool) -> list[Contestant]:
-    """Positions in closed form, never corrected, and all that follows from them."""
+def _variant(variant: str, **settings: Any) -> Method:
+    return Method("screw", {"variant": variant, **settings})
 
-    def make(quantity: str) -> Contestant:
-        return Contestant(
-            "whole trajectory, no Newton step",
-            (quantity,),
-            f"{_FROM_Y}: closed form, then all samples at once",
-            lambda case: _pipeline(case, quantity, np.float64, _closed),
-            label="closed form",
+
+def solver(quick: bool) -> Iterator[Contestant]:
+    """Our own solver: its parts, its precisions, and per sample against whole trajectory."""
+    covers = "a Python loop over the samples that does nothing"
+    yield Contestant("floor", "floor", "empty loop", _variant("nothing"), Motion(), (NOTHING,), covers, drawn=False)
+    closed = partial(Contestant, "closed-form", "closed-form", question=Motion(), label="closed form")
+    covers = f"{FROM_Y}: closed form, then all samples at once"
+    for one in ONE_BY_ONE:
+        yield closed("whole trajectory, no Newton step", _variant("closed form"), quantities=one, covers=covers)
+    newton = partial(Contestant, "newton", "newton", question=Motion())
+    covers = f"{FROM_Y}: path from home, Newton, then all samples at once"
+    for one in ONE_BY_ONE:
+        for steps in (0, 1, 2, ROUNDING):
+            many, label = count(steps, "Newton step"), count(steps, "step")
+            if steps == ROUNDING:
+                many, label = "Newton to rounding", "converged"
+            setting = f"whole trajectory, {many} after the prediction"
+            yield newton(setting, _variant("newton", steps=steps), quantities=one, covers=covers, label=label)
+    float32 = partial(Contestant, "float32", "float32", question=Motion(), label="float32")
+    covers = f"{FROM_Y}: closed form (Newton where that leaves gaps), then all samples at once"
+    single = _variant("closed form", dtype="float32", mended=True)
+    for one in ONE_BY_ONE:
+        yield float32("whole trajectory, all arrays float32", single, quantities=one, covers=covers)
+    screw = partial(Contestant, "screw", method=Method("screw"))
+    for one in ONE_BY_ONE:
+        for whole in (False,) if quick else (False, True):
+            yield screw(
+                "screw-trajectory",
+                f"whole trajectory, {'all samples of the scene' if whole else 'the compared samples'}",
+                question=Motion(whole),
+                quantities=one,
+                covers=f"{FROM_Y}: the engine screw, model loaded",
+                label="all samples" if whole else "trajectory",
+            )
+    alone, covers = Motion(one_by_one=True), f"{FROM_Y}: the engine screw, one call a sample, model loaded"
+    per_sample = partial(screw, "screw-per-sample", "one sample at a time", question=alone, label="per sample")
+    for one in ONE_BY_ONE:
+        yield per_sample(quantities=one, covers=covers)
+
+
+def shortcuts(quick: bool) -> Iterator[Contestant]:
+    """What shortcuts cost: differentiating positions numerically, and forgetting Jdot v."""
+    differences = partial(Contestant, "finite-differences", method=_variant("differences"))
+    parts = DIFFERENCES[1:] if quick else DIFFERENCES
+    for ends, quantity in ((False, QUANTITIES[1]), (False, QUANTITIES[2]), (True, QUANTITIES[2])):
+        times, where = "once" if quantity == QUANTITIES[1] else "twice", "the two samples at each end"
+        for part in parts:
+            yield differences(
+                "differences-ends" if ends else "differences",
+                f"step = {part:g} of the duration, {where if ends else 'interior'}",
+                question=Differenced(part, ends),
+                quantities=(quantity,),
+                covers=f"from y: positions of every step of the trajectory, np.gradient {times}",
+                series="ends" if ends else "interior",
+                parameter=("step / duration", part),
+                label=f"{part:g} T",
+                drawn=not ends,
+            )
+    for speed in SPEEDS:
+        yield Contestant(
+            "missing-jdotv",
+            "missing-jdotv",
+            f"speed x {speed:g}, error against the largest acceleration at speed x 1",
+            _variant("without drift"),
+            Faster(speed),
+            QUANTITIES[2:3],
+            f"{FROM_Y}: positions, rates, A a = [0; ydd]; all samples at once",
+            parameter=("speed", speed),
+            label="Jdot v left out",
+            drawn=speed == 1.0,
         )
 
-    return [make(quantity) for quantity in QUANTITIES]
 
-
-def single(quick: bool) -> list[Contestant]:
-    """The same in single precision from the first operation to the last."""
-
-    def make(quantity: str) -> Contestant:
-        return Contestant(
-            "whole trajectory, all arrays float32",
-            (quantity,),
-            f"{_FROM_Y}: closed form (Newton where that leaves gaps), then all samples at once",
-            lambda case: _pipeline(case, quantity, np.float32, _closed_or_mended),
-            label="float32",
-        )
-
-    return [make(quantity) for quantity in QUANTITIES]
-
-
-def newton_closed(quick: bool) -> list[Contestant]:
-    """Positions by Newton's method on the loops, from predictions along the path; so many steps."""
-
-    def make(quantity: str, steps: int) -> Contestant:
-        name = count(steps, "Newton step") if steps < 60 else "Newton to rounding"
-        return Contestant(
-            f"whole trajectory, {name} after the prediction",
-            (quantity,),
-            f"{_FROM_Y}: path from home, Newton, then all samples at once",
-            lambda case: _pipeline(case, quantity, np.float64, lambda lay, motion: _newton(lay, motion, steps)),
-            label="converged" if steps == 60 else count(steps, "step"),
-        )
-
-    return [make(quantity, steps) for quantity in QUANTITIES for steps in (0, 1, 2, 60)]
-
-
-def trajectory(quick: bool) -> list[Contestant]:
-    """The engine `screw` on all samples at once: the compared ones, and all of the scene."""
-
-    def make(quantity: str, whole: bool) -> Contestant:
-        def prepare(case: Case) -> Task:
-            motion = case.whole.motion if whole else case.scene.motion
-            rows = np.searchsorted(motion.t, case.times)
-            problem, lay = case.problem("screw", (quantity,), motion), layout(case.scene.mechanism)
-
-            def read(values: Values) -> dict[str, Outcome]:
-                return {quantity: case.outcome(quantity, values.array[rows])}
-
-            return Task(lambda: solve_layout(problem, lay).values[quantity], read, len(motion))
-
-        times = "all samples of the scene" if whole else "the compared samples"
-        covers = f"{_FROM_Y}: the engine screw, model loaded"
-        label = "all samples" if whole else "trajectory"
-        return Contestant(f"whole trajectory, {times}", (quantity,), covers, prepare, label=label)
-
-    return [make(quantity, whole) for quantity in QUANTITIES for whole in ((False,) if quick else (False, True))]
-
-
-def per_sample(quick: bool) -> list[Contestant]:
-    """The engine `screw` called for one sample after the other."""
-
-    def make(quantity: str) -> Contestant:
-        def prepare(case: Case) -> Task:
-            lay, motion = layout(case.scene.mechanism), case.scene.motion
-            problems = [case.problem("screw", (quantity,), motion.part(slice(i, i + 1))) for i in range(len(motion))]
-
-            def call() -> list[Array]:
-                return [solve_layout(problem, lay).values[quantity].array[0] for problem in problems]
-
-            return Task(call, lambda rows: {quantity: case.outcome(quantity, np.array(rows))}, len(motion))
-
-        covers = f"{_FROM_Y}: the engine screw, one call a sample, model loaded"
-        return Contestant("one sample at a time", (quantity,), covers, prepare, label="per sample")
-
-    return [make(quantity) for quantity in QUANTITIES]
-
-
-Positions = Callable[[Layout, Motion], Array]
-
-
-def _closed(lay: Layout, motion: Motion) -> Array:
-    q = closed_form(lay, motion.y)
-    if q is None:
-        raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
-    return q
-
-
-def _closed_or_mended(lay: Layout, motion: Motion) -> Array:
-    q = _closed(lay, motion)
-    if np.abs(pose(lay, q).residual).max() <= 64 * np.finfo(q.dtype).eps:
-        return q
-    return newton(_closing(lay), q, motion.y, most=5)[0]
-
-
-def _newton(lay: Layout, motion: Motion, most: int) -> Array:
-    evaluate, home = _closing(lay), lay.mechanism.home
-    start = follow(corrector(evaluate), home, home[lay.mechanism.independent_columns], motion.y, motion.t)
-    return newton(evaluate, start, motion.y, most=most)[0] if most else start
-
-
-def _closing(lay: Layout) -> Evaluation:
-    """Closing errors and their derivative."""
-    columns = lay.mechanism.independent_columns
-
-    def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
-        at = pose(lay, q)
-        return np.concatenate([at.residual.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
-
-    return evaluate
-
-
-def _pipeline(case: Case, quantity: str, dtype: Any, positions: Positions) -> Task:
-    """Positions as given, then the solver as far as the quantity needs it, in one precision."""
-    lay = layout(in_precision(case.scene.mechanism, dtype))
-    motion = Motion(*(getattr(case.scene.motion, name).astype(dtype) for name in ("t", "y", "yd", "ydd")))
-    gravity = case.scene.gravity.astype(dtype)
-    loads = [
-        (
-            x.body,
-            None if x.point is None else x.point.astype(dtype),
-            x.force.astype(dtype),
-            x.torque.astype(dtype),
-        )
-        for x in case.scene.loads
-    ]
-
-    def call() -> Array:
-        q = positions(lay, motion)
-        return q if quantity == QUANTITIES[0] else beyond(lay, q, motion, gravity, loads, quantity)
-
-    def read(array: Array) -> dict[str, Outcome]:
-        if array.dtype != dtype:
-            raise TypeError(f"computed in {array.dtype}, not in {np.dtype(dtype)}")
-        return {quantity: case.outcome(quantity, array)}
-
-    return Task(call, read, len(motion))
-
-
-def beyond(lay: Layout, q: Array, motion: Motion, gravity: Array, loads: list[Any], quantity: str) -> Array:
-    """Joint rates, accelerations or actuator forces (minimum norm) from joint positions."""
-    at = pose(lay, q)
-    rate = velocities(lay, at, motion.yd)
-    if quantity == "joint_velocity":
-        return rate.w
-    beta, screws = accelerations(lay, rate, motion.ydd)
-    if quantity == "joint_acceleration":
-        return beta
-    moving = dynamics.body_motion(lay, at, rate.V, screws)
-    F, T = dynamics.required_wrench(lay, at, moving, gravity, loads)
-    Q = dynamics.generalized_force(lay, rate, moving, F, T)
-    return dynamics.min_norm(rate.K[:, lay.mechanism.actuated_columns], Q)
+def paper(quick: bool) -> Iterator[Contestant]:
+    """The paper's own scheme with the twist of eq. (60), without and with eqs. (22)-(23), and with the right one."""
+    covers = "from the first pose and the twist of the platform: every step of the trajectory, then eq. (44)"
+    scheme = partial(Contestant, quantities=QUANTITIES[:3], covers=covers)
+    for twist, name, parts in (
+        ("printed", "Euler", EULER[:-1]),
+        ("literal", "Euler", EULER[:-1]),
+        ("right", "Euler", EULER),
+        ("right", "RK4", RK4),
+    ):
+        family, (words, series) = f"paper-{'corrected' if twist == 'right' else 'printed'}", TWISTS[twist]
+        for part in parts[:5] if quick else parts:
+            yield scheme(
+                family,
+                family,
+                f"{words}, {name}, step = {part:g} of the duration",
+                _variant("paper", twist=twist, method=name.lower()),
+                Stepped(part, halves=name == "RK4"),
+                series=series or name,
+                parameter=("step / duration", part),
+                label=f"{part:g} T",
+            )

@@ -1,47 +1,71 @@
-"""A forward bench: every entrant integrates the scene; its errors, energy and time become a row."""
+"""A bench of a simulation: every contestant integrates the scene; its errors, energy and time become a row."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.screw.forward import forces_over_time
 from screwgauge.environment import environment
-from screwgauge.models.generate import write_models
 from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.reference.forward import forces_at
 from screwgauge.reference.pose import Layout
 from screwgauge.scene.scene import Scene
-from screwgauge.scene.setting import EXPLICIT, Forward
-from screwgauge.scene.start import check_start, make_problem
-from screwgauge.scene.stiffness import stiff_warning, stiffness
-from screwgauge.solution import REFERENCE
-from screwgauge.study.bench.forward_entrants import Entrant, entrants
-from screwgauge.study.bench.forward_work import Outcome, Plan, Work
-from screwgauge.study.bench.rows import CUT
-from screwgauge.study.bench.slopes import Fit, Rule, fit
+from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
+from screwgauge.solution import REFERENCE, Failure
+from screwgauge.study.ask import Report, generated, silent
+from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.forward_contestants import Simulation
+from screwgauge.study.bench.forward_contestants import contestants as everyone
+from screwgauge.study.bench.forward_score import Outcome, outcome, simulated
+from screwgauge.study.bench.rows import CUT, FAILED, Row
+from screwgauge.study.bench.slopes import Fit, Rule, fits
 from screwgauge.study.bench.threads import one_thread
-from screwgauge.study.forward import started
+from screwgauge.study.loop import TooLongError, ask, within
+from screwgauge.study.posed import Posed, compared_rows
 from screwgauge.study.provenance import provenance
-from screwgauge.study.run import Report, model_files
 
-FULL = Plan(samples=41, rounds=3, budget=90.0, each=45.0, share=1.0)
-QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
+#: Below this [s] a contestant is measured again, `Plan.rounds` times in all, and the shortest time counts.
+SHORT = 1.0
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
 LONGER = 1.5
 FOREVER = 1e9  # [s]
 #: Of what has not run yet [s]: screw runs under Python throughout.
 FIRST = {"screw": 2.0}
+#: Orders where steps can show them: RK4's reach rounding before they are fine, MuJoCo's softness has a floor.
+#: Observables may converge faster than that where errors average out over a period; the energy does not.
+RULES = (Rule("pinocchio-Euler", "energy", 1.0),)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How much is measured.
+
+    Attributes:
+        samples: Times compared, at most.
+        rounds: Measurements of what is short.
+        budget: Seconds after which nothing further begins or goes on.
+        each: Seconds after which a contestant is stopped.
+        share: Share of the duration that is integrated.
+    """
+
+    samples: int
+    rounds: int
+    budget: float
+    each: float
+    share: float
+
+
+FULL = Plan(samples=41, rounds=3, budget=90.0, each=45.0, share=1.0)
+QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contest:
-    """What a forward bench found.
+    """What was measured.
 
     Attributes:
         reference: What errors are measured against, in words.
@@ -62,125 +86,123 @@ class Contest:
         """Nothing was cut short."""
         return all(outcome.status != CUT for outcome in self.outcomes)
 
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """One for each contestant and quantity, as in ``bench.csv``."""
+        return tuple(row for outcome in self.outcomes for row in outcome.rows)
+
 
 def contest(
     scene: Scene,
     *,
     plan: Plan = FULL,
     contestants: Iterable[str] | None = None,
-    progress: Report = lambda step, share: None,
+    progress: Report = silent,
 ) -> Contest:
-    """Measures errors, energy and run times of entrants on a forward scene.
+    """Measures errors, energy and run times of contestants on a simulated scene.
 
     Args:
         contestants: Families or engines; all by default.
 
     Raises:
-        ScrewgaugeError: Bad input. An entrant that fails is a row.
+        ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
-    begin = perf_counter()
-    start = started(scene)
+    begin, t = perf_counter(), scene.start.t
     if not scene.observables:
         raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
-    here = _shortened(scene, plan)
-    lay, notes = check_start(here, start)
+    if plan.share < 1.0:
+        t = t[t <= t[0] + plan.share * (t[-1] - t[0])]
+    short = scene.at(t[compared_rows(len(t), plan.samples)])
+    lay, notes = check_start(short)
     if plan.share < 1.0:
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
-    chosen = _chosen(here, start, lay, contestants, quick=plan.share < 1.0)
+    waiting = _chosen(short, lay, contestants, quick=plan.share < 1.0)
     outcomes: list[Outcome] = []
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        write_models(scene.mechanism, Path(folder), gravity=scene.gravity)
+    with generated(scene) as folder:
         progress(REFERENCE, 0.0)
-        work = Work(here, start, Path(folder), plan)
-        waiting, n = list(chosen), len(chosen)
+        posed, n = simulated(short, folder), len(waiting)
+        engines = dict.fromkeys(contestant.method.engine for contestant in waiting)
+        judged = provenance(short, {name: posed.files(name).model for name in engines})
         while waiting:
             # the shortest first, as far as the family's last one tells
-            entrant = min(waiting, key=lambda one: (_foreseen(one, outcomes), one.effort))
-            waiting.remove(entrant)
-            progress(entrant.family, 1.0 - (len(waiting) + 1) / n)
-            outcomes.append(_turn(work, entrant, outcomes, plan.budget - perf_counter() + begin))
-        names = dict.fromkeys(entrant.engine for entrant in chosen)
-        files = provenance(scene, {name: model_files(scene, name, Path(folder))[0] for name in names})
+            contestant = min(waiting, key=lambda one: _foreseen(one, outcomes))
+            waiting.remove(contestant)
+            progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
+            outcomes.append(_turn(posed, plan, contestant, outcomes, plan.budget - perf_counter() + begin))
+    names = list(dict.fromkeys(o.contestant.family for o in outcomes))
+    outcomes.sort(key=lambda o: (o.contestant.method.engine != "screw", names.index(o.contestant.family)))
+    slopes = fits([row for outcome in outcomes for row in outcome.rows], RULES)
     return Contest(
-        scene=here,
+        scene=short,
         plan=plan,
-        outcomes=tuple(_by_family(outcomes)),
-        fits=tuple(_fits(outcomes)),
-        reference=work.source,
+        outcomes=tuple(outcomes),
+        fits=tuple(fit for fit in slopes if np.isfinite(fit.slope)),  # three points between saturation and rounding
+        reference=posed.reference.engine,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
-        provenance=files,
+        provenance=judged,
     )
 
 
-def _by_family(outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """Family by family, those of `screw` first."""
-    names = list(dict.fromkeys(o.entrant.family for o in outcomes))
-    return sorted(outcomes, key=lambda o: (o.entrant.engine != "screw", names.index(o.entrant.family)))
+def _chosen(scene: Scene, lay: Layout, names: Iterable[str] | None, *, quick: bool) -> list[Contestant]:
+    start = scene.start
+    fast = stiffness(lay, forces_at(scene.mechanism, scene.applied, start.since), start)
+    explicit = replace(start, integration=replace(start.integration, name=EXPLICIT[0]))
+    stiff, duration = bool(stiff_warning(fast, explicit)), float(start.t[-1]) - start.since
+    known = everyone(start.integration.name, duration, stiff=stiff, quick=quick)
+    if names is None:
+        return known
+    wanted = check_choice("contestant", names, [name for c in known for name in _names(c)], "--contestants")
+    return [contestant for contestant in known if _names(contestant) & set(wanted)]
 
 
-def _foreseen(entrant: Entrant, before: Sequence[Outcome]) -> float:
-    """How long an entrant will last [s]: from the setting before it of its family, or the first of its engine."""
-    same = [o for o in before if o.entrant.family == entrant.family]
+def _names(contestant: Contestant) -> set[str]:
+    """What it can be chosen by."""
+    return {contestant.family, contestant.method.engine}
+
+
+def _foreseen(contestant: Contestant, before: Sequence[Outcome]) -> float:
+    """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
+    same = [o for o in before if o.contestant.family == contestant.family]
     if not same:
-        alike = [o.wall for o in before if o.entrant.engine == entrant.engine and o.entrant.parameter is None]
-        alike = [wall for wall in alike if np.isfinite(wall) and entrant.parameter is None]
-        return FOREVER if entrant.late else max([FIRST.get(entrant.engine, 0.0), *alike[:1]])
+        if isinstance(contestant.question, Simulation) and contestant.question.late:
+            return FOREVER
+        engine, alike = contestant.method.engine, list[float]()
+        if contestant.parameter is None:
+            ladders = [o for o in before if o.contestant.method.engine == engine and o.contestant.parameter is None]
+            alike = [o.wall for o in ladders if np.isfinite(o.wall)]
+        return max([FIRST.get(engine, 0.0), *alike[:1]])
     last = same[-1]
     if last.status == CUT:
         return FOREVER
     longer = LONGER
-    if entrant.parameter and last.entrant.parameter:
-        longer = last.entrant.parameter[1] / entrant.parameter[1]
+    if contestant.parameter and last.contestant.parameter:
+        longer = last.contestant.parameter[1] / contestant.parameter[1]
     return last.wall * longer if np.isfinite(last.wall) else 0.0
 
 
-def _turn(work: Work, entrant: Entrant, before: Sequence[Outcome], left: float) -> Outcome:
-    """The outcome of an entrant, unless the budget is spent or it would take too long anyway."""
-    if left <= 0.0:
-        return Outcome(entrant, CUT, "the budget was spent before its turn")
-    known = any(o.entrant.family == entrant.family for o in before)
-    if known and _foreseen(entrant, before) > work.plan.each:
-        reason = f"the setting before tells that it would take more than {work.plan.each:g} s"
-        return Outcome(entrant, CUT, reason)
-    return work.outcome(entrant, left)
+def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Outcome], left: float) -> Outcome:
+    """The outcome of a contestant, unless the budget is spent or it would take too long anyway.
 
-
-def _shortened(scene: Scene, plan: Plan) -> Scene:
-    """The scene on a few of its times, up to a share of its duration."""
-    t = scene.motion.t
-    t = t[t <= t[0] + plan.share * (t[-1] - t[0])] if plan.share < 1.0 else t
-    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), plan.samples)).round().astype(int))
-    return scene.at(t[rows])
-
-
-def _chosen(scene: Scene, start: Forward, lay: Layout, names: Iterable[str] | None, *, quick: bool) -> list[Entrant]:
-    problem = make_problem(scene, start, scene.mechanism_file, None)
-    fast = stiffness(lay, forces_over_time(problem, lay), start)
-    explicit = replace(start, method=replace(start.method, name=EXPLICIT[0]))
-    stiff = bool(stiff_warning(fast, explicit, float(scene.motion.t[-1])))
-    t = scene.motion.t
-    everyone = entrants(start.method.name, float(t[-1]) - start.since, stiff=stiff, quick=quick)
-    if names is None:
-        return everyone
-    known = dict.fromkeys(name for entrant in everyone for name in (entrant.family, entrant.engine))
-    wanted = check_choice("contestant", names, known, "--contestants")
-    return [entrant for entrant in everyone if {entrant.family, entrant.engine} & set(wanted)]
-
-
-def _fits(outcomes: Sequence[Outcome]) -> list[Fit]:
-    """Slopes of the energy error of the families that have an order.
-
-    Observables may converge faster than that where errors average out over a period; the energy does not.
+    Args:
+        left: Of the budget [s].
     """
-    found = []
-    for family in dict.fromkeys(o.entrant.family for o in outcomes if o.entrant.order is not None):
-        here = [o for o in outcomes if o.entrant.family == family and o.energy_scaled > 0.0]
-        points = [(o.entrant.parameter[1], o.energy_scaled) for o in here if o.entrant.parameter]
-        order = next((o.entrant.order for o in here), None)
-        if points and order is not None and here[0].entrant.parameter is not None:
-            one = fit(Rule(family, "energy", order), here[0].entrant.parameter[0], points)
-            if np.isfinite(one.slope):  # three points between saturation and rounding
-                found.append(one)
-    return found
+    if left <= 0.0:
+        return Outcome(contestant, CUT, "the budget was spent before its turn")
+    known = any(o.contestant.family == contestant.family for o in before)
+    if known and _foreseen(contestant, before) > plan.each:
+        return Outcome(contestant, CUT, f"the setting before tells that it would take more than {plan.each:g} s")
+    asked, times = contestant.ask(posed), list[tuple[float, float]]()
+    (problem,), most = asked.problems, min(plan.each, left)
+    while not times or (len(times) < plan.rounds and times[0][0] < SHORT):
+        try:
+            with np.errstate(all="ignore"):
+                answer = ask(contestant.method, asked.files, problem, within(most))
+        except TooLongError as error:
+            return Outcome(contestant, CUT, str(error))
+        if isinstance(answer, Failure):
+            return Outcome(contestant, FAILED, answer.reason)
+        solution, cost = answer, answer.cost
+        times.append((cost.wall_s, cost.cpu_s) if cost else (np.nan, np.nan))
+    return outcome(posed, contestant, problem, solution, np.array(times))

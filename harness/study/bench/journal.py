@@ -92,14 +92,14 @@ def _parse(line: str) -> dict[str, Any] | None:
 
 
 def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool) -> str:
-    """Hash of all that results depend on: mechanism, motion, loads, environment, protocol."""
-    motion = scene.motion
-    arrays = [motion.t, motion.y, motion.yd, motion.ydd, scene.gravity]
-    for load in scene.loads:
-        arrays += [load.force, load.torque, *([] if load.point is None else [load.point])]
-    found = hashlib.sha256()
-    for array in arrays:
-        found.update(array.tobytes())
-    texts = {**model_texts(scene.mechanism), "loads": ",".join(load.body for load in scene.loads)}
-    found.update(json_text({"texts": texts, "environment": environment, "quick": quick, "v": VERSION}).encode())
-    return found.hexdigest()
+    """Hash of all that results depend on: mechanism, motion, gravity and loads, environment, protocol."""
+    motion, applied = scene.motion, scene.applied
+    record = {
+        "models": model_texts(scene.mechanism),
+        "motion": [motion.t, motion.y, motion.yd, motion.ydd],
+        "applied": [applied.g, *(load.numbers() for load in applied.loads)],
+        "environment": environment,
+        "quick": quick,
+        "v": VERSION,
+    }
+    return hashlib.sha256(json_text(record).encode()).hexdigest()

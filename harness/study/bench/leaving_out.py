@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.models.generate import stem, write_models
+from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
-from screwgauge.problem import OldProblem
-from screwgauge.quantities import QUANTITIES, SOLVED
-from screwgauge.solution import Solution, Values
-from screwgauge.study.bench.case import Case
+from screwgauge.quantities import GIVEN, SOLVED
+from screwgauge.solution import Values
+from screwgauge.study.ask import model_files
+from screwgauge.study.bench.questions import Asked
+from screwgauge.study.bench.rows import CUT, OK
+from screwgauge.study.method import Method
+from screwgauge.study.posed import Posed
 
 COLUMNS = [
     *("engine", "group", "setting", "n_sample", "time_s", "median_s", "ratio", "max_difference", "unchanged"),
@@ -23,6 +25,7 @@ COLUMNS = [
 ]
 ENGINES = ("screw", "pinocchio", "mujoco")
 EVERYTHING = "everything"
+ALL_PARTS = "all of them"
 #: What each row adds to the one before.
 STEPS = {
     "positions only": ("joint_position",),
@@ -33,115 +36,105 @@ STEPS = {
     "+ reactions": ("reaction",),
 }
 MOTION = frozenset(name for step in list(STEPS)[:3] for name in STEPS[step])
+WHOLE = frozenset(GIVEN)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Trial:
-    """One row. `compared`: quantities that must not change against everything; all that it has, by default."""
+    """One row.
+
+    Attributes:
+        wanted: What is asked for.
+        absent: ``gravity`` or ``load``, which does not act; empty for neither.
+        part: Part that the model file has beyond the mechanics; empty for none.
+        full: All joints are in the engine's tree.
+        compared: Quantities that must not change against everything.
+    """
 
     engine: str
     group: str
     setting: str
-    problem: Callable[[Case], OldProblem]
-    compared: frozenset[str] = frozenset(QUANTITIES)
+    wanted: frozenset[str] = WHOLE
+    absent: str = ""
+    part: str = ""
+    full: bool = False
+    compared: frozenset[str] = WHOLE
 
     @property
     def key(self) -> str:
+        """Identifies the trial within a bench."""
         return f"leaving out | {self.engine} | {self.group} | {self.setting}"
+
+    @property
+    def method(self) -> Method:
+        """What is put to the test."""
+        return Method(f"{self.engine}-full" if self.full else self.engine)
+
+    def ask(self, posed: Posed) -> Asked:
+        """Its question on a scene."""
+        problem, folder, scene = posed.problem(*self.wanted), posed.folder, posed.scene
+        if self.absent == "gravity":
+            problem = replace(problem, applied=replace(problem.applied, gravity=np.zeros(3)))
+        if self.absent == "load":
+            problem = replace(problem, applied=replace(problem.applied, loads=()))
+        if self.part:
+            folder = folder / f"with-{self.part}"
+            include = frozenset(PARTS) if self.part == ALL_PARTS else frozenset({self.part})
+            write_models(scene.mechanism, folder, gravity=scene.applied.g, include=include)
+        files = model_files(scene, self.method.engine, folder)
+        return Asked(files, (problem,), len(posed.t), posed.reference)
 
 
 def trials(engines: Sequence[str]) -> list[Trial]:
     """All rows of some engines; the first of each engine is everything."""
-    found = []
-    for engine in engines:
-        found += [
-            Trial(engine, "", EVERYTHING, _problem(engine, frozenset(QUANTITIES))),
-            *_depth(engine),
-            *_absent(engine),
-        ]
-        if engine != "screw":
-            found += _parts(engine)
-            everything = frozenset(QUANTITIES)
-            # joint forces of another tree are other forces
-            same = everything - {"tree_force", "tree_force_soft"}
-            found.append(
-                Trial(engine, "cut", "full cut instead of minimal", _problem(f"{engine}-full", everything), same)
-            )
-    return found
+    return [trial for engine in engines for trial in _trials(engine)]
 
 
-def _problem(engine: str, quantities: frozenset[str], **changes: Any) -> Callable[[Case], OldProblem]:
-    return lambda case: replace(case.problem(engine, tuple(quantities)), **changes)
+def everything(engine: str) -> Trial:
+    """What the other rows of an engine are compared with."""
+    return Trial(engine, "", EVERYTHING)
 
 
-def _depth(engine: str) -> list[Trial]:
-    found, asked = [], frozenset[str]()
+def _trials(engine: str) -> list[Trial]:
+    asked, depth = frozenset[str](), []
     for step, names in STEPS.items():
         asked |= set(names)
-        found.append(Trial(engine, "asked for", step, _problem(engine, asked)))
-    alone = frozenset({"actuator_force"})
-    return [*found, Trial(engine, "asked for", "actuator forces alone", _problem(engine, alone))]
-
-
-def _absent(engine: str) -> list[Trial]:
-    """Forces change without gravity or load; motion must not."""
-    everything, none = frozenset(QUANTITIES), np.zeros(3)
-    return [
-        Trial(engine, "absent", "gravity", _problem(engine, everything, gravity=none), MOTION),
-        Trial(engine, "absent", "load", _problem(engine, everything, loads=()), MOTION),
+        depth.append(Trial(engine, "asked for", step, asked))
+    found = [
+        everything(engine),
+        *depth,
+        Trial(engine, "asked for", "actuator forces alone", frozenset({"actuator_force"})),
+        # forces change without gravity or load; motion must not
+        Trial(engine, "absent", "gravity", absent="gravity", compared=MOTION),
+        Trial(engine, "absent", "load", absent="load", compared=MOTION),
     ]
-
-
-def _parts(engine: str) -> list[Trial]:
-    """Parts of the model file that mechanics does not need; URDF has only limits."""
-
-    def problem(part: str) -> Callable[[Case], OldProblem]:
-        def make(case: Case) -> OldProblem:
-            folder = case.folder / f"with-{part}"
-            whole = frozenset(PARTS) if part == "all of them" else frozenset({part})
-            write_models(case.scene.mechanism, folder, gravity=case.scene.gravity, include=whole)
-            bare = case.problem(engine, tuple(QUANTITIES))
-            name = stem(case.scene.mechanism.name, "minimal")
-            return replace(bare, model=folder / f"{name}{bare.model.suffix}", loops=folder / f"{name}.loops.toml")
-
-        return make
-
-    parts = (*PARTS, "all of them") if engine == "mujoco" else ("limits",)
-    names = {"geoms": "visuals"}
-    return [Trial(engine, "in the model", names.get(part, part), problem(part)) for part in parts]
-
-
-def load(problem: OldProblem, engine: str, case: Case) -> Callable[[], Solution]:
-    """A call that solves the problem with a model that is loaded."""
     if engine == "screw":
-        from screwgauge.engines.screw.inverse import solve_layout
-        from screwgauge.reference.pose import layout
+        return found
+    # parts of the model file that mechanics does not need; URDF has only limits
+    parts = (*PARTS, ALL_PARTS) if engine == "mujoco" else ("limits",)
+    found += [Trial(engine, "in the model", {"geoms": "visuals"}.get(part, part), part=part) for part in parts]
+    # joint forces of another tree are other forces
+    same = WHOLE - {"tree_force", "tree_force_soft"}
+    return [*found, Trial(engine, "cut", "full cut instead of minimal", full=True, compared=same)]
 
-        lay = layout(case.scene.mechanism)
-        return lambda: solve_layout(problem, lay)
-    from screwgauge.engines.tree.closed_tree import solve_tree
-    from screwgauge.models.loops import read_loops
 
-    make = {"pinocchio": "PinocchioTree", "mujoco": "MujocoTree"}[engine]
-    if problem.loops is None:
-        raise ValueError("a tree engine needs a loops file")
-    file = read_loops(problem.loops)
-    tree = getattr(import_module(f"screwgauge.engines.{engine}.tree"), make)(problem.model, file, problem.gravity)
-    return lambda: solve_tree(problem, tree, file)
+def result(trial: Trial, answer: Mapping[str, Values], whole: Mapping[str, Values]) -> dict[str, Any]:
+    """How far the answer of a trial is from that of everything, and in which quantity if that is more than rounding."""
+    gap, worst = difference(answer, whole, trial.compared)
+    return {"difference": gap, "reason": f"changes {worst}" if gap > SOLVED else ""}
 
 
 def difference(
-    found: Mapping[str, Values], everything: Mapping[str, Values], compared: frozenset[str]
+    answer: Mapping[str, Values], whole: Mapping[str, Values], compared: frozenset[str]
 ) -> tuple[float, str]:
     """Largest difference of a shared quantity, over the largest magnitude of its unit; and that quantity."""
     worst = 0.0, ""
-    for name in compared & set(found) & set(everything):
-        a, b = everything[name], found[name]
-        columns = [b.components.index(component) for component in a.components]
+    for name in compared & set(answer) & set(whole):
+        a, b = whole[name], answer[name].pick(whole[name].components)
         for unit in dict.fromkeys(a.units):
-            mine = [i for i, u in enumerate(a.units) if u == unit]
-            gap = np.abs(a.array[:, mine] - b.array[:, [columns[i] for i in mine]]).max()
-            worst = max(worst, (float(gap) / (float(np.abs(a.array[:, mine]).max()) or 1.0), name))
+            columns = [i for i, u in enumerate(a.units) if u == unit]
+            gap = float(np.abs(a.array[:, columns] - b.array[:, columns]).max())
+            worst = max(worst, (gap / (float(np.abs(a.array[:, columns]).max()) or 1.0), name))
     return worst
 
 
@@ -149,33 +142,14 @@ def table(
     shown: Sequence[Trial], results: Mapping[str, Mapping[str, Any]], times: Mapping[str, Sequence[float]]
 ) -> pd.DataFrame:
     """The rows of ``leaving_out.csv``."""
-    body = []
+    nan, body = float("nan"), []
     for trial in shown:
-        result, seconds = results.get(trial.key, {}), list(times.get(trial.key, []))
-        whole = min(times.get(_everything(trial.engine), []), default=float("nan"))
-        gap = result.get("difference")
-        best = min(seconds, default=float("nan"))
-        median = float(np.median(seconds)) if seconds else float("nan")
-        status = result.get("status", "cut short")
-        if status == "ok" and not seconds:
-            status = "cut short"
-        body.append(
-            (
-                trial.engine,
-                trial.group,
-                trial.setting,
-                result.get("n_sample", 0),
-                best,
-                median,
-                best / whole,
-                float("nan") if gap is None else gap,
-                gap is not None and gap <= SOLVED,
-                status,
-                result.get("reason", ""),
-            )
-        )
+        found, seconds = results.get(trial.key, {}), list(times.get(trial.key, []))
+        whole = min(times.get(everything(trial.engine).key, []), default=nan)
+        best, median = min(seconds, default=nan), float(np.median(seconds)) if seconds else nan
+        gap, status = found.get("difference", nan), found.get("status", CUT)
+        if status == OK and not seconds:
+            status = CUT
+        measured = (found.get("n_sample", 0), best, median, best / whole, gap, gap <= SOLVED)
+        body.append((trial.engine, trial.group, trial.setting, *measured, status, found.get("reason", "")))
     return pd.DataFrame(body, columns=COLUMNS)
-
-
-def _everything(engine: str) -> str:
-    return f"leaving out | {engine} |  | {EVERYTHING}"

@@ -10,22 +10,27 @@ import pandas as pd
 
 from screwgauge.quantities import digits
 from screwgauge.study.bench.contestant import NOTHING, Contestant
+from screwgauge.study.table import frame
 
-COLUMNS = [
-    *(
-        "family",
-        "contestant",
-        "setting",
-        "quantity",
-        "max_scaled",
-        "rms_scaled",
-        "digits",
-        "time_s",
-        "n_sample",
-    ),
-    *("covers", "status", "reason"),
-]
-TIMING_COLUMNS = ["contestant", "setting", "quantity", "rounds", "n_sample", "min_s", "median_s", "covers"]
+_WHO = {"contestant": "contestant.name", "setting": "contestant.setting", "quantity": "quantity"}
+#: Columns of ``bench.csv`` and ``timings.csv``, and where a row has them.
+BENCH = {
+    "family": "contestant.family",
+    **_WHO,
+    **{name: name for name in ("max_scaled", "rms_scaled", "digits", "time_s", "n_sample")},
+    "covers": "contestant.covers",
+    "status": "status",
+    "reason": "reason",
+}
+TIMING = {
+    **_WHO,
+    "rounds": "rounds",
+    "n_sample": "n_sample",
+    "min_s": "time_s",
+    "median_s": "median_s",
+    "covers": "contestant.covers",
+}
+COLUMNS = list(BENCH)
 REACH_COLUMNS = ["quantity", "error", "family", "seconds_per_sample", "contestant", "setting", "given"]
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 OK, FAILED, CUT = "ok", "failed", "cut short"
@@ -33,7 +38,7 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """What was found of one quantity of one contestant. `seconds`: every measurement, in the order made."""
+    """One quantity of one contestant. `seconds`: every measurement, in the order made."""
 
     contestant: Contestant
     quantity: str
@@ -45,9 +50,24 @@ class Row:
     reason: str
 
     @property
+    def digits(self) -> float:
+        """Digits of the largest error."""
+        return digits(self.max_scaled)
+
+    @property
+    def rounds(self) -> int:
+        """How often it was measured."""
+        return len(self.seconds)
+
+    @property
     def time_s(self) -> float:
         """Shortest measurement: disturbances only ever add."""
         return min(self.seconds, default=float("nan"))
+
+    @property
+    def median_s(self) -> float:
+        """Median measurement."""
+        return float(np.median(self.seconds)) if self.seconds else float("nan")
 
     @property
     def scored(self) -> bool:
@@ -62,57 +82,24 @@ class Row:
 
 def bench_table(rows: Sequence[Row]) -> pd.DataFrame:
     """The rows of ``bench.csv``."""
-    body = [
-        (
-            row.contestant.family,
-            row.contestant.name,
-            row.contestant.setting,
-            row.quantity,
-            row.max_scaled,
-            row.rms_scaled,
-            digits(row.max_scaled),
-            row.time_s,
-            row.n_sample,
-            row.contestant.covers,
-            row.status,
-            row.reason,
-        )
-        for row in rows
-    ]
-    return pd.DataFrame(body, columns=COLUMNS)
+    return frame(rows, BENCH)
 
 
 def timing_table(rows: Sequence[Row]) -> pd.DataFrame:
     """The rows of ``timings.csv``: shortest and median measurement."""
-    body = [
-        (
-            row.contestant.name,
-            row.contestant.setting,
-            row.quantity,
-            len(row.seconds),
-            row.n_sample,
-            row.time_s,
-            float(np.median(row.seconds)),
-            row.contestant.covers,
-        )
-        for row in rows
-        if row.seconds
-    ]
-    return pd.DataFrame(body, columns=TIMING_COLUMNS)
+    return frame([row for row in rows if row.seconds], TIMING)
 
 
 def reach(rows: Sequence[Row]) -> pd.DataFrame:
     """Quickest setting of each family for each quantity and error; families that never get there are left out."""
     body = []
     for quantity in dict.fromkeys(row.quantity for row in rows if row.quantity != NOTHING):
-        here = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.per_sample > 0]
+        timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.per_sample > 0]
         for level in LEVELS:
             best: dict[str, Row] = {}
-            for row in here:
-                family = row.contestant.family
-                if row.max_scaled <= level and (family not in best or row.per_sample < best[family].per_sample):
-                    best[family] = row
-            for family, row in sorted(best.items(), key=lambda item: item[1].per_sample):
+            for row in sorted((r for r in timed if r.max_scaled <= level), key=lambda row: row.per_sample):
+                best.setdefault(row.contestant.family, row)
+            for family, row in best.items():
                 c = row.contestant
                 body.append((quantity, level, family, row.per_sample, c.name, c.setting, c.given))
     return pd.DataFrame(body, columns=REACH_COLUMNS)

@@ -1,10 +1,12 @@
-"""Runs a bench: error pass, then time pass; every finished piece is kept."""
+"""Runs a bench: each contestant's error and first time in turn, then round after round of times; all is kept."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from itertools import groupby, zip_longest
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
@@ -12,21 +14,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.registry import GENERATED
+from screwgauge.engines.registry import get_engine
 from screwgauge.environment import environment
-from screwgauge.quantities import SOLVED
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution, Values
+from screwgauge.study.ask import Report, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
-from screwgauge.study.bench.case import Case, make_case
-from screwgauge.study.bench.contestant import NOTHING, Contestant, Task
+from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.journal import Journal, stamp
-from screwgauge.study.bench.registry import LEAVING_OUT, Entry, choose, load
+from screwgauge.study.bench.leaving_out import Trial
+from screwgauge.study.bench.registry import LEAVING_OUT, choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
-from screwgauge.study.bench.score import score
 from screwgauge.study.bench.threads import one_thread
+from screwgauge.study.loop import failure_text
+from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.run import Report
+
+Item = Contestant | Trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +50,7 @@ QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bench:
-    """What a bench found.
+    """What was measured.
 
     Attributes:
         rows: One for each contestant, setting and quantity.
@@ -90,7 +95,7 @@ def bench(
     plan: Plan = FULL,
     contestants: Iterable[str] | None = None,
     journal: Path | None = None,
-    progress: Report = lambda step, share: None,
+    progress: Report = silent,
     clock: Callable[[], int] = perf_counter_ns,
 ) -> Bench:
     """Measures errors and run times of contestants on a scene.
@@ -105,108 +110,98 @@ def bench(
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
     wanted = None if contestants is None else list(contestants)
-    entries, here = choose(wanted), environment()
-    here = {**here, "one_thread": one_thread()}
-    protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
-    kept = Journal(journal, stamp(scene, here, plan.quick))
+    chosen, record = choose(wanted, quick=plan.quick), {**environment(), "one_thread": one_thread()}
+    if scene.applied.springs or scene.applied.motors:
+        raise DescriptionError(
+            "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
+        )
+    chosen = [c for _, group in groupby(chosen, key=lambda c: c.name) for c in _present(list(group))]
     trials = leaving_out.trials(leaving_out.ENGINES) if wanted is None or LEAVING_OUT in wanted else []
+    protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
+    kept = Journal(journal, stamp(scene, record, plan.quick))
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
-        case = make_case(scene, Path(folder), samples=plan.samples, quick=plan.quick)
-        chosen = [c for entry in entries for c in _load(entry, plan.quick)]
-        work = _Work(case, kept, protocol, progress)
-        work.errors(chosen)
-        work.differences(trials)
-        work.time_all()
-        models = {name: Path(case.problem(name, ()).model) for name in GENERATED}
-        files = provenance(case.scene, models)
+        posed = pose_scene(scene, Path(folder), samples=plan.samples)
+        items: list[Item] = [*chosen, *trials]
+        _Work(posed, kept, protocol, progress).all(items)
+        engines = dict.fromkeys(item.method.engine for item in items)
+        judged = provenance(posed.scene, {name: posed.files(name).model for name in engines})
     rows = tuple(row for contestant in chosen for row in _rows(contestant, kept))
     found = Bench(
-        scene=case.scene,
+        scene=posed.scene,
         plan=plan,
-        n_compared=len(case.times),
+        n_compared=len(posed.t),
         rows=rows,
         fits=tuple(slopes.fits(rows)),
         leaving_out=leaving_out.table(trials, kept.results, kept.times),
-        reference=case.reference.engine,
-        notes=tuple(note for note in (case.reference.note, kept.note) if note),
-        environment=here,
-        provenance=files,
+        reference=posed.reference.engine,
+        notes=tuple(note for note in (posed.reference.note, kept.note) if note),
+        environment=record,
+        provenance=judged,
     )
     if found.complete:
         kept.remove()
     return found
 
 
-def _load(entry: Entry, quick: bool) -> list[Contestant]:
+def _present(group: list[Contestant]) -> list[Contestant]:
+    """All settings of a contestant, or one for all of them where its engine is missing."""
+    first = group[0]
     try:
-        return load(entry, quick=quick)
-    except ImportError as error:
-        reason = f"not installed ({error})"
-
-        def prepare(case: Case) -> Task:
-            raise ImportError(reason)
-
-        return [Contestant("all settings", (NOTHING,), "nothing", prepare, family=entry.family, name=entry.name)]
+        import_module(get_engine(first.method.engine).source.partition(":")[0])
+    except ImportError:
+        return [replace(first, setting="all settings", quantities=(NOTHING,), covers="nothing")]
+    return group
 
 
 class _Work:
-    """Both passes. Tasks that the error pass loaded wait for the time pass."""
+    """All measurements. What is loaded for the first of a contestant waits for the rounds that follow."""
 
-    def __init__(self, case: Case, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
-        self.case, self.kept, self.protocol, self.progress = case, kept, protocol, progress
+    def __init__(self, posed: Posed, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
+        self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
+        self.whole: dict[str, Mapping[str, Values]] = {}
 
-    def errors(self, chosen: Sequence[Contestant]) -> None:
-        for contestant in self._within("errors", chosen):
-            result: dict[str, Any]
-            done = self.kept.results.get(contestant.key)
-            if done is not None and not self._wanting(contestant.key, done):
-                continue
-            try:
-                task = contestant.prepare(self.case)
-                if done is None:
-                    result = self._scores(contestant, task)
-                    self.kept.keep(contestant.key, result)
-                self.calls[contestant.key] = task.call
-            except Exception as error:  # a contestant that fails is a row
-                self.kept.keep(contestant.key, _failure(error))
-
-    def _scores(self, contestant: Contestant, task: Task) -> dict[str, Any]:
-        with np.errstate(all="ignore"):
-            seconds, raw = timing.once(task.call, self.protocol.clock)
-        scores = {}
-        for quantity, outcome in task.read(raw).items():
-            reference = outcome.reference or self.case.reference.values[quantity]
-            found = score(outcome, reference, outcome.scales or self.case.scales[quantity])
-            reason = f"{found.reason}: {task.hint}" if found.reason and task.hint else found.reason
-            scores[quantity] = [found.max_scaled, found.rms_scaled, reason]
-        return {"status": OK, "n_sample": task.n_sample, "first": seconds, "scores": scores}
-
-    def differences(self, trials: Sequence[leaving_out.Trial]) -> None:
-        """The error pass of what leaving out buys."""
-        whole: dict[str, Any] = {}
-        for trial in self._within("leaving out", trials):
-            try:
-                call = leaving_out.load(trial.problem(self.case), trial.engine, self.case)
-                seconds, solution = timing.once(call, self.protocol.clock)
-                everything = whole.setdefault(trial.engine, solution.values)
-                gap, worst = leaving_out.difference(solution.values, everything, trial.compared)
-                reason = f"changes {worst}" if gap > SOLVED else ""
-                result = {"status": OK, "n_sample": len(self.case.times), "first": seconds, "difference": gap}
-                result["reason"] = reason
-                self.calls[trial.key] = call
-            except Exception as error:
-                result = _failure(error)
-            self.kept.keep(trial.key, result)
-
-    def _within(self, step: str, items: Sequence[Any]) -> Iterator[Any]:
-        """The items, until the budget is spent."""
-        for i, item in enumerate(items):
+    def all(self, items: Sequence[Item]) -> None:
+        """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""
+        groups = [list(group) for _, group in groupby(items, key=_group)]
+        for i, item in enumerate(item for turn in zip_longest(*groups) for item in turn if item is not None):
             if self.protocol.over:
                 return
-            self.progress(step, i / len(items))
-            yield item
+            self.progress("errors", i / len(items))
+            done = self.kept.results.get(item.key)
+            if done is None or self._wanting(item.key, done):
+                self._first(item, done)
+        self._measure(self.calls, self.protocol)
+
+    def _first(self, item: Item, done: Mapping[str, Any] | None) -> None:
+        """The error of an item, unless an earlier bench has it, and at once one time."""
+        try:
+            asked, call = self._load(item)
+            if done is None:
+                with np.errstate(all="ignore"):
+                    seconds, solutions = timing.once(call, self.protocol.clock)
+                result = {"status": OK, "n_sample": asked.n_sample, "first": seconds}
+                self.kept.keep(item.key, result | self._result(item, asked, solutions))
+            self._measure({item.key: call}, replace(self.protocol, rounds=1))
+            self.calls[item.key] = call
+        except Exception as error:  # one that fails is a row
+            reason = failure_text(error, item.method, self.posed.folder)
+            self.kept.keep(item.key, {"status": FAILED, "reason": reason})
+
+    def _load(self, item: Item) -> tuple[Any, Callable[[], list[Solution]]]:
+        """The question, and a call of the loaded model, which is all that the clock covers."""
+        asked = item.ask(self.posed)
+        model = item.method.load(asked.files)
+        return asked, lambda: [model.solve(problem) for problem in asked.problems]
+
+    def _result(self, item: Item, asked: Any, solutions: Sequence[Solution]) -> dict[str, Any]:
+        if isinstance(item, Contestant):
+            return item.result(asked, solutions)
+        if item.engine not in self.whole:
+            (solution,) = self._load(leaving_out.everything(item.engine))[1]()
+            self.whole[item.engine] = solution.values
+        return leaving_out.result(item, solutions[0].values, self.whole[item.engine])
 
     def _wanting(self, key: str, done: Mapping[str, Any]) -> bool:
         """Whether a result taken over still lacks measurements."""
@@ -215,33 +210,32 @@ class _Work:
         have = self.kept.times.get(key, [])
         return len(have) < timing.enough(min([done["first"], *have]), self.protocol.rounds)
 
-    def time_all(self) -> None:
-        first = {key: self.kept.results[key]["first"] for key in self.calls}
-        left = sum(timing.enough(first[key], self.protocol.rounds) for key in self.calls)
-        made = 0
+    def _measure(self, calls: Mapping[str, Callable[[], Any]], protocol: timing.Protocol) -> None:
+        first = {key: self.kept.results[key]["first"] for key in calls}
+        left, made = sum(timing.enough(first[key], protocol.rounds) for key in calls), 0
 
         def record(key: str, seconds: float) -> None:
             nonlocal made
             made += 1
-            self.progress("times", min(1.0, made / left))
+            if len(calls) > 1:
+                self.progress("times", min(1.0, made / left))
             self.kept.time(key, seconds)
 
         with np.errstate(all="ignore"):
-            timing.measure(self.calls, self.protocol, record, self.kept.times, first)
+            timing.measure(calls, protocol, record, self.kept.times, first)
 
 
-def _failure(error: Exception) -> dict[str, Any]:
-    return {"status": FAILED, "reason": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+def _group(item: Item) -> str:
+    return item.name if isinstance(item, Contestant) else item.engine
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
     """The rows of one contestant, whatever has become of it."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
-    nan = float("nan")
     for quantity in contestant.quantities:
         status, reason = result["status"], result.get("reason", "")
-        largest, rms, lost = result.get("scores", {}).get(quantity, (nan, nan, ""))
+        largest, rms, lost = result.get("scores", {}).get(quantity, (float("nan"), float("nan"), ""))
         if lost:
             status, reason = FAILED, lost
         elif status == OK and not seconds:

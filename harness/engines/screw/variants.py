@@ -1,0 +1,186 @@
+"""Variants of the solver, to see what its parts, its precision and usual shortcuts are worth.
+
+Each is a function of a layout and a given motion that returns quantity -> array; `load_variant` makes a model of it.
+Actuator forces are those of minimum norm. None of them estimates its errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from screwgauge import __version__
+from screwgauge.engines.parts import component_names
+from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.reference import dynamics, linear
+from screwgauge.reference.chains import closed_form
+from screwgauge.reference.continuation import Evaluation, corrector, follow
+from screwgauge.reference.continuation import newton as newtons_method
+from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
+from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
+from screwgauge.reference.paper.scheme import integrate
+from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.precision import in_precision
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Values, empty
+
+Arrays = Mapping[str, Array]
+#: How often `numpy.gradient` is taken of positions.
+ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
+
+
+class Variant:
+    """A loaded variant. `pipeline` takes layout, problem and motion."""
+
+    def __init__(self, lay: Layout, pipeline: Callable[[Layout, Problem, GivenMotion], Arrays]) -> None:
+        self.lay, self.pipeline, mechanism = lay, pipeline, lay.mechanism
+        self.names = component_names(mechanism.joints, (), {}, (), mechanism.actuator_names, ((), ()))
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """Answers a given motion.
+
+        Raises:
+            ScrewgaugeError: The task is another one, or this variant cannot solve it.
+        """
+        if not isinstance(problem.task, GivenMotion):
+            raise DescriptionError("the task is no given motion", "variant of screw", "give one")
+        arrays = self.pipeline(self.lay, problem, problem.task)
+        values = {name: Values(*self.names[name], array) for name, array in arrays.items()}
+        return Solution("screw", __version__, values, empty(len(problem.task)))
+
+
+def load_variant(lay: Layout, variant: str, *, dtype: str = "float64", **settings: Any) -> Variant:
+    """Makes a model of a variant.
+
+    Args:
+        variant: One of `VARIANTS`.
+        dtype: Precision from the first operation to the last.
+        settings: Of that variant, see its function.
+    """
+    check_choice("variant", [variant], VARIANTS, "settings of screw")
+    if dtype != "float64":
+        lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
+    return Variant(lay, partial(VARIANTS[variant], **settings))
+
+
+def nothing(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+    """An empty loop over the samples."""
+    for _ in range(len(motion)):
+        pass
+    return {}
+
+
+def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool = False) -> Arrays:
+    """Positions in closed form.
+
+    Args:
+        mended: Newton's method goes on where the closed form leaves the loops open; otherwise nothing corrects it.
+
+    Raises:
+        ClosureError: There is no closed form.
+    """
+    dtype = lay.path.dtype
+    motion = GivenMotion(*(getattr(motion, name).astype(dtype, copy=False) for name in ("t", "y", "yd", "ydd")))
+    q = closed_form(lay, motion.y)
+    if q is None:
+        raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
+    if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(dtype).eps:
+        q = newtons_method(_closing(lay), q, motion.y, most=5)[0]
+    return _beyond(lay, problem, motion, q)
+
+
+def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) -> Arrays:
+    """Positions by so many steps of Newton's method, from predictions along the path from home."""
+    evaluate, home = _closing(lay), lay.mechanism.home
+    q = follow(corrector(evaluate), home, home[lay.mechanism.independent_columns], motion.y, motion.t)
+    if steps:
+        q = newtons_method(evaluate, q, motion.y, most=steps)[0]
+    return _beyond(lay, problem, motion, q)
+
+
+def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+    """Derivatives of positions by `numpy.gradient`; the times have to be evenly spread."""
+    q, out = positions(lay, motion.y, motion.t).q, {}
+    step = float(motion.t[-1] - motion.t[0]) / (len(motion) - 1)
+    for name in sorted(problem.wanted, key=lambda name: ORDER[name]):
+        derivative = q
+        for _ in range(ORDER[name]):
+            derivative = np.gradient(derivative, step, axis=0)
+        out[name] = derivative
+    return out
+
+
+def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+    """Accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
+    A = closure_system(lay, positions(lay, motion.y, motion.t))
+    right = np.concatenate([np.zeros((len(motion), A.shape[1] - motion.y.shape[1])), motion.ydd], axis=1)
+    return {"joint_acceleration": linear.solve(A, right[..., None])[..., 0]}
+
+
+def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, method: str) -> Arrays:
+    """The paper's own scheme, see `screwgauge.reference.paper.scheme.integrate`; all but the first pose is integrated.
+
+    The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
+    """
+    duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // (1 if method == "euler" else 2)
+    start = float(motion.t[0])
+    run = integrate(lay, lambda t: motion, duration / steps, duration, start=start, twist=twist, method=method)
+    return {"joint_position": run.q, "joint_velocity": run.w, "joint_acceleration": run.beta}
+
+
+#: Name -> what it computes.
+VARIANTS: dict[str, Callable[..., Arrays]] = {
+    "nothing": nothing,
+    "closed form": closed,
+    "newton": newton,
+    "differences": differences,
+    "without drift": without_drift,
+    "paper": paper,
+}
+
+
+def _closing(lay: Layout) -> Evaluation:
+    """Closure residuals and their derivative."""
+    columns = lay.mechanism.independent_columns
+
+    def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
+        at = pose(lay, q)
+        return np.concatenate([at.residual.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+
+    return evaluate
+
+
+def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
+    """What is wanted from joint positions on, in their precision.
+
+    Raises:
+        TypeError: It was left on the way.
+    """
+    out, wanted, dtype = {"joint_position": q}, problem.wanted, q.dtype
+    if wanted - set(out):
+        at = pose(lay, q)
+        rate = velocities(lay, at, motion.yd)
+        out["joint_velocity"] = rate.w
+    if wanted - set(out):
+        out["joint_acceleration"], screws = accelerations(lay, rate, motion.ydd)
+    if wanted - set(out):
+        applied, moving = problem.applied, dynamics.body_motion(lay, at, rate.V, screws)
+        loads = [
+            replace(
+                load,
+                point=None if load.point is None else load.point.astype(dtype),
+                force=load.force.astype(dtype),
+                torque=load.torque.astype(dtype),
+            )
+            for load in applied.loads
+        ]
+        F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(dtype), loads)
+        Q = dynamics.generalized_force(lay, rate, moving, F, T)
+        out["actuator_force"] = dynamics.min_norm(rate.K[:, lay.mechanism.actuated_columns], Q)
+    if any(array.dtype != lay.path.dtype for array in out.values()):
+        raise TypeError(f"not all of it was computed in {lay.path.dtype}")
+    return {name: array for name, array in out.items() if name in wanted}

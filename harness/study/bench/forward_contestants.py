@@ -1,0 +1,127 @@
+"""Who takes part in the bench of a simulation: methods and tolerances, and the engines' own steppers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, ClassVar
+
+from screwgauge.engines.methods import METHODS
+from screwgauge.problem import Integration
+from screwgauge.scene.simulation import EXPLICIT
+from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.questions import Asked
+from screwgauge.study.method import Method
+from screwgauge.study.posed import Posed
+
+COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+#: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
+LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+LEAST_IMPLICIT = 1e-8
+QUICK_LADDER = (1e-4, 1e-7)
+#: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
+LEAST_CONSTRAINED = 1e-10
+CONSTRAINED = ("pinocchio", "mujoco")
+#: Fixed steps over the whole motion.
+STEPS = (250, 1_000, 4_000, 16_000, 64_000)
+QUICK_STEPS = (100, 400, 1_600)
+#: Impedance that leaves least softness, and refinements that remove the rest of it.
+STIFF = {"solimp": 0.9999, "passes": 20}
+_PROJECTED, _SOFT = "{} with projection, dt {:g} s", "{}, dt {:g} s, solref default, solimp default, raw"
+_REFINED = "{}, dt {:g} s, solref default, solimp 0.9999, at most 20 refinements"
+#: Family, engine, integrator, whatever is not default, and the words of the engine for it.
+STEPPERS: tuple[tuple[str, str, str, dict[str, Any], str], ...] = (
+    ("pinocchio-Euler", "pinocchio", "Euler", {}, "semi-implicit " + _PROJECTED),
+    ("pinocchio-RK4", "pinocchio", "RK4", {}, _PROJECTED),
+    ("mujoco-Euler", "mujoco", "Euler", {}, _SOFT),
+    ("mujoco-implicitfast", "mujoco", "implicitfast", {}, _SOFT),
+    ("mujoco-RK4", "mujoco", "RK4", {}, _SOFT),
+    ("mujoco-Euler-refined", "mujoco", "Euler", STIFF, _REFINED),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """The motion from its start on.
+
+    Attributes:
+        method, rtol: Of scipy, and its tolerances rtol = atol; those of the scene if there is none.
+        late: It is known to take very long, so that it has its turn when all others had theirs.
+    """
+
+    method: str = ""
+    rtol: float = 0.0
+    late: bool = False
+    given: ClassVar[bool] = False
+
+    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
+        """The question on a scene, to an engine; the wanted observables follow from the joint coordinates."""
+        task = posed.scene.start
+        if self.method:
+            task = replace(task, integration=Integration(self.method, self.rtol, self.rtol, task.integration.near))
+        problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task)
+        return Asked(posed.files(engine), (problem,), len(task), posed.reference)
+
+
+def contestants(method: str, duration: float, *, stiff: bool, quick: bool) -> list[Contestant]:
+    """All of them, the coarse settings of all families first.
+
+    Args:
+        method: That of the scene.
+        duration: Of the motion [s].
+        stiff: Whether an explicit method would have to take very many steps.
+    """
+    families = [*_screw(method, stiff=stiff, quick=quick)]
+    families += [_ladder(engine, engine, method, _rungs(method, quick, LEAST_CONSTRAINED)) for engine in CONSTRAINED]
+    families += [_steps(*stepper, duration, quick=quick) for stepper in STEPPERS]
+    ranked = ((rank, contestant) for family in families for rank, contestant in enumerate(family))
+    return [contestant for _, contestant in sorted(ranked, key=lambda pair: pair[0])]
+
+
+def _screw(method: str, *, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
+    for name in METHODS:
+        rungs, late = _rungs(name, quick), stiff and name in EXPLICIT
+        # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
+        yield _ladder(f"screw-{name}", "screw", name, rungs[:1] if late or (quick and name != method) else rungs, late)
+
+
+def _rungs(method: str, quick: bool, least: float = 0.0) -> list[float]:
+    least = max(least, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
+    return [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
+
+
+def _ladder(family: str, engine: str, method: str, rungs: Sequence[float], late: bool = False) -> list[Contestant]:
+    member = partial(Contestant, family, family, method=Method(engine), quantities=("observable",), covers=COVERS)
+    return [
+        member(
+            f"{method}, rtol = atol = {rtol:.0e}",
+            question=Simulation(method, rtol, late),
+            label=f"{rtol:.0e}".replace("e-0", "e-"),
+        )
+        for rtol in rungs
+    ]
+
+
+def _steps(
+    family: str, engine: str, integrator: str, settings: dict[str, Any], words: str, duration: float, *, quick: bool
+) -> list[Contestant]:
+    """An engine's own stepper at fixed steps."""
+    member = partial(Contestant, family, family, question=Simulation(), quantities=("observable",), covers=COVERS)
+    return [
+        member(
+            words.format(integrator, dt),
+            Method(engine, {"integrator": integrator, "dt": dt, **settings}),
+            parameter=("dt [s]", dt),
+            label=_label(dt),
+        )
+        for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS))
+    ]
+
+
+def _label(dt: float) -> str:
+    """A step with its unit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if dt >= size:
+            return f"{dt / size:.3g} {unit}"
+    return f"{dt:.1e} s"
