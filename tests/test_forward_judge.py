@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.screw.forward import integrate
 from screwgauge.judging.judge import judge
-from screwgauge.scene.start import make_problem
-from screwgauge.study.forward import integrated, started
+from screwgauge.problem import States
+from screwgauge.solution import Solution, Values
+from screwgauge.study.ask import solve
+
+MOTION = ("joint_position", "joint_velocity", "joint_acceleration")
 
 DRIVEN = """
 mechanism = "a02-fourbar-2"
@@ -48,31 +50,63 @@ def driven(write):
     return screwgauge.load_scene(write("driven.toml", DRIVEN))
 
 
-def judged(scene, **changes: object):
-    start = started(scene)
-    found = integrate(replace(make_problem(scene, start, scene.mechanism_file, None), **changes))
-    return judge(scene.mechanism, scene.problem(()), integrated(scene, found)).set_index("residual")
+def answered(scene, **changes: object) -> Solution:
+    """The motion under other loads, springs or motors."""
+    return solve(scene.under(**changes), ["screw"], MOTION)[0]["screw"]
+
+
+def judged(scene, solution: Solution):
+    return judge(scene.mechanism, scene.problem(()), solution).set_index("residual")
 
 
 def test_a_right_motion_passes(driven):
-    rows = judged(driven)
+    rows = judged(driven, answered(driven))
     assert rows["ok"].all()
     assert rows.loc["virtual_work", "max_scaled"] < 1e-14
 
 
 @pytest.mark.parametrize("what", ["motors", "springs", "loads"])
 def test_forces_of_another_scene_fail_though_their_energy_may_balance(driven, what):
-    motors = tuple(replace(motor, polynomial=-motor.polynomial) for motor in driven.motors)
-    springs = (replace(driven.springs[0], damping=0.0), driven.springs[1])
-    loads = tuple(replace(load, force=-load.force) for load in driven.loads)
-    rows = judged(driven, **{what: {"motors": motors, "springs": springs, "loads": loads}[what]})
+    acting = driven.applied
+    others = {
+        "motors": tuple(replace(motor, polynomial=-motor.polynomial) for motor in acting.motors),
+        "springs": (replace(acting.springs[0], damping=0.0), acting.springs[1]),
+        "loads": tuple(replace(load, force=-load.force) for load in acting.loads),
+    }
+    rows = judged(driven, answered(driven, **{what: others[what]}))
     assert not rows.loc["virtual_work", "ok"]
 
 
 def test_an_acceleration_that_is_slightly_off_is_found(driven):
-    start = started(driven)
-    found = integrate(make_problem(driven, start, driven.mechanism_file, None))
-    wrong = replace(found, a=found.a * (1 + np.array([[0.0], [1e-9], [0.0]])))
-    rows = judge(driven.mechanism, driven.problem(()), integrated(driven, wrong)).set_index("residual")
+    right = answered(driven)
+    values = right.values["joint_acceleration"]
+    wrong = Values(values.components, values.units, values.array * (1 + np.array([[0.0], [1e-9], [0.0]])))
+    rows = judged(driven, replace(right, values={**right.values, "joint_acceleration": wrong}))
     assert not rows.loc["virtual_work", "ok"]
     assert rows.loc["virtual_work", "worst_t"] == 0.1
+
+
+def test_the_energy_of_a_motion_that_is_looked_at_from_later_on_balances(driven):
+    """The work counts from the start, the energy from the first sample that is wanted."""
+    later = driven.at([0.1, 0.2])
+    rows = judged(later, answered(later))
+    assert rows["ok"].all()
+    assert "energy_balance" in rows.index
+
+
+def test_what_was_not_reached_is_not_judged(driven):
+    whole = answered(driven)
+    values = {name: Values(has.components, has.units, has.array.copy()) for name, has in whole.values.items()}
+    for has in values.values():
+        has.array.setflags(write=True)
+        has.array[2:] = np.nan
+    rows = judged(driven, replace(whole, values=values, rows=np.arange(2), stopped="here"))
+    assert rows["ok"].all()
+    assert np.isfinite(rows["max_scaled"]).all()
+    assert rows["worst_t"].max() <= 0.1
+
+
+def test_states_of_an_open_tree_are_not_judged(driven):
+    problem = replace(driven.problem(()), task=States(("a0",), np.zeros((1, 1)), np.zeros((1, 1))))
+    with pytest.raises(TypeError, match="no motion over time"):
+        judge(driven.mechanism, problem, Solution("screw", "", {}, np.ones(1)))

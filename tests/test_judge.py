@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.judging.compare import compare
 from screwgauge.judging.judge import judge
 from screwgauge.reference import dynamics, screws
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import layout, pose
 from screwgauge.solution import Solution, Values
 
 
@@ -120,3 +123,16 @@ def test_what_is_not_a_number_fails(scene):
 def test_a_single_sample_at_a_dead_centre_is_no_false_alarm():
     """At t = 0 of the paper's motion the actuators' power is zero, its terms are not."""
     assert screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0])).ok
+
+
+def test_engines_that_solved_different_samples_are_not_compared(scene):
+    results = screwgauge.run(scene, engines=["screw"], quantities=["joint_position"])
+    first = replace(results.solutions["screw"], rows=np.array([0, 1]))
+    other = replace(first, engine="other", rows=np.array([2, 3]))
+    lay = layout(scene.mechanism)
+    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+    both = {"screw": first, "other": other}
+    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    assert errors.empty
+    assert pairs["reason"].tolist() == ["no sample in common"]
+    assert not pairs["ok"].any()

@@ -70,18 +70,11 @@ class Answer:
         scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
-        return {
-            "engine": self.engine,
-            "residual": name,
-            "unit": unit,
-            "max_abs": float(np.abs(missing).max()),
-            "max_scaled": float(scaled[i, k]),
-            "worst_component": components[k],
-            "worst_t": float(self.t[i]),
-            "tolerance": self.tolerance,
-            "ok": bool(scaled[i, k] <= self.tolerance),
-            "reason": f"not a number at t = {self.t[i]:g} s" if lost.any() else "",
-        }
+        worst, t = float(scaled[i, k]), float(self.t[i])
+        where = {"residual": name, "unit": unit, "worst_component": components[k], "worst_t": t}
+        error = {"max_abs": float(np.abs(missing).max()), "max_scaled": worst, "tolerance": self.tolerance}
+        reason = f"not a number at t = {t:g} s" if lost.any() else ""
+        return {"engine": self.engine, **where, **error, "ok": worst <= self.tolerance, "reason": reason}
 
 
 def answer_at(
@@ -89,11 +82,11 @@ def answer_at(
 ) -> Answer:
     """The answer at some samples. It has to have joint positions."""
     values = {name: values.at(rows) for name, values in solution.values.items()}
-    q = values["joint_position"].array
-    qd, qdd = (
-        values[name].array if name in values else np.zeros_like(q) for name in ("joint_velocity", "joint_acceleration")
-    )
     tree, scales = spanning_tree(mechanism), natural_scales(mechanism)
+    motion = np.zeros((3, len(rows), len(mechanism.coordinates)))
+    for derivative, name in zip(motion, ("joint_position", "joint_velocity", "joint_acceleration"), strict=True):
+        if name in values:
+            derivative[:] = values[name].array
     return Answer(
         engine=solution.engine,
         mechanism=mechanism,
@@ -102,18 +95,14 @@ def answer_at(
         t=timed(problem).t[rows],
         values=values,
         work=None if solution.work is None else solution.work[rows],
-        motions=walk(mechanism, tree, q, qd, qdd),
+        motions=walk(mechanism, tree, *motion),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
     )
 
 
 def timed(problem: Problem) -> GivenMotion | InitialValue:
-    """The task, if it is a motion over time.
-
-    Raises:
-        TypeError: It is none.
-    """
+    """The task; a TypeError if it is no motion over time."""
     if isinstance(problem.task, States):
         raise TypeError("states of an open tree are no motion over time: there is nothing to compare or to judge")
     return problem.task

@@ -108,17 +108,18 @@ def _exerted(answer: Answer) -> Iterator[tuple[int, Array, Array, Array]]:
     """(joint, force, moment, point) of every reaction component and every actuator, parent on child. (n, 3) each."""
     mechanism, bodies = answer.mechanism, answer.motions.bodies
     joints, index = mechanism.joints, mechanism.body_index
-    parents, children = ([index[getattr(joint, side)] for joint in joints] for side in ("parent", "child"))
-    R_parent, R_child, p_child = bodies.R[:, parents], bodies.R[:, children], bodies.p[:, children]
-    parts = reaction_components(joints, *(list(np.moveaxis(array, 1, 0)) for array in (R_parent, R_child, p_child)))
+    R_parent = [bodies.R[:, index[joint.parent]] for joint in joints]
+    R_child = [bodies.R[:, index[joint.child]] for joint in joints]
+    p_child = [bodies.p[:, index[joint.child]] for joint in joints]
+    parts = reaction_components(joints, R_parent, R_child, p_child)
     for k, name in enumerate(parts.names):
         value = answer["reaction"][:, [answer.values["reaction"].components.index(name)]]
         yield parts.joints[k], parts.force[:, k] * value, parts.moment[:, k] * value, parts.point[:, k]
     for column, joint in enumerate(mechanism.actuators):
         k, frame = joints.index(joint), joint.child_frame
-        value = R_child[:, k] @ (frame.R @ joint.axes[0]) * answer["actuator_force"][:, [column]]
+        value = R_child[k] @ (frame.R @ joint.axes[0]) * answer["actuator_force"][:, [column]]
         pair = (np.zeros_like(value), value) if joint.kind == "R" else (value, np.zeros_like(value))
-        yield k, *pair, p_child[:, k] + R_child[:, k] @ frame.p
+        yield k, *pair, p_child[k] + R_child[k] @ frame.p
 
 
 def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
@@ -163,15 +164,12 @@ def allowed_motions(answer: Answer) -> tuple[Array, Array]:
         Per velocity of y, the velocities of the joints, shape (n, n_q, k), and those of the centres of mass over the
         angular velocities, shape (n, n_body, 6, k).
     """
-    q = answer["joint_position"]
-    zero, closure, moved = np.zeros_like(q), [], []
-    for i in range(q.shape[1]):
-        unit = zero.copy()
-        unit[:, i] = 1.0
-        motions = walk(answer.mechanism, answer.tree, q, unit, zero)
-        closure.append(motions.closure(1).reshape(len(q), -1))
+    q, residuals, moved = answer["joint_position"], [], []
+    for unit in np.eye(q.shape[1]):
+        motions = walk(answer.mechanism, answer.tree, q, np.broadcast_to(unit, q.shape), np.zeros_like(q))
+        residuals.append(motions.closure_residual(1).reshape(len(q), -1))
         moved.append(motions.velocities)
     chosen = np.eye(q.shape[1])[answer.mechanism.independent_columns]
-    system = np.concatenate([np.stack(closure, axis=2), np.tile(chosen, (len(q), 1, 1))], axis=1)
+    system = np.concatenate([np.stack(residuals, axis=2), np.tile(chosen, (len(q), 1, 1))], axis=1)
     joints = velocity_map(system, len(chosen))
     return joints, np.einsum("inbx,nij->nbxj", np.stack(moved), joints)

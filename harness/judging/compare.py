@@ -29,9 +29,6 @@ PAIR_COLUMNS = [
     *("rule", "unique", "tolerance", "ok", "reason"),
 ]
 
-Tolerance = Callable[[str], float]
-"""Quantity -> scaled error up to which two engines agree."""
-
 
 def compare(
     mechanism: Mechanism,
@@ -39,7 +36,7 @@ def compare(
     solutions: Mapping[str, Solution],
     failures: Mapping[str, Failure],
     mobility: Mobility,
-    tolerance_of: Tolerance,
+    tolerance_of: Callable[[str], float],
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions.
@@ -47,13 +44,11 @@ def compare(
     Args:
         failures: Engines that have none; their pairs are rows that say why.
         mobility: Which forces are unique, and which are determined at all.
+        tolerance_of: Quantity -> scaled error up to which two engines agree.
         refusals: Samples without numbers, and why.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
-
-    Raises:
-        TypeError: The task is no motion over time.
     """
     errors: list[Row] = []
     pairs: list[Row] = []
@@ -67,19 +62,21 @@ def compare(
             names, others = (one.values[quantity].components for one in (a, b))
             if quantity.startswith("tree_force") and ({*names} < {*others} or {*others} < {*names}):
                 continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
-            if names != others:
-                row = nothing(quantity, a.engine, b.engine, "the components differ", tolerance_of(quantity))
+            lost = "the components differ" if names != others else ""
+            if lost or not common_rows(len(t), a, b).size:
+                row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
                 continue
             # measured by the first engine of the run that has these components: one scale for all pairs
             reference = next(s.values[quantity] for s in having if s.values[quantity].components == names)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                derived = max(one.tolerances.get(quantity, 0.0) for one in (a, b)) / scale
-                rows = [
-                    _scaled(row, scale, tolerance_of(quantity) + derived, *rules.get(row["component"], rules[""]))
-                    for row in _differences(quantity, unit, a, b, t)
-                ]
+                tolerance = tolerance_of(quantity) + max(s.tolerances.get(quantity, 0.0) for s in (a, b)) / scale
+                rows = list(_components(quantity, unit, a, b, t, scale))
+                for row in rows:
+                    rule, unique = rules.get(row["component"], rules[""])
+                    ok = rule == UNDETERMINED or row["max_scaled"] <= tolerance
+                    row.update(rule=rule, unique=unique, tolerance=tolerance, ok=ok)
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     pairs.append(_explained(_pair(compared), a, b, refusals))
@@ -103,38 +100,17 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
     return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
 
 
-def _differences(quantity: str, unit: str, a: Solution, b: Solution, t: Array) -> Iterator[Row]:
-    """One row per component of a unit, not scaled yet, over the samples that both have solved."""
+def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:
+    """Errors of each component of a unit, over the samples that both have solved."""
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     for k, component in enumerate(first.components):
         if first.units[k] == unit:
             difference = np.abs(first.array[rows, k] - second.array[rows, k])
             i = _worst(difference)
-            yield {
-                "quantity": quantity,
-                "component": component,
-                "unit": unit,
-                "a": a.engine,
-                "b": b.engine,
-                "max_abs": float(difference[i]) if np.isfinite(difference[i]) else float("nan"),
-                "rms": float(np.sqrt(np.mean(difference**2))),
-                "worst_t": float(t[rows[i]]),
-            }
-
-
-def _scaled(row: Row, scale: float, tolerance: float, rule: str, unique: bool) -> Row:
-    """The row with its scaled error, and whether that is within tolerance."""
-    scaled = row["max_abs"] / scale
-    ok = rule == UNDETERMINED or scaled <= tolerance
-    return {
-        **row,
-        "max_scaled": scaled,
-        "scale": scale,
-        "rule": rule,
-        "unique": unique,
-        "tolerance": tolerance,
-        "ok": ok,
-    }
+            worst = float(difference[i]) if np.isfinite(difference[i]) else float("nan")
+            names = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
+            size = {"max_abs": worst, "rms": float(np.sqrt(np.mean(difference**2))), "max_scaled": worst / scale}
+            yield {**names, **size, "scale": scale, "worst_t": float(t[rows[i]])}
 
 
 def _worst(sizes: Array) -> int:
@@ -173,14 +149,6 @@ def _explained(row: Row, a: Solution, b: Solution, refusals: Sequence[Refusal]) 
 
 def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> Row:
     """The row of a pair that has no numbers, with the reason."""
-    return {
-        **dict.fromkeys(("max_abs", "rms", "max_scaled", "worst_t"), float("nan")),
-        **dict.fromkeys(("unit", "worst_component", "rule"), ""),
-        "quantity": quantity,
-        "a": a,
-        "b": b,
-        "unique": True,
-        "tolerance": tolerance,
-        "ok": False,
-        "reason": reason,
-    }
+    row: Row = dict.fromkeys(PAIR_COLUMNS, float("nan"))
+    row.update(quantity=quantity, a=a, b=b, unit="", worst_component="", rule="", reason=reason)
+    return {**row, "unique": True, "tolerance": tolerance, "ok": False}

@@ -53,10 +53,9 @@ def guarded(solution: Solution, t: Array) -> list[Guarded]:
     """One row for each quantity with an estimate. `t`: times [s], shape (n,)."""
     rows = []
     for name, flags in flagged(solution).items():
-        estimate = solution.estimate[name]
-        worst = int(np.argmax(estimate))
-        condition, flags_n = float(np.max(solution.conditions[name])), int(flags.sum())
-        rows.append(Guarded(solution.engine, name, condition, float(estimate[worst]), flags_n, len(t), float(t[worst])))
+        worst, condition = int(np.argmax(solution.estimate[name])), float(np.max(solution.conditions[name]))
+        size = float(solution.estimate[name][worst])
+        rows.append(Guarded(solution.engine, name, condition, size, int(flags.sum()), len(t), float(t[worst])))
     return rows
 
 

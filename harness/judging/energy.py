@@ -22,13 +22,13 @@ def energy_balance(answer: Answer) -> Iterator[Row]:
     if not answer.has("joint_velocity") or work is None or np.isnan(work).all():
         return
     work = work - work[0]  # the first sample may come after the start
-    kinetic, *stored = _energies(answer)
+    kinetic, *stored = energies(answer)
     gained = [part - part[0] for part in (kinetic, *stored)]
     missing = (sum(gained) - work)[:, None]
     yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work))
 
 
-def _energies(answer: Answer) -> tuple[Array, Array, Array]:
+def energies(answer: Answer) -> tuple[Array, Array, Array]:
     """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
     mechanism, com = answer.mechanism, answer.motions.com
     mass = np.array([body.mass for body in mechanism.bodies])

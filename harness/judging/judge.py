@@ -40,9 +40,6 @@ def judge(
     Args:
         problem: What was asked; its gravity is what counts, whatever a model file says.
         refused: Samples without numbers: what an engine does not say cannot be judged.
-
-    Raises:
-        TypeError: The task is no motion over time.
     """
     task = timed(problem)
     rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -83,7 +80,7 @@ def closure(answer: Answer, asked: Sequence[Array] = ()) -> Iterator[Row]:
     for order, (name, quantity, units) in enumerate(_CLOSURE):
         if not answer.has(quantity):
             continue
-        values, missing = answer.values[quantity], answer.motions.closure(order)
+        values, missing = answer.values[quantity], answer.motions.closure_residual(order)
         for part, unit in enumerate(units):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (label, coordinate) in enumerate(answer.mechanism.independent.items()):

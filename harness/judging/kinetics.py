@@ -5,7 +5,8 @@ Deliberately not the screw formulas of `screwgauge.reference`: moving points, ``
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -62,15 +63,19 @@ class Moving:
         return Moving(there.R, there.p, there.w, there.v + speed, there.b, a)
 
 
-def across(joint: Joint, near: Moving, q: Array, qd: Array, qdd: Array, *, reverse: bool) -> Moving:
-    """The body on the other side of a joint. Coordinates and derivatives: shape (n, n_freedom)."""
+def beside(frames: Sequence[Moving]) -> Moving:
+    """Frames side by side, along the second axis."""
+    return Moving(*(np.stack([getattr(frame, name) for frame in frames], axis=1) for name in "Rpwvba"))
+
+
+def across(joint: Joint, near: Moving, motion: Array, *, reverse: bool) -> Moving:
+    """The body on the other side of a joint. Its coordinates and two derivatives: shape (3, n, n_freedom)."""
     start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
-    sign = -1.0 if reverse else 1.0
     at = near.frame(start)
     freedoms = list(enumerate(joint.freedoms))
     for i, (turns, axis) in freedoms[::-1] if reverse else freedoms:
         step = at.turned if turns else at.slid
-        at = step(axis, sign * q[:, i], sign * qd[:, i], sign * qdd[:, i])
+        at = step(axis, *(-motion[..., i] if reverse else motion[..., i]))
     return at.body_of(end)
 
 
@@ -93,8 +98,8 @@ class Motions:
         """Velocity of each centre of mass over the angular velocity. Shape (n, n_body, 6)."""
         return np.concatenate([self.com.v, self.com.w], axis=2)
 
-    def closure(self, order: int) -> Array:
-        """What closure lacks in position (order 0), velocity or acceleration: the joint's motion less the tree's.
+    def closure_residual(self, order: int) -> Array:
+        """How the joint's motion differs from the tree's, in position (order 0), velocity or acceleration.
 
         Returns:
             For each cut joint an angular and a linear part in world axes. Shape (n, n_cut, 2, 3).
@@ -108,21 +113,16 @@ class Motions:
 
 
 def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
-    """Motion of everything. Joint coordinates and derivatives: shape (n, n_q)."""
+    """Motion of everything from joint coordinates and their derivatives. Shape (n, n_q) each."""
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
-    zero = np.zeros((len(q), 3))
-    index = mechanism.body_index
-    bodies = [Moving(np.tile(np.eye(3), (len(q), 1, 1)), zero, zero, zero, zero, zero)] * len(index)
+    motion, zero, index = np.stack([q, qd, qdd]), np.zeros((len(q), 3)), mechanism.body_index
+    bodies = [Moving(np.tile(np.eye(3), (len(zero), 1, 1)), zero, zero, zero, zero, zero)] * len(index)
 
     def over(joint: Joint, near: str, *, reverse: bool = False) -> Moving:
-        c = columns[joint.name]
-        return across(joint, bodies[index[near]], q[:, c], qd[:, c], qdd[:, c], reverse=reverse)
+        return across(joint, bodies[index[near]], motion[..., columns[joint.name]], reverse=reverse)
 
     for edge in tree.edges:
         bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
+    com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
     cuts = [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts]
-    names = [field.name for field in fields(Moving)]
-    frames = Moving(*(np.stack([getattr(body, name) for body in bodies], axis=1) for name in names))
-    moving = Moving(*(getattr(frames, name)[:, 1:] for name in names))
-    com = np.stack([body.com for body in mechanism.bodies])
-    return Motions(frames, moving.shifted((moving.R @ com[..., None])[..., 0]), cuts)
+    return Motions(beside(bodies), beside(com), cuts)
