@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
 
-from screwgauge.engines.registry import ENGINES, MEANINGS
+from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Table
@@ -14,11 +13,12 @@ from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.stress.registry import CASES
 from screwgauge.study.stress.registry import load as load_case
 
-_PACKAGES = {"pinocchio": "pinocchio", "mujoco": "mujoco", "truth": "flint"}
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "mechanisms": lambda: {name: load_mechanism(name).title for name in mechanism_names()},
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
-    "engines": lambda: {name: _engine(name) for name in ENGINES},
+    "engines": lambda: {
+        name: engine.meaning + ("" if engine.installed else " (not installed)") for name, engine in engines().items()
+    },
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name in CASES for case in [load_case(name)]},
 }
@@ -30,9 +30,3 @@ def listing(what: str | None) -> str:
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }
     return tables[what] if what else "\n\n".join(f"{name}\n{text}" for name, text in tables.items())
-
-
-def _engine(name: str) -> str:
-    package = _PACKAGES.get(name.split("-")[0])
-    missing = package is not None and find_spec(package) is None
-    return MEANINGS.get(name, "") + (" (not installed)" if missing else "")

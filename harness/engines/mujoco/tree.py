@@ -6,7 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import mujoco
@@ -117,7 +117,7 @@ class MujocoTree:
     def _rigid(self) -> None:
         self.model.opt.disableflags |= _EQUALITY
 
-    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
+    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
         n, b, nv = len(q), len(self.ids) + 1, self.model.nv
         R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, nv))
         model, data = self.model, self.data

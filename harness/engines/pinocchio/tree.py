@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +88,7 @@ class PinocchioTree:
                 return str(self.bodies[self.joints.index(joint)])
         return "ground"
 
-    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
+    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
         n, b = len(q), len(self.frames) + 1
         R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, self.model.nv))
         looked_at = [(k, frame) for k, frame in enumerate(self.frames, 1) if only is None or k in only]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -44,7 +44,7 @@ class Tree(Protocol):
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
         ...
 
-    def poses(self, q: Array, only: Sequence[int] | None = None) -> BodyPoses:
+    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
         """Poses and Jacobians at some coordinates.
 
         Args:

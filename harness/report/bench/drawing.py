@@ -13,8 +13,8 @@ from screwgauge.report.figures.axes import log
 from screwgauge.report.figures.data import Diagram, Guide, Look, Panel, Row, Series
 from screwgauge.report.figures.looks import DOTTED, GREY, by_camp, camp
 from screwgauge.report.plots import Plot, drawn
-from screwgauge.study.bench.contestant import QUANTITIES
 from screwgauge.study.bench.rows import LEVELS
+from screwgauge.study.posed import QUANTITIES
 
 if TYPE_CHECKING:
     from screwgauge.study.bench.rows import Row as Result

@@ -16,7 +16,7 @@ from screwgauge.study.bench.rows import OK
 
 if TYPE_CHECKING:
     from screwgauge.study.bench.forward_run import Contest
-    from screwgauge.study.bench.forward_work import Outcome
+    from screwgauge.study.bench.forward_score import Outcome
 
 SENSELESS = 10.0  # scaled error from which a motion has nothing to do with the scene: it is in the table only
 #: What is measured, its axis, and its error.
@@ -35,14 +35,14 @@ def make_plots(contest: Contest) -> list[Plot]:
     done = [o for o in contest.outcomes if _time(o) > 0.0 and o.scaled < SENSELESS]
     if not done:
         return []
-    looks = by_camp(o.entrant.family for o in done)
+    looks = by_camp(o.contestant.family for o in done)
     looks = {family: replace(look, dash=(), size=6.0) for family, look in looks.items()}
     panels = []
     for measure, label, error in MEASURES:
         lines = []
         for family, look in looks.items():
-            outcomes = [o for o in done if o.entrant.family == family and np.isfinite(error(o))]
-            lines.append((look, [Point(_time(o), error(o), o.entrant.label, o.status == OK) for o in outcomes]))
+            outcomes = [o for o in done if o.contestant.family == family and np.isfinite(error(o))]
+            lines.append((look, [Point(_time(o), error(o), o.contestant.label, o.status == OK) for o in outcomes]))
         theirs = [item for item in contest.scene.published if item.measure == measure or np.isnan(item.accuracy)]
         others = [Point(item.cpu_s, item.accuracy, item.who.split(",")[0].split(":")[0]) for item in theirs]
         axes = ("processor time of the integration", label)

@@ -17,7 +17,7 @@ from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
 from screwgauge.study.bench.forward_run import Contest
-from screwgauge.study.bench.forward_work import Outcome
+from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK
 from screwgauge.study.bench.slopes import table as slope_table
 
@@ -92,7 +92,7 @@ def absolute_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
 
 
 def _who(o: Outcome) -> tuple[str, str, str]:
-    return o.entrant.family, o.entrant.name, o.entrant.setting
+    return o.contestant.family, o.contestant.name, o.contestant.setting
 
 
 def headline(found: Contest) -> str:
@@ -101,9 +101,9 @@ def headline(found: Contest) -> str:
     parts = [f"{len(outcomes)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
     if six := [o for o in outcomes if o.status == OK and o.scaled <= SIX]:
         best = min(six, key=_cpu)
-        cheapest = f"{best.entrant.family} ({best.entrant.setting}): {duration(_cpu(best))} of processor time"
+        cheapest = f"{best.contestant.family} ({best.contestant.setting}): {duration(_cpu(best))} of processor time"
         parts.append(f"Six digits of the observables are cheapest with {cheapest}.")
-    by_status = grouped(({"status": o.status, "family": o.entrant.family} for o in outcomes), "status")
+    by_status = grouped(({"status": o.status, "family": o.contestant.family} for o in outcomes), "status")
     for status, words in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
         names = dict.fromkeys(row["family"] for row in by_status.get((status,), []))
         parts += [f"{words}: {listed(names)}."] if names else []
@@ -123,9 +123,9 @@ def _rows(found: Contest) -> list[Row]:
     """What was found, and what others have published."""
     ours = [
         {
-            "family": o.entrant.family,
-            "setting": o.entrant.setting,
-            "label": o.entrant.label,
+            "family": o.contestant.family,
+            "setting": o.contestant.setting,
+            "label": o.contestant.label,
             "status": o.status,
             "observable": ", ".join(f"{size(value)} {unit}" for unit, value in (o.largest or {}).items()),
             **{key: "" if missing(x) else size(x) for key, x in (("scaled", o.scaled), ("energy", o.energy))},

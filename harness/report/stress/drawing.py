@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.quantities import MAX_DIGITS, digits
 from screwgauge.report.figures.axes import log
 from screwgauge.report.figures.data import Axis, Diagram, Guide, Look, Panel, Row, Series
 from screwgauge.report.figures.looks import DOTTED, GREY, by_camp
-from screwgauge.report.formatting import MAX_DIGITS, digits
 from screwgauge.report.plots import Plot, drawn
 from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
 
