@@ -83,10 +83,10 @@ def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, mo
 
 @pytest.mark.parametrize("debug", [False, True])
 def test_the_traceback_of_an_engine_is_shown_on_request(debug, monkeypatch, paper_scene, tmp_path, capfd) -> None:
-    def broken(problem):
+    def broken(files):
         raise ZeroDivisionError("bad pose")
 
-    monkeypatch.setattr("screwgauge.study.run.load_engine", lambda name: broken)
+    monkeypatch.setattr("screwgauge.engines.screw.model.load", broken)
     options = ["--engines", "screw", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
     assert main(["run", str(paper_scene()), *options, *(["--debug"] if debug else [])]) == 3
     said = capfd.readouterr()

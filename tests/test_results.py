@@ -61,7 +61,7 @@ def test_names_that_are_not_there_are_said(results):
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
     from screwgauge.report.blocks import Paragraph
 
-    monkeypatch.setattr("screwgauge.report.pages.paper.errata_section", lambda scene: [Paragraph("an erratum")])
+    monkeypatch.setattr("screwgauge.report.pages.run.errata_section", lambda scene: [Paragraph("an erratum")])
     texts = [
         (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")
         for errata in (False, True)
