@@ -21,7 +21,7 @@ TEXTS = Path(__file__).with_name("texts")
 LONG = 12  # rows from which a table is folded
 _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
 _MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
-_VALUE = r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)"
+_VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
 _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no number|cut short")
 
 
