@@ -107,7 +107,11 @@ def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     kept = [row for row in found.rows if row.status != CUT]
     assert cut
     assert kept or (tmp_path / NAME).exists()
-    assert "cut short" in text(terminal(found))
+    families = {row.contestant.family for row in cut}
+    lines = text(terminal(found)).split("\n\n")[-1].splitlines()
+    assert lines[0].startswith("cut short")
+    assert [line.split()[0] for line in lines[1:]] == list(dict.fromkeys(row.contestant.family for row in cut))
+    assert len(lines) == 1 + len(families)  # one line per family
     assert all("budget" in row.reason for row in cut)
     assert not found.complete
     again = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)

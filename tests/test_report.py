@@ -18,9 +18,9 @@ import pandas as pd
 import pytest
 
 from screwgauge.environment import environment
-from screwgauge.problem import Motion
+from screwgauge.problem import GivenMotion
 from screwgauge.quantities import digits
-from screwgauge.reference.applied import Load
+from screwgauge.reference.applied import Applied, Load
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
 from screwgauge.report.blocks import Table
@@ -111,19 +111,17 @@ def judged(engine: str, ok: bool = True) -> dict[str, Any]:
 
 def scene(n: int, figures: tuple[Figure, ...]) -> Any:
     mechanism = SimpleNamespace(name="toy", title="A toy", source="", independent={"a": "leg1.q1"})
-    motion = Motion(np.linspace(0.0, 1.0, n), *(np.zeros((n, 1)) for _ in range(3)))
+    task = GivenMotion(np.linspace(0.0, 1.0, n), *(np.zeros((n, 1)) for _ in range(3)))
     load = Load("platform", None, np.array([0.0, 0.0, 1000.0]), np.zeros(3))
     return SimpleNamespace(
         name="toy",
         title="Toy | scene <one>",
         description="Two legs that swing.",
         mechanism=mechanism,
-        motion=motion,
-        gravity=np.array([0.0, 0.0, -9.81]),
-        loads=(load,),
-        springs=(),
-        motors=(),
-        forward=None,
+        applied=Applied(np.array([0.0, 0.0, -9.81]), (load,)),
+        task=task,
+        t=task.t,
+        simulated=False,
         published=(),
         rule="min_norm",
         figures=figures,

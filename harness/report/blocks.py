@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 Status = Literal["agree", "differ", "failed", "note"]
 TEXTS = Path(__file__).with_name("texts")
 LONG = 12  # rows from which a table is folded
-_MARKUP = re.compile(r"`([^`]+)`|\*\*(\S(?:.*?\S)?)\*\*|\*(\S(?:.*?\S)?)\*")
-_VALUE = r"-?(\d[\d.]*(e-?\d+)?|NaN|inf)"
+_STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
+_MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
+_VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
 _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no number|cut short")
 
 
@@ -130,8 +131,8 @@ def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, ce
 
 
 def _columns(columns: str) -> dict[str, str]:
-    parts = ([part.strip() for part in column.split("=")] for column in columns.split("|"))
-    return {head: key[0] if key else head.replace(" ", "_") for head, *key in parts}
+    parts = (column.strip().rpartition("=") for column in columns.split("|"))
+    return {(head if equal else key).strip(): key.strip().replace(" ", "_") for head, equal, key in parts}
 
 
 def _text(row: Mapping[str, Any], key: str) -> str:

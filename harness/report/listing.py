@@ -16,9 +16,7 @@ from screwgauge.study.stress.registry import load as load_case
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "mechanisms": lambda: {name: load_mechanism(name).title for name in mechanism_names()},
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
-    "engines": lambda: {
-        name: engine.meaning + ("" if engine.installed else " (not installed)") for name, engine in engines().items()
-    },
+    "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name in CASES for case in [load_case(name)]},
 }

@@ -11,6 +11,7 @@ import numpy as np
 from screwgauge.report.blocks import Picture
 from screwgauge.report.html import fragment, page
 from screwgauge.report.pages import run as run_page
+from screwgauge.report.plots import make_plots
 from screwgauge.report.terminal import terminal
 from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
@@ -40,8 +41,6 @@ class Results(Comparison):
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
-        from screwgauge.report.plots import make_plots
-
         return Pictures(map(Picture, make_plots(self)))
 
     def to_html(self, path: str | Path) -> Path:

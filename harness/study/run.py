@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,7 @@ def run(
     *,
     progress: Report = silent,
     warn: Callable[[str], None] = lambda sentence: None,
+    date: datetime | None = None,
 ) -> Comparison:
     """Puts a scene to the engines, compares all pairs and judges each. Where there is a start, it is integrated.
 
@@ -71,7 +73,7 @@ def run(
     with generated(scene) as folder:
         answers, failures = ask(scene, names, wanted, checked.expected, folder, progress)
         files = {name: model_files(scene, name, folder).model for name in names}
-        judged_files = provenance(scene, files)
+        judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = tuple(one for answer in answers.values() for one in refusals(mechanism, problem, answer))

@@ -8,20 +8,20 @@ from pathlib import Path
 
 import pandas as pd
 
-from screwgauge.quantities import digits
 from screwgauge.report import blocks
+from screwgauge.report.bench.forward_drawing import make_plots
 from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
+from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.forward_run import Contest
 from screwgauge.study.bench.forward_score import Outcome
-from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK
+from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
 from screwgauge.study.bench.slopes import table as slope_table
 
-COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
 ABSOLUTE = [
     *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
     *("steps", "evaluations", "status", "reason"),
@@ -60,10 +60,8 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Contest, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
-    from screwgauge.report.bench.forward_drawing import make_plots
-
     data = {
-        "bench.csv": bench_table(found.outcomes),
+        "bench.csv": bench_table(found.rows),
         "forward.csv": absolute_table(found.outcomes),
         "slopes.csv": slope_table(found.fits),
         "environment.json": found.environment,
@@ -71,28 +69,18 @@ def write(found: Contest, out: Path) -> Path:
     return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
 
 
-def bench_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
-    """The rows of ``bench.csv``: two for each contestant, observable and energy. Times are wall times."""
-    body = [
-        (*_who(o), quantity, largest, rms, digits(largest), o.wall, o.n_sample, COVERS, o.status, o.reason)
-        for o in outcomes
-        for quantity, largest, rms in (("observable", o.scaled, o.rms), ("energy", o.energy_scaled, float("nan")))
-    ]
-    return pd.DataFrame(body, columns=COLUMNS)
-
-
 def absolute_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
     body = [
-        (*_who(o), unit, largest, o.energy, o.wall, o.cpu, o.steps, o.evaluations, o.status, o.reason)
+        (*_who(o.contestant), unit, largest, o.energy, o.wall, o.cpu, o.steps, o.evaluations, o.status, o.reason)
         for o in outcomes
         for unit, largest in (o.largest or {"": float("nan")}).items()
     ]
     return pd.DataFrame(body, columns=ABSOLUTE)
 
 
-def _who(o: Outcome) -> tuple[str, str, str]:
-    return o.contestant.family, o.contestant.name, o.contestant.setting
+def _who(contestant: Contestant) -> tuple[str, str, str]:
+    return contestant.family, contestant.name, contestant.setting
 
 
 def headline(found: Contest) -> str:

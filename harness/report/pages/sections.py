@@ -156,9 +156,7 @@ def engines(results: Comparison) -> list[Block]:
 
 def _status(solution: Solution, results: Comparison) -> str:
     """Ran to the end, or how far."""
-    if solution.engine == REFERENCE:
-        return "given"
-    stopped = any(note.startswith("stopped: ") for note in solution.notes)
-    if not stopped or solution.rows is None:
-        return "ran"
-    return f"✗ stopped after t = {number(results.times[solution.rows[-1]])} s" if len(solution.rows) else "✗ stopped"
+    if not solution.stopped:
+        return "given" if solution.engine == REFERENCE else "ran"
+    n = solution.n_solved
+    return f"✗ stopped after t = {number(results.times[n - 1])} s" if n else "✗ stopped"

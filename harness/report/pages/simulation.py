@@ -68,16 +68,14 @@ def published(results: Comparison) -> Table | None:
 
 
 def _ours(results: Comparison, engine: str) -> Row:
-    pairs, judged, timings = results.pairs, results.judge, results.solutions[engine].timings
-    known = pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)]
+    pairs, judged, solution = results.pairs, results.judge, results.solutions[engine]
+    known = rows(pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)].dropna(subset="max_abs"))
     balance = judged[(judged["engine"] == engine) & (judged["residual"] == "energy_balance")]
     return {
-        "who": f"**{engine}**, {timings[0].setting if timings else ''}",
-        "observable": ", ".join(
-            f"{size(row['max_abs'])} {row['unit']}" for row in rows(known.dropna(subset="max_abs"))
-        ),
+        "who": f"**{engine}**, {solution.setting}",
+        "observable": ", ".join(f"{size(row['max_abs'])} {row['unit']}" for row in known),
         "energy": "".join(map(size, balance["max_abs"])),
-        "cpu_s": next((x.min_s for x in timings if x.stage.endswith("processor time")), None),
+        "cpu_s": None if solution.cost is None else solution.cost.cpu_s,
         "remark": "",
         "source": "this run",
     }

@@ -25,6 +25,7 @@ from screwgauge.report.blocks import (
 )
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, words
 from screwgauge.report.pages.sections import judged
+from screwgauge.report.stress.drawing import make_plots
 from screwgauge.report.write import write_report
 from screwgauge.study.stress.case import DEGRADED, REFUSED, SILENT, VERDICTS, Case
 from screwgauge.study.stress.run import Stress
@@ -50,8 +51,6 @@ def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Stress, out: Path) -> Path:
     """Writes report, page of small plots, table and environment."""
-    from screwgauge.report.stress.drawing import make_plots
-
     data = {"stress.csv": found.table, "environment.json": found.environment}
     return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
 

@@ -1,0 +1,123 @@
+"""What commands share: folders of their own, progress, tracebacks on request, no warning of numpy."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from io import StringIO
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from screwgauge import commands
+from screwgauge.cli import main
+from screwgauge.report.progress import QUIET, Progress
+from screwgauge.study.bench import forward_run
+from screwgauge.study.bench import run as bench_run
+
+
+class Terminal(StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def clock(*times: float) -> Iterator[float]:
+    return iter(times)
+
+
+def test_short_work_is_silent_in_a_pipe() -> None:
+    stream, times = StringIO(), clock(0.0, 1.0, 5.0, QUIET)
+    with Progress(stream, lambda: next(times)) as progress:
+        for share in (0.1, 0.5, 1.0):
+            progress.show("errors", share)
+    assert stream.getvalue() == ""
+
+
+def test_long_work_says_a_line_now_and_then_in_a_pipe() -> None:
+    stream, times = StringIO(), clock(100.0, 101.0, 111.0, 112.0, 121.5)
+    with Progress(stream, lambda: next(times)) as progress:
+        for step, share in (("errors", 0.1), ("errors", 0.25), ("errors", 0.3), ("times", 0.5)):
+            progress.show(step, share)
+    assert stream.getvalue() == ("screwgauge: errors, 25% done after 11 s\nscrewgauge: times, 50% done after 22 s\n")
+
+
+def test_a_terminal_has_one_line_that_is_wiped_in_the_end() -> None:
+    stream = Terminal()
+    with Progress(stream, lambda: 0.0) as progress:
+        progress.show("errors", 0.5)
+        progress.show("errors", 0.5)
+        assert stream.getvalue() == f"\rerrors           {'#' * 15:<30}  50%"
+    assert stream.getvalue().endswith("\r" + " " * 52 + "\r")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "folder"),
+    [
+        (["run", "3ups-upu-s"], "3ups-upu-s"),
+        (["bench", "3ups-upu-s"], "3ups-upu-s/bench"),
+        (["bench", "a01-pendulum"], "a01-pendulum/bench"),
+        (["stress"], "stress"),
+        (["paper"], "paper"),
+    ],
+)
+def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -> None:
+    seen: list[Path] = []
+
+    def study(page, out, work, **more):
+        seen.append(out)
+        return SimpleNamespace(exit_status=0, failures={}, ok=True, complete=True, broken=())
+
+    monkeypatch.setattr(commands, "_study", study)
+    assert main(arguments) == 0
+    assert seen == [Path("screwgauge-out") / folder]
+
+
+def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["models", "a01-pendulum"]) == 0
+    assert (tmp_path / "screwgauge-out" / "a01-pendulum" / "models" / "a01-pendulum.urdf").is_file()
+    assert "a01-pendulum.urdf" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("debug", [False, True])
+def test_the_traceback_of_an_engine_is_shown_on_request(debug, monkeypatch, paper_scene, tmp_path, capfd) -> None:
+    def broken(files):
+        raise ZeroDivisionError("bad pose")
+
+    monkeypatch.setattr("screwgauge.engines.screw.model.load", broken)
+    options = ["--engines", "screw", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
+    assert main(["run", str(paper_scene()), *options, *(["--debug"] if debug else [])]) == 3
+    said = capfd.readouterr()
+    assert "bad pose" in said.out
+    assert ("Traceback" in said.err) is debug
+    assert ("in broken\n" in said.err) is debug
+
+
+def test_the_traceback_of_bad_input_is_shown_on_request(capfd) -> None:
+    assert main(["run", "no-such-scene", "--debug"]) == 2
+    said = capfd.readouterr().err
+    assert said.startswith("Traceback")
+    assert "unknown scene 'no-such-scene'" in said
+
+
+def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
+    def warns(options):
+        np.log(np.array([0.0]))
+        np.nanmean(np.array([np.nan]))
+        return 0
+
+    monkeypatch.setattr(commands, "paper", warns)
+    warns.__name__ = "paper"
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert main(["paper"]) == 0
+    assert capfd.readouterr().err == ""
+
+
+def test_a_budget_must_be_positive_for_every_bench(capfd) -> None:
+    for scene in ("3ups-upu-s", "a01-pendulum"):
+        assert main(["bench", scene, "--budget", "-1"]) == 2
+        assert "a budget of -1 s" in capfd.readouterr().err
+    assert forward_run.FULL.budget < bench_run.FULL.budget

@@ -1,0 +1,147 @@
+"""Blocks say the same in Markdown, in HTML and on a terminal, whatever the texts contain."""
+
+from __future__ import annotations
+
+import pytest
+
+from screwgauge.report.blocks import (
+    LONG,
+    Banner,
+    Block,
+    Folded,
+    Heading,
+    Items,
+    Paragraph,
+    Table,
+    cross_table,
+    facts,
+    folded,
+    prose,
+    section,
+    table,
+)
+from screwgauge.report.html import fragment, page
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages import bench, bench_simulation, paper, run, stress
+from screwgauge.report.terminal import terminal
+
+ROWS = [
+    {"engine": "screw", "case": "x", "max_abs": 1.25e-13, "ok": True},
+    {"engine": "mujoco", "case": "y", "max_abs": float("nan"), "ok": False},
+]
+EVERYTHING: list[Block] = [
+    Heading("A <title>", 1),
+    Banner("they agree", "✓ AGREE", "agree"),
+    Paragraph("some **bold**, *slanted* and `a < b` text"),
+    Items(("one", "two")),
+    Table(("name", "size"), (("a", "1e-3"),)),
+    Folded("behind", (Paragraph("inside"),)),
+]
+
+
+def test_markdown_of_every_block() -> None:
+    assert markdown(EVERYTHING).split("\n\n") == [
+        "# A &lt;title&gt;",
+        "> **✓ AGREE** they agree",
+        "some **bold**, *slanted* and `a < b` text",
+        "- one\n- two",
+        "| name | size |\n| --- | ---: |\n| a | 1e-3 |",
+        "<details>\n<summary>behind</summary>",
+        "inside",
+        "</details>\n",
+    ]
+
+
+def test_html_of_every_block() -> None:
+    text = page(EVERYTHING)
+    for piece in (
+        "<title>A &lt;title&gt;</title>",
+        '<div class="banner agree"><strong>✓ AGREE</strong> they agree</div>',
+        "<p>some <strong>bold</strong>, <em>slanted</em> and <code>a &lt; b</code> text</p>",
+        "<ul><li>one</li><li>two</li></ul>",
+        '<td>a</td><td class="right">1e-3</td>',
+        "<summary>behind</summary>\n<p>inside</p>",
+    ):
+        assert piece in text
+
+
+def test_a_terminal_shows_plain_text() -> None:
+    assert terminal(EVERYTHING).split("\n\n") == [
+        "A <title>",
+        "✓ AGREE: they agree",
+        "some bold, slanted and a < b text",
+        "- one\n- two",
+        "name  size\na     1e-3",
+        "behind:\ninside",
+    ]
+
+
+@pytest.mark.parametrize("text", ["f(*args, **kwargs)", "a*b*c", "2 * 3 * 4", "leg1.q1_dot_x", "x | y"])
+def test_what_only_looks_like_markup_stays_as_it_is(text: str) -> None:
+    assert terminal([Paragraph(text)]) == text
+    assert fragment([Paragraph(text)]) == f"<p>{text}</p>"
+
+
+def test_nothing_in_a_cell_can_break_a_page() -> None:
+    text = fragment([Table(("a",), (("<script>alert(1)</script>",),)), Heading("<b>")])
+    assert "<script>" not in text
+    assert "<b>" not in text
+
+
+def test_columns_are_named_and_formatted_by_their_keys() -> None:
+    shown = table(ROWS, "engine | largest, 1 = all = max_abs | = ok")
+    assert shown.head == ("engine", "largest, 1 = all", "")
+    assert shown.body == (("screw", "1.2e-13", "✓ ok"), ("mujoco", "NaN", "✗ no"))
+    assert shown.right == {1}
+
+
+def test_a_cross_table_leaves_empty_what_there_is_not() -> None:
+    shown = cross_table(ROWS, "case", "engine", "max_abs")
+    assert shown.head == ("case", "screw", "mujoco")
+    assert shown.body == (("x", "1.2e-13", ""), ("y", "", "NaN"))
+
+
+def test_columns_of_numbers_are_told_by_their_cells() -> None:
+    cells = ("1.5", "-3e-12", "NaN", "12.3 µs", "9.1 ✗", "0.0 to 15.2", "refused", "", "-", "4.0 **silently wrong**")
+    assert Table(("a", "b"), tuple((cell, "leg1") for cell in cells)).right == {0}
+    assert Table(("a",), (("",),)).right == frozenset()
+
+
+def test_facts_spread_what_is_nested_and_sort_yes_from_no() -> None:
+    shown = facts(
+        {"cores": 2, "packages": {"numpy": "2.4"}, "unique_forces": {"a": True, "b": False}, "load": ["1", "2"]}
+    )
+    assert isinstance(shown, Table)
+    assert shown.body == (
+        ("cores", "2"),
+        ("packages: numpy", "2.4"),
+        ("unique forces", "yes: a; no: b"),
+        ("load", "1"),
+        ("load", "2"),
+    )
+    assert facts({}) == Paragraph("Not recorded.")
+
+
+def test_only_long_tables_are_folded() -> None:
+    short, long = (Table(("a",), (("x",),) * n) for n in (LONG, LONG + 1))
+    assert folded("all", short) is short
+    assert folded("all", long) == Folded("all", (long,))
+
+
+def test_prose_has_paragraphs_and_lists() -> None:
+    assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Paragraph("one two"), Items(("a b", "c"))]
+
+
+def test_a_section_has_the_text_of_its_title() -> None:
+    heading, text, table_ = section("run", "Judge", Table(("a",), ()))
+    assert heading == Heading("Judge")
+    assert isinstance(text, Paragraph)
+    assert text.text.startswith("Residuals of the equations themselves")
+    assert isinstance(table_, Table)
+    assert section("run", "Nothing is said of this") == [Heading("Nothing is said of this")]
+
+
+@pytest.mark.parametrize("module", [bench, bench_simulation, paper, run, stress])
+def test_every_page_has_a_report_and_a_terminal(module) -> None:
+    for name in ("report", "terminal", "write"):
+        assert callable(getattr(module, name))
