@@ -19,10 +19,11 @@ MOST = 7  # decades with a tick
 def linear(label: str, values: Iterable[Array], most: int = 8, margin: float = 0.05) -> Axis:
     """A linear axis over all finite values, with `most` ticks or a few less."""
     low, high = _range(values, (0.0, 1.0))
-    span = max(high - low, NARROWEST * max(abs(low), abs(high))) or 1.0
+    size = max(abs(low), abs(high))
+    span = max(high - low, NARROWEST * size) if high > low else size or 1.0
     middle, half = (low + high) / 2, span * (0.5 + margin)
-    size = 10.0 ** np.floor(np.log10(2 * half / most))
-    step = next(float(s * size) for s in STEPS if s * size * most >= 2 * half * (1 - 1e-9))
+    power = 10.0 ** np.floor(np.log10(2 * half / most))
+    step = next(float(s * power) for s in STEPS if s * power * most >= 2 * half * (1 - 1e-9))
     ticks = [k * step for k in range(int(np.ceil((middle - half) / step)), int((middle + half) // step) + 1)]
     if step < 1e-4 or max(map(abs, ticks)) >= 1e5:
         names = [number(tick, 8) for tick in ticks]

@@ -103,7 +103,7 @@ def _panel(page: Page, frame: _Frame, *, named: bool) -> float:
     for x, y, look in drawn:
         page.path(polyline(x, y), look)
     for x, y, look in drawn:
-        page.marks(x, y, look if len(x) > 1 or look.marker else replace(look, marker="o", size=3.0))
+        page.marks(x, y, look if len(x) > 1 or look.marker else replace(look, marker="o", size=2.0))
     _labels(page, frame, drawn)
     return foot
 
@@ -119,7 +119,9 @@ def _axes(page: Page, frame: _Frame, *, named: bool) -> float:
     ticks = [f"M{x:.2f} {bottom:.2f}v{TICK:g}" for x, _ in across]
     ticks += [f"M{left:.2f} {y:.2f}h-{TICK:g}" for y, _ in up]
     page.path(f"M{left:.2f} {frame.top:.2f}V{bottom:.2f}H{frame.right:.2f}{''.join(ticks)}", FRAME)
-    for x, name in across:
+    nearest = min(np.diff(sorted(x for x, _ in across)), default=np.inf)
+    every = 1 + int(max((text_width(name, WRITTEN) for _, name in across), default=0.0) / nearest)
+    for x, name in across[::every]:
         page.text(x, bottom + 11.0, name, WRITTEN, "middle")
     page.text((left + frame.right) / 2, bottom + 23.5, x_axis.label, WRITTEN, "middle")
     if named:
