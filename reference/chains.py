@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout, across, place
 from screwgauge.reference.rotations import Array, triad, triad_angles
 
@@ -33,11 +34,9 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
         return None
     if not all(_has_closed_form(leg) for leg in legs):
         return None
-    n = len(y)
-    q = np.tile(mechanism.home, (n, 1))
+    q = np.tile(mechanism.home, (len(y), 1))
     q[:, mechanism.independent_columns] = y
-    ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
-    R, p = across(driver, q[:, lay.columns[driver.name]], *ground)[:2]
+    R, p = _from_ground(driver, q[:, lay.columns[driver.name]])
     for leg in legs:
         _leg(lay, leg, R, p, q)
     return q
@@ -57,6 +56,12 @@ def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
     )
 
 
+def _from_ground(joint: Joint, q: Array) -> tuple[Array, Array]:
+    """Pose of the child of a joint whose parent is the ground. Shapes (n, 3, 3), (n, 3)."""
+    ground = np.tile(np.eye(3, dtype=q.dtype), (len(q), 1, 1)), np.zeros((len(q), 3), dtype=q.dtype)
+    return across(joint, q, *ground)[:2]
+
+
 def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> None:
     """Fills the coordinates of one leg. R, p: pose of the output body, shapes (n, 3, 3), (n, 3)."""
     base, slide, wrist = (edge.joint for edge in chain)
@@ -68,8 +73,6 @@ def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> 
     q1, q2 = np.arctan2(-v, w), np.arctan2(u, np.hypot(v, w))
     q[:, lay.columns[base.name]] = np.stack([q1, q2], axis=1)
     q[:, lay.columns[slide.name][0]] = np.sqrt(u * u + v * v + w * w)
-    n = len(q)
-    ground = np.tile(np.eye(3, dtype=q.dtype), (n, 1, 1)), np.zeros((n, 3), dtype=q.dtype)
-    R_leg = across(base, q[:, lay.columns[base.name]], *ground)[0]
+    R_leg = _from_ground(base, q[:, lay.columns[base.name]])[0]
     angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, triad(wrist.axes))
     q[:, lay.columns[wrist.name]] = angles[:, : len(wrist.axes)]

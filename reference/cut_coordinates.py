@@ -38,27 +38,20 @@ class CutColumns:
 
 def cut_columns(lay: Layout) -> CutColumns:
     """Sorts the coordinates of the cut joints by what they are."""
-    angles: tuple[list[int], list[int], list[int]] = ([], [], [])
-    slides: tuple[list[int], list[int]] = ([], [])
-    balls: tuple[list[list[int]], list[int]] = ([], [])
-    axes: list[Array] = []
-    owner: list[int] = []
-    for c, joint in enumerate(lay.tree.cuts):
-        first = len(owner)
-        for i, (turn, axis) in enumerate(joint.freedoms):
-            if turn:
-                for kept, value in zip(angles, (len(owner), c, i), strict=True):
-                    kept.append(value)
-            else:
-                slides[0].append(len(owner))
-                slides[1].append(c)
-                axes.append(axis)
-            owner.append(c)
-        if joint.kind == "S":
-            balls[0].append([first, first + 1, first + 2])
-            balls[1].append(c)
-    triads = np.array([triad(joint.axes) for joint in lay.tree.cuts], dtype=lay.path.dtype).reshape(-1, 3, 3)
-    return CutColumns(triads, angles, slides, np.array(axes).reshape(-1, 3), balls, owner)
+    cuts = list(enumerate(lay.tree.cuts))
+    freedoms = [(c, i, turns, axis) for c, joint in cuts for i, (turns, axis) in enumerate(joint.freedoms)]
+    owner = [c for c, *_ in freedoms]
+    angles = [(place, c, i) for place, (c, i, turns, _) in enumerate(freedoms) if turns]
+    slides = [place for place, (_, _, turns, _) in enumerate(freedoms) if not turns]
+    balls = [c for c, joint in cuts if joint.kind == "S"]
+    return CutColumns(
+        triads=np.array([triad(joint.axes) for _, joint in cuts], dtype=lay.path.dtype).reshape(-1, 3, 3),
+        angles=([place for place, _, _ in angles], [c for _, c, _ in angles], [i for _, _, i in angles]),
+        slides=(slides, [owner[place] for place in slides]),
+        slide_axes=np.array([freedoms[place][3] for place in slides]).reshape(-1, 3),
+        balls=([[owner.index(c) + k for k in range(3)] for c in balls], balls),
+        owner=owner,
+    )
 
 
 def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Array:

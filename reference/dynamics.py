@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.reference import linear, screws
 from screwgauge.reference.applied import Load
 from screwgauge.reference.kinematics import Velocities
-from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.pose import Layout, Pose, centres_of_mass
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array, cross
 
@@ -41,7 +41,7 @@ def body_motion(lay: Layout, at: Pose, V: Array, A: Array) -> BodyMotion:
     """Motion of the bodies from their twists `V` and acceleration screws `A`, shape (n, n_body + 1, 6)."""
     bodies = lay.mechanism.bodies
     R = at.R[:, 1:]
-    com = at.p[:, 1:] + (R @ np.stack([body.com for body in bodies])[..., None])[..., 0]
+    com = centres_of_mass(lay, at)
     J = R @ np.stack([body.inertia for body in bodies]) @ R.swapaxes(2, 3)
     V, A = V[:, 1:], A[:, 1:]
     return BodyMotion(com, V[..., :3], A[..., :3], screws.acceleration_at(V, A, com), J)

@@ -11,7 +11,7 @@ from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.kinematics import closure_system
-from screwgauge.reference.pose import Layout, Pose, chain_screws, loop_matrix
+from screwgauge.reference.pose import Layout, Pose, centres_of_mass, chain_screws, loop_matrix
 from screwgauge.reference.rotations import Array
 
 
@@ -83,8 +83,7 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     mechanism = lay.mechanism
     G = loop_matrix(lay, at)[0]
     reactions = joint_reactions(lay, at)
-    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([b.com for b in mechanism.bodies])[..., None])[..., 0]
-    c = force_matrix(lay, at, com, reactions)[0]
+    c = force_matrix(lay, at, centres_of_mass(lay, at), reactions)[0]
     constraints = len(reactions.names)
     rank = linear.rank(c[:, :constraints])
     hidden = linear.null_space(c)  # forces that balance among themselves

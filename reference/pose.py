@@ -230,6 +230,12 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     return Pose(q, R, p, S, residual)
 
 
+def centres_of_mass(lay: Layout, at: Pose) -> Array:
+    """Where the bodies' centres of mass are [m]. Shape (n, n_body, 3)."""
+    com = np.stack([body.com for body in lay.mechanism.bodies])
+    return np.asarray(at.p[:, 1:] + (at.R[:, 1:] @ com[..., None])[..., 0])
+
+
 def length(lay: Layout) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
     mechanism = lay.mechanism

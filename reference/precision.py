@@ -13,7 +13,7 @@ from numpy.typing import DTypeLike
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
-from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.pose import Layout, centres_of_mass, layout, pose
 from screwgauge.reference.rotations import Array
 
 T = TypeVar("T", Body, Frame, Joint)
@@ -52,8 +52,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     at = pose(lay, q)
     if not np.abs(at.residual).max(initial=0.0) < 64 * wider.eps:
         return None
-    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in lay.mechanism.bodies])[..., None])[..., 0]
-    return force_matrix(lay, at, com, joint_reactions(lay, at))
+    return force_matrix(lay, at, centres_of_mass(lay, at), joint_reactions(lay, at))
 
 
 def _joint(joint: Joint, dtype: DTypeLike) -> Joint:

@@ -7,8 +7,7 @@ import numpy as np
 from screwgauge.reference import screws
 from screwgauge.reference.graph import output_body
 from screwgauge.reference.loops import LoopEquations, loop_equations
-from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.pose import Layout, Pose, centres_of_mass
 from screwgauge.reference.rotations import Array
 
 #: Parts of a null vector below this share of its largest are left out of the sentence.
@@ -36,10 +35,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
             f"{output_body(lay.mechanism)} gains a freedom that {chosen} do not determine "
             f"({_listed(coordinates)} move){constraint}"
         )
-    joint = next(
-        (j for j in lay.mechanism.joints if set(j.coordinates) >= set(coordinates)),
-        None,
-    )
+    joint = next((j for j in lay.mechanism.joints if set(j.coordinates) >= set(coordinates)), None)
     if joint is not None and len(joint.coordinates) > 1:
         return f"{joint.name} locks: {_listed(bodies)} turn idly ({_listed(coordinates)} moves nothing else)"
     return f"{_listed(bodies)} gain a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
@@ -61,16 +57,10 @@ def _large(values: Array, share: float = SHARE) -> list[int]:
 
 def _moved(lay: Layout, system: LoopEquations, at: Pose, motion: Array) -> list[str]:
     """Bodies that a motion of the tree moves."""
-    V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])
-    index = lay.mechanism.body_index
-    speed = np.zeros(len(index))
-    for body in lay.mechanism.bodies:
-        i = index[body.name]
-        com = at.p[0, i] + at.R[0, i] @ body.com
-        parts = [V[i, :3], screws.velocity_at(V[i], com) / system.length]
-        speed[i] = np.abs(np.concatenate(parts)).max()
-    large = set(_large(speed))
-    return [name for name, i in index.items() if i in large and name != GROUND]
+    V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]
+    linear = screws.velocity_at(V, centres_of_mass(lay, at)[0]) / system.length
+    speed = np.abs(np.concatenate([V[:, :3], linear], axis=1)).max(axis=1)
+    return [lay.mechanism.bodies[i].name for i in sorted(_large(speed))]
 
 
 def _listed(names: list[str]) -> str:

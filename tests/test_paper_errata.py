@@ -13,6 +13,7 @@ from screwgauge.cli import main
 from screwgauge.report.pages.paper import errata_frame, errata_section, terminal, write
 from screwgauge.report.terminal import COLUMNS
 from screwgauge.report.terminal import terminal as text
+from screwgauge.study.paper.errata import Values, tabulated
 from screwgauge.study.paper.measure import is_the_papers, measured
 
 AGREE = 0.03  # sizes found elsewhere are given with two or three figures
@@ -108,6 +109,11 @@ def test_the_papers_case_is_statics(paper_check):
     assert reach.joint_error > 10.0
     assert reach.bracket < 1e-4 * reach.driving  # a wrong Lie bracket does not show in Fig. 11
     assert "statics" in reach.sentence
+
+
+def test_measurements_that_are_not_those_of_the_table_are_refused():
+    with pytest.raises(ValueError, match="table"):
+        tabulated({1: [Values(2.0, 0.0), Values(1.0, 0.0)]})
 
 
 def test_terminal_has_every_row_in_its_width(paper_check):

@@ -12,6 +12,7 @@ from screwgauge.reference.mobility import mobility, output_freedoms
 from screwgauge.reference.paper import printed
 from screwgauge.reference.paper.scheme import brackets, chain_accelerations, integrate
 from screwgauge.reference.paper.twist import fixed_axes, subtracted
+from screwgauge.reference.pose import centres_of_mass
 from screwgauge.reference.rotations import Array
 from screwgauge.study.paper.case import HALF, Case, largest, longest, percent
 from screwgauge.study.paper.errata import TABLE, Values
@@ -130,11 +131,9 @@ def point_acceleration(case: Case) -> list[Values]:
 def _second_difference(case: Case) -> Array:
     """Accelerations of the legs' centres of mass from positions alone. Shape (n, 8, 3)."""
     h = 2e-3
-    local = np.stack([body.com for body in case.lay.mechanism.bodies[:-1]])
 
     def com(t: Array) -> Array:
-        at = positions(case.lay, case.scene.moved(t).y, t)
-        return np.asarray(at.p[:, 1:-1] + (at.R[:, 1:-1] @ local[..., None])[..., 0])
+        return centres_of_mass(case.lay, positions(case.lay, case.scene.moved(t).y, t))[:, :-1]
 
     weights = {-2: -1, -1: 16, 0: -30, 1: 16, 2: -1}
     return np.asarray(sum(weight * com(case.t + k * h) for k, weight in weights.items()) / (12 * h * h))
