@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,16 +11,14 @@ import pandas as pd
 import pytest
 
 from screwgauge.cli import main
-from screwgauge.engines.screw.forward import forces_over_time
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.forward import Forces
+from screwgauge.reference.forward import Forces, forces_at
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.observe import observe
-from screwgauge.scene.scene import FOLDER, load_scene
-from screwgauge.scene.start import make_problem
+from screwgauge.scene.observables import observe
+from screwgauge.scene.read import FOLDER, load_scene
 
 
 @pytest.fixture(scope="session")
@@ -112,20 +111,15 @@ def answer():
         known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]
         known = known[known["t"] <= until]
         scene = load_scene(name).at(known["t"].to_numpy())
-        problem = make_problem(scene, scene.forward, scene.mechanism_file, None)
-        lay, method = layout(scene.mechanism), problem.method
-        forces = forces_over_time(problem, lay)
-        found = integrate(
-            lay,
-            forces,
-            problem.times,
-            start=problem.start,
-            yd=problem.rates,
-            method=method.name,
-            rtol=tolerance or method.rtol,
-            atol=tolerance or method.atol,
-            near=method.near,
-        )
+        lay, task = layout(scene.mechanism), scene.start
+        if tolerance is not None:
+            method = replace(task.integration, rtol=tolerance, atol=tolerance)
+            task = replace(task, integration=method)
+
+        def forces(t: float) -> Forces:
+            return forces_at(scene.mechanism, scene.applied, t)
+
+        found = integrate(lay, task, forces)
         assert found.stopped == ""
         assert len(found.t) == len(known)
         return Answer(lay, forces, found, observe(lay, scene.observables, found.rates.pose.q).array), known
