@@ -14,7 +14,7 @@ from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue, Integration, ModelFiles
-from screwgauge.reference.applied import Applied, JointSpring, PointSpring, hold
+from screwgauge.reference.applied import JointSpring, PointSpring, hold
 from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy
 from screwgauge.reference.kinematics import velocities
@@ -106,8 +106,8 @@ def test_what_progress_raises_ends_the_integration(engine):
         if share > 0.5:
             raise KeyboardInterrupt
 
+    scene = scene_of("a02-fourbar-2")[0]
     with pytest.raises(KeyboardInterrupt):
-        scene = scene_of("a02-fourbar-2")[0]
         simulate(engine, model_files("a02-fourbar-2", engine), scene.applied, scene.start, progress)
     assert shares == sorted(shares)
     assert len(shares) > 3
@@ -191,6 +191,6 @@ def test_bad_problems_are_said(engine):
             simulate(engine, files, applied, replace(scene.start, **task))
 
     refused("unknown method 'RK5'", UnknownNameError, integration=Integration("RK5"))
-    refused("unknown coordinate 'd9'", UnknownNameError, applied=Applied(motors=hold({"d9": 1.0})))
+    refused("unknown coordinate 'd9'", UnknownNameError, applied=scene.under(motors=hold({"d9": 1.0})).applied)
     refused(r"start of shape \(2,\) for 1 independent", screwgauge.ScrewgaugeError, start=np.zeros(2))
     refused("has no loops file", ModelFileError, files=ModelFiles(files.model))
