@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,24 @@ def integrate(
     home = mechanism.home[mechanism.independent_columns]
     start, yd = home if start is None else start, np.zeros_like(home) if yd is None else yd
     return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), forces)
+
+
+def stopped_after(solution: Solution, n: int, why: str) -> Solution:
+    """A simulation as it would be had it stopped after n samples."""
+
+    def cut(array: Array) -> Array:
+        array = array.copy()
+        array[n:] = np.nan
+        return array
+
+    return replace(
+        solution,
+        values={name: replace(values, array=cut(values.array)) for name, values in solution.values.items()},
+        condition=cut(solution.condition),
+        work=cut(solution.work),
+        rows=np.arange(n),
+        stopped=why,
+    )
 
 
 def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
 
 import pandas as pd
 import pytest
 
 from screwgauge.cli import main
+from screwgauge.engines.registry import ENGINES
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import Problem
 from screwgauge.reference.forward import Forces, forces_at
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
@@ -92,6 +96,21 @@ def changed_scene(write, paper_scene):
         return paper_scene(mechanism='mechanism = "changed.toml"', **entries)
 
     return make
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch):
+    """Puts functions, which take a problem and answer it, in the place of engines: ``stand_in(mujoco=function)``."""
+
+    def put(**functions: Callable[[Problem], object]) -> None:
+        for name, function in functions.items():
+            module = ModuleType(f"stand_in_for_{name}")
+            model = SimpleNamespace(solve=lambda problem, progress, function=function: function(problem))
+            module.load = lambda files, model=model: model
+            monkeypatch.setitem(sys.modules, module.__name__, module)
+            monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=f"{module.__name__}:load"))
+
+    return put
 
 
 class Answer(NamedTuple):
