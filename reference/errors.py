@@ -37,7 +37,7 @@ class UnknownNameError(ScrewgaugeError):
     def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "") -> None:
         names = list(known)
         near = get_close_matches(str(name)[:100], names, n=1)
-        hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: "
+        hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "there are none"
         super().__init__(f"unknown {kind} '{name}'", where, hint + ", ".join(names))
 
 

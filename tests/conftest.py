@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
 
 import pandas as pd
 import pytest
 
 from screwgauge.cli import main
-from screwgauge.engines.screw.forward import forces_over_time
+from screwgauge.engines.registry import ENGINES
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.forward import Forces
+from screwgauge.problem import Problem
+from screwgauge.reference.forward import Forces, forces_at
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.observe import observe
-from screwgauge.scene.scene import FOLDER, load_scene
-from screwgauge.scene.start import make_problem
+from screwgauge.scene.observables import observe
+from screwgauge.scene.read import FOLDER, load_scene
 
 
 @pytest.fixture(scope="session")
@@ -95,6 +98,21 @@ def changed_scene(write, paper_scene):
     return make
 
 
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch):
+    """Puts functions, which take a problem and answer it, in the place of engines: ``stand_in(mujoco=function)``."""
+
+    def put(**functions: Callable[[Problem], object]) -> None:
+        for name, function in functions.items():
+            module = ModuleType(f"stand_in_for_{name}")
+            model = SimpleNamespace(solve=lambda problem, progress, function=function: function(problem))
+            module.load = lambda files, model=model: model
+            monkeypatch.setitem(sys.modules, module.__name__, module)
+            monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=f"{module.__name__}:load"))
+
+    return put
+
+
 class Answer(NamedTuple):
     """A forward scene integrated by the solver, and its observables, shape (n, n_observable)."""
 
@@ -112,20 +130,15 @@ def answer():
         known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]
         known = known[known["t"] <= until]
         scene = load_scene(name).at(known["t"].to_numpy())
-        problem = make_problem(scene, scene.forward, scene.mechanism_file, None)
-        lay, method = layout(scene.mechanism), problem.method
-        forces = forces_over_time(problem, lay)
-        found = integrate(
-            lay,
-            forces,
-            problem.times,
-            start=problem.start,
-            yd=problem.rates,
-            method=method.name,
-            rtol=tolerance or method.rtol,
-            atol=tolerance or method.atol,
-            near=method.near,
-        )
+        lay, task = layout(scene.mechanism), scene.start
+        if tolerance is not None:
+            method = replace(task.integration, rtol=tolerance, atol=tolerance)
+            task = replace(task, integration=method)
+
+        def forces(t: float) -> Forces:
+            return forces_at(scene.mechanism, scene.applied, t)
+
+        found = integrate(lay, task, forces)
         assert found.stopped == ""
         assert len(found.t) == len(known)
         return Answer(lay, forces, found, observe(lay, scene.observables, found.rates.pose.q).array), known

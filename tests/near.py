@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.problem import GivenMotion
-from screwgauge.scene.scene import Scene, load_scene
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
 RISE = np.arctan2(0.3 * np.sqrt(3.0), 0.5)  # of the line from O to a wrist centre above the platform
@@ -26,7 +27,7 @@ def moving_at(y, *, speed: float = 1.0, seed: int = 0, scene: str | Scene = "3up
     rng = np.random.default_rng(seed)
     y = np.asarray(y, dtype=float)
     motion = GivenMotion(np.arange(len(y)) * 1.0, y, *(speed * rng.normal(size=(2, *y.shape))))
-    return replace(load_scene(scene) if isinstance(scene, str) else scene, motion=motion)
+    return replace(load_scene(scene) if isinstance(scene, str) else scene, task=motion)
 
 
 def before_upu(distance, n: int = 4, seed: int = 0) -> np.ndarray:

@@ -15,7 +15,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.scene.preflight import check_home
-from screwgauge.scene.scene import FOLDER, scene_names
+from screwgauge.scene.read import FOLDER, scene_names
 
 TRIES = 150
 BAD: list[Any] = [

@@ -78,7 +78,7 @@ def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_passing_it_is_noticed_across_parts_of_a_long_motion(direction, paper_scene, monkeypatch):
-    monkeypatch.setattr("screwgauge.scene.scene.preflight.PART", 2)  # samples 1 and 2 are in different parts
+    monkeypatch.setattr("screwgauge.scene.preflight.PART", 2)  # samples 1 and 2 are in different parts
     scene = load_scene(paper_scene(motion=b_over_time(SINGULAR_B - 0.015 * direction, 0.01 * direction)))
     with pytest.raises(SingularPoseError, match="between t = 1 s and 2 s"):
         check_scene(scene.at([0, 1, 2, 3]))

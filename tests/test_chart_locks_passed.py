@@ -2,38 +2,31 @@
 
 from __future__ import annotations
 
-import importlib
 from functools import cache
 
 import numpy as np
 import pytest
+from asking import MOTION, ask, model_files, simulate
 
 from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.problem import ForwardProblem, GivenMotion, Problem
-from screwgauge.reference.applied import Motor
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import GivenMotion, InitialValue, Problem
+from screwgauge.reference.applied import GRAVITY, Applied, hold
 from screwgauge.reference.rotations import rotation
 
 NAME = "3ups-upu-s"
-ENDINGS = {"screw": ".toml", "pinocchio": ".urdf", "mujoco": ".xml"}
-GRAVITY = np.array([0.0, 0.0, -9.81])
 #: What the tolerances of the steps leave, ten times what is seen: positions, rates, accelerations of up to 250 per s^2.
 AGREE = {"q": 1e-8, "v": 1e-7, "a": 3e-6}
 READ = 1e-12  # three rotations multiplied and taken apart again
 
 
-def files(engine):
-    folder = mechanism_path(NAME).parent
-    return folder / f"{NAME}{ENDINGS[engine]}", folder / f"{NAME}.loops.toml"
-
-
 @cache
 def fall(engine, start, rates, until, torque=0.0):
     """The paper's mechanism in free fall, from its two angles (a, b) and their rates, a torque along the second."""
-    motors = (Motor("s.q2", np.array([torque]), np.zeros((0, 3))),) if torque else ()
+    applied = Applied(np.array(GRAVITY), motors=hold({"s.q2": torque} if torque else {}))
     times = np.linspace(0.0, until, 1 + round(until / 0.05))
-    problem = ForwardProblem(*files(engine), GRAVITY, (), (), motors, np.array(start), np.array(rates), times)
-    return importlib.import_module(f"screwgauge.forward.{engine}").integrate(problem)
+    task = InitialValue(np.array(start), np.array(rates), 0.0, times)
+    return simulate(engine, model_files(NAME, engine), applied, task)
 
 
 def joint(name):
@@ -82,10 +75,8 @@ def test_a_given_motion_is_read_through_the_lock(engine):
     t = np.linspace(0.0, 1.0, 12)
     y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, 1.35 + t - 0.2 * t**2], axis=1)
     yd, ydd = np.stack([0.2 + 0.2 * t, 1.0 - 0.4 * t], axis=1), np.tile([0.2, -0.4], (len(t), 1))
-    quantities = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
-    motion = GivenMotion(t, y, yd, ydd)
-    problem = Problem(*files(engine), GRAVITY, (), "min_norm", motion, quantities)
-    found = importlib.import_module(f"screwgauge.engines.{engine}").solve(problem).values
+    problem = Problem(Applied(), GivenMotion(t, y, yd, ydd), MOTION)
+    found = ask(engine, model_files(NAME, engine), problem).values
     own = slice(column("s.q1"), column("s.q3") + 1)
     for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):
         assert np.abs(found[what].array[:, own] - np.column_stack([known, 0.0 * t])).max() < 1e-9, what

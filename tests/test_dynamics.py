@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
@@ -69,12 +72,8 @@ def test_forces_derive_from_the_potential_at_rest(paper):
         com = [at.p[0, i + 1] + at.R[0, i + 1] @ body.com for i, body in enumerate(paper.bodies)]
         return 9.81 * sum(body.mass * r[2] for body, r in zip(paper.bodies, com, strict=True))
 
-    from dataclasses import replace
-
-    from screwgauge.problem import GivenMotion
-
     zero = np.zeros((1, 2))
-    still = replace(scene, task=GivenMotion(np.zeros(1), y[None].copy(), zero, zero.copy()), loads=())
+    still = replace(scene, task=GivenMotion(np.zeros(1), y[None].copy(), zero, zero.copy())).under(loads=())
     Q = solve(still, quantities=["generalized_force"]).values("generalized_force")[0]
     h = 1e-5
     expected = [(potential(y + h * e) - potential(y - h * e)) / (2 * h) for e in np.eye(2)]
@@ -93,8 +92,6 @@ def test_actuators_deliver_the_power_of_the_generalized_forces():
 
 
 def test_spherical_axial_gives_the_known_forces():
-    from dataclasses import replace
-
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([1.0]), rule="spherical_axial")
     for engine in ("screw", "pinocchio", "mujoco"):
         results = screwgauge.run(scene, engines=[engine], quantities=["actuator_force"])
@@ -103,8 +100,6 @@ def test_spherical_axial_gives_the_known_forces():
 
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_spherical_axial_says_where_it_is_singular(engine):
-    from dataclasses import replace
-
     times = np.pi * np.arange(4)
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([*times, 1.0]), rule="spherical_axial")
     results = screwgauge.run(scene, engines=[engine], quantities=["actuator_force"])

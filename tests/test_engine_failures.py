@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
+from asking import ask, model_files
 
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.cli import main
 from screwgauge.engines.registry import ENGINES
-from screwgauge.engines.screw.inverse import solve
-from screwgauge.models.catalog import mechanism_path
 from screwgauge.solution import Values
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
@@ -27,14 +25,12 @@ def scene(paper_scene):
 
 
 @pytest.fixture
-def engine(monkeypatch):
-    """Puts an engine of the test's own in the place of mujoco."""
+def elsewhere(monkeypatch):
+    """Says that engines are to be found at some ``module:function``."""
 
-    def put(function) -> None:
-        module = ModuleType("engine_of_a_test")
-        module.solve = function
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-        monkeypatch.setitem(ENGINES, "mujoco", f"{module.__name__}:solve")
+    def put(source: str, *names: str) -> None:
+        for name in names:
+            monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=source))
 
     return put
 
@@ -69,19 +65,19 @@ def check_only_mujoco_failed(results, reason: str) -> None:
      ZeroDivisionError("bad pose"), OSError(5, "bad pose"), KeyError("bad pose"), np.linalg.LinAlgError("bad pose")],
     ids=lambda error: type(error).__name__,
 )  # fmt: skip
-def test_an_engine_that_raises_is_rows_with_the_reason(error, engine, scene):
-    engine(raising(error))
+def test_an_engine_that_raises_is_rows_with_the_reason(error, stand_in, scene):
+    stand_in(mujoco=raising(error))
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "bad pose")
 
 
-def test_the_reason_names_the_kind_of_error(engine, scene):
-    engine(raising(ZeroDivisionError("x")))
+def test_the_reason_names_the_kind_of_error(stand_in, scene):
+    stand_in(mujoco=raising(ZeroDivisionError("x")))
     assert "ZeroDivisionError" in screwgauge.run(scene, quantities=QUANTITIES).failures["mujoco"].reason
 
 
-@pytest.mark.parametrize("target", ["no_such_module_at_all:solve", "screwgauge.engines.nothing:solve"])
-def test_an_engine_that_is_not_installed_is_rows_that_say_how_to_get_it(target, monkeypatch, scene):
-    monkeypatch.setitem(ENGINES, "mujoco", target)
+@pytest.mark.parametrize("target", ["no_such_module_at_all:load", "screwgauge.engines.nothing:load"])
+def test_an_engine_that_is_not_installed_is_rows_that_say_how_to_get_it(target, elsewhere, scene):
+    elsewhere(target, "mujoco")
     results = screwgauge.run(scene, quantities=QUANTITIES)
     check_only_mujoco_failed(results, "not installed")
     assert "pip install" in results.failures["mujoco"].reason
@@ -89,7 +85,7 @@ def test_an_engine_that_is_not_installed_is_rows_that_say_how_to_get_it(target, 
 
 @pytest.mark.parametrize(("name", "package"), [("pinocchio", "pin"), ("mujoco", "mujoco")])
 def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, monkeypatch, scene):
-    monkeypatch.delitem(sys.modules, f"screwgauge.engines.{name}", raising=False)
+    monkeypatch.delitem(sys.modules, f"screwgauge.engines.{name}.model", raising=False)
     monkeypatch.setitem(sys.modules, name, None)  # what an import finds of a package that is not there
     results = screwgauge.run(scene, engines=["screw", name], quantities=QUANTITIES)
     assert results.exit_status == 3
@@ -97,16 +93,16 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
 
 
 @pytest.mark.parametrize(
-    "target", ["screwgauge.engines.screw.inverse:nothing", "screwgauge.engines.screw.inverse", "json:dumps"]
+    "target", ["screwgauge.engines.screw.model:nothing", "screwgauge.engines.screw.model", "json:dumps"]
 )
-def test_an_engine_that_is_registered_wrongly_is_a_row(target, monkeypatch, scene):
-    monkeypatch.setitem(ENGINES, "mujoco", target)
+def test_an_engine_that_is_registered_wrongly_is_a_row(target, elsewhere, scene):
+    elsewhere(target, "mujoco")
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), "")
 
 
 def solve_right(problem):
     """The solver of this project, whatever model file the engine in whose place it is was given."""
-    return solve(replace(problem, model=mechanism_path("3ups-upu-s")))
+    return ask("screw", model_files("3ups-upu-s", "screw"), problem)
 
 
 def cut_short(problem):
@@ -116,8 +112,8 @@ def cut_short(problem):
     )
 
 
-def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(engine, scene):
-    engine(solve_right)
+def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(stand_in, scene):
+    stand_in(mujoco=solve_right)
     assert screwgauge.run(scene, quantities=QUANTITIES).exit_status == 0
 
 
@@ -126,8 +122,8 @@ def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(engine, 
     [(lambda problem: None, "TypeError"), (lambda problem: {}, "TypeError"), (cut_short, "1 samples of")],
     ids=["None", "dict", "short"],
 )
-def test_an_engine_that_returns_no_solution_is_a_row(answer, reason, engine, scene):
-    engine(answer)
+def test_an_engine_that_returns_no_solution_is_a_row(answer, reason, stand_in, scene):
+    stand_in(mujoco=answer)
     check_only_mujoco_failed(screwgauge.run(scene, quantities=QUANTITIES), reason)
 
 
@@ -140,7 +136,7 @@ def test_values_have_a_name_and_a_unit_for_every_column(components, units, shape
         Values(components, units, np.zeros(shape))
 
 
-def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, scene):
+def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(stand_in, scene):
     def with_nan(problem):
         found = solve_right(problem)
         array = found.values["joint_position"].array.copy()
@@ -148,7 +144,7 @@ def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, s
         values = found.values["joint_position"]
         return replace(found, values={**found.values, "joint_position": Values(values.components, values.units, array)})
 
-    engine(with_nan)
+    stand_in(mujoco=with_nan)
     results = screwgauge.run(scene, quantities=QUANTITIES)
     assert results.exit_status == 1
     rows = results.pairs[(results.pairs["quantity"] == "joint_position") & (results.pairs["b"] == "mujoco")]
@@ -159,23 +155,22 @@ def test_an_engine_that_returns_nan_is_out_of_tolerance_and_says_where(engine, s
     assert lost["reason"].str.contains("not a number").all()
 
 
-def test_interrupting_is_no_failure_of_an_engine(engine, scene):
-    engine(raising(KeyboardInterrupt()))
+def test_interrupting_is_no_failure_of_an_engine(stand_in, scene):
+    stand_in(mujoco=raising(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         screwgauge.run(scene, quantities=QUANTITIES)
 
 
-def test_an_interrupted_run_writes_nothing(engine, paper_scene, tmp_path, capfd):
-    engine(raising(KeyboardInterrupt()))
+def test_an_interrupted_run_writes_nothing(stand_in, paper_scene, tmp_path, capfd):
+    stand_in(mujoco=raising(KeyboardInterrupt()))
     path = paper_scene()
     assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 130
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
-def test_the_report_is_written_all_the_same(broken, monkeypatch, paper_scene, tmp_path, capfd):
-    for name in broken:
-        monkeypatch.setitem(ENGINES, name, "no_such_module_at_all:solve")
+def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, capfd):
+    elsewhere("no_such_module_at_all:load", *broken)
     out = tmp_path / "out"
     names = ",".join(QUANTITIES)
     assert main(["run", str(paper_scene()), "--quantities", names, "--out", str(out)]) == 3
@@ -184,10 +179,10 @@ def test_the_report_is_written_all_the_same(broken, monkeypatch, paper_scene, tm
     assert "FAILED" in said.out
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert not summary["ok"]
-    for name in ("report.md", "report.html"):
-        report = (out / name).read_text(encoding="utf-8")
-        for engine_ in broken:
-            assert engine_ in report
+    for file in ("report.md", "report.html"):
+        report = (out / file).read_text(encoding="utf-8")
+        for name in broken:
+            assert name in report
         assert "not installed" in report
     for name in ("errors.csv", "timings.csv", "environment.json"):
         assert (out / name).is_file()

@@ -33,8 +33,7 @@ def at_rest_or_moving(scene, n=9):
     scene = scene.at(t[np.linspace(0, len(t) - 1, n).astype(int)])
     lay = layout(scene.mechanism)
     rate = velocities(lay, positions(lay, scene.motion.y, scene.t), scene.motion.yd)
-    loads = [(load.body, load.point, load.force, load.torque) for load in scene.applied.loads]
-    return scene, lay, rate, Forces(gravity=scene.applied.g, loads=loads)
+    return scene, lay, rate, Forces(gravity=scene.applied.g, loads=scene.applied.loads)
 
 
 @pytest.mark.parametrize("name", SCENES, ids=lambda name: Path(name).stem)

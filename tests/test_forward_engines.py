@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import model_files, simulate, simulate_scene
 
 import screwgauge
-from screwgauge.models.catalog import mechanism_path
+from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.models.generate import write_models
-from screwgauge.problem import ForwardProblem, Method
-from screwgauge.reference.applied import JointSpring, Motor, PointSpring
+from screwgauge.problem import InitialValue, Integration, ModelFiles
+from screwgauge.reference.applied import JointSpring, PointSpring, hold
 from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy
 from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.pose import layout, pose
-from screwgauge.scene.observe import observe
-from screwgauge.scene.start import make_problem
+from screwgauge.scene.observables import observe
+from screwgauge.scene.scene import Scene
 
 DATA = Path(__file__).parent / "data"
-ENDINGS = {"pinocchio": ".urdf", "mujoco": ".xml"}
+MOVERS = {"pinocchio": PinocchioMover, "mujoco": MujocoMover}
+ENGINES = tuple(MOVERS)
 ROUND_TRIP = 1e-11  # two dense solutions, conditions of a few hundred: 1e-13 of the largest acceleration is seen
 
 
-def integrator(engine):
-    return importlib.import_module(f"screwgauge.forward.{engine}").integrate
-
-
-def constant(coordinate, amount):
-    return Motor(coordinate, np.array([amount]), np.zeros((0, 3)))
-
-
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", DATA / "four-bar-scene.toml"], ids=str)
 def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
     scene = screwgauge.load_scene(name)
@@ -45,19 +39,10 @@ def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
     model = scene.mechanism.name
     motion = scene.motion
     driven = [joint.coordinates[0] for joint in scene.mechanism.actuators]
+    files = model_files(model, engine, tmp_path)
     for i, t in enumerate(motion.t):
-        problem = ForwardProblem(
-            tmp_path / f"{model}{ENDINGS[engine]}",
-            tmp_path / f"{model}.loops.toml",
-            scene.applied.g,
-            scene.applied.loads,
-            (),
-            tuple(constant(name, f) for name, f in zip(driven, forces[i], strict=True)),
-            motion.y[i],
-            motion.yd[i],
-            np.array([t]),
-        )
-        found = integrator(engine)(problem)
+        held = replace(scene.applied, motors=hold(dict(zip(driven, forces[i], strict=True))))
+        found = simulate(engine, files, held, InitialValue(motion.y[i], motion.yd[i], float(t), np.array([t])))
         assert np.abs(found.a[0] - wanted[i]).max() < ROUND_TRIP * np.abs(wanted).max()
 
 
@@ -75,50 +60,44 @@ CASES = {
 REFUSED = {("a01-pendulum", "mujoco"), ("a04-bricard-thin", "mujoco")}
 
 
-def problem_of(name, engine, until=1.0, **changes):
-    """The problem, the scene with its times, and what is known of its observables."""
+def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, np.ndarray]:
+    """A scene at times of its reference, and what is known of its observables there."""
     scene = screwgauge.load_scene(name)
     rows = np.flatnonzero(scene.known.t <= until)[::10]
-    scene = scene.at(scene.known.t[rows])
-    folder, model = mechanism_path(scene.mechanism.name).parent, scene.mechanism.name
-    problem = make_problem(scene, scene.forward, folder / f"{model}{ENDINGS[engine]}", folder / f"{model}.loops.toml")
-    return replace(problem, **changes), scene, scene.known.values[rows]
+    return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", CASES)
 def test_established_problem(name, engine):
     until, error = CASES[name]
-    problem, scene, known = problem_of(name, engine, until)
+    scene, known = scene_of(name, until)
     if (name, engine) in REFUSED:
         with pytest.raises(ModelFileError, match=r"MuJoCo cannot load it \(.*inertia must have positive"):
-            integrator(engine)(problem)
+            simulate_scene(engine, scene)
         return
-    found, lay = integrator(engine)(problem), layout(scene.mechanism)
+    found, lay = simulate_scene(engine, scene), layout(scene.mechanism)
     assert (found.stopped, len(found.q)) == ("", len(known))
     assert np.abs(observe(lay, scene.observables, found.q).array - known).max() < error
     rate = velocities(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
     # joints that were cut, too
     assert np.abs(rate.w - found.v).max() < 1e-9 * max(1.0, np.abs(found.v).max())
-    E = energy(lay, rate, Forces(gravity=problem.gravity, springs=problem.springs))
+    E = energy(lay, rate, Forces(gravity=scene.applied.g, springs=scene.applied.springs))
     # a few times the error for forces up to 100 N; dampers are integrated along
     assert np.abs(E - E[0] - found.work).max() < 100 * error
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_loops_closed_by_welds_move_alike(engine):
     """The full cut of the Bricard mechanism: a copy of a rod is welded to the rod itself."""
-    problem, scene, known = problem_of("a04-bricard-box", engine, until=1.0)
-    full = {
-        "model": problem.model.with_name(f"a04-bricard-box-full{ENDINGS[engine]}"),
-        "loops": problem.loops.with_name("a04-bricard-box-full.loops.toml"),
-    }
-    found = integrator(engine)(replace(problem, **full))
+    scene, known = scene_of("a04-bricard-box")
+    full = model_files("a04-bricard-box", f"{engine}-full")
+    found = simulate(engine, full, scene.applied, scene.start)
     assert found.engine == f"{engine}-full"
     assert np.abs(observe(layout(scene.mechanism), scene.observables, found.q).array - known).max() < 1e-10
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_what_progress_raises_ends_the_integration(engine):
     shares = []
 
@@ -127,17 +106,18 @@ def test_what_progress_raises_ends_the_integration(engine):
         if share > 0.5:
             raise KeyboardInterrupt
 
+    scene = scene_of("a02-fourbar-2")[0]
     with pytest.raises(KeyboardInterrupt):
-        integrator(engine)(problem_of("a02-fourbar-2", engine, progress=progress)[0])
+        simulate(engine, model_files("a02-fourbar-2", engine), scene.applied, scene.start, progress)
     assert shares == sorted(shares)
     assert len(shares) > 3
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_cut_joints_follow_whole_turns(engine):
     """Two four-bars: the angle at the end of each bar turns with the crank, five times in ten seconds."""
-    problem, scene, _ = problem_of("a02-fourbar-2", engine, times=np.array([0.0, 3.0]))
-    found = integrator(engine)(problem)
+    scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 3.0])
+    found = simulate_scene(engine, scene)
     names = scene.mechanism.coordinates
     a0, c0, c1 = (found.q[:, names.index(name)] for name in ("a0", "c0", "c1"))
     assert abs(a0[-1]) > 2 * np.pi
@@ -147,15 +127,14 @@ def test_cut_joints_follow_whole_turns(engine):
     assert np.abs(a).max() < 1e-4  # next to a singular pose
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_springs_and_motors_at_a_cut_joint_act_like_those_beside_it(engine):
     """In a parallelogram the cut joint c0 turns as b0 does, so that either may carry the spring."""
-    times = np.array([0.0, 0.2, 0.6])
+    scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.2, 0.6])
 
     def motion(coordinate):
         spring = JointSpring(coordinate, stiffness=30.0, rest=0.2, damping=2.0)
-        changes = {"springs": (spring,), "motors": (constant(coordinate, 1.5),), "times": times}
-        return integrator(engine)(problem_of("a02-fourbar-2", engine, **changes)[0])
+        return simulate_scene(engine, scene.under(springs=(spring,), motors=hold({coordinate: 1.5})))
 
     tree, cut = motion("b0"), motion("c0")
     assert np.abs(tree.q - cut.q).max() < 1e-8
@@ -163,11 +142,10 @@ def test_springs_and_motors_at_a_cut_joint_act_like_those_beside_it(engine):
     assert np.abs(tree.work[1:]).min() > 0.01
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
     """As if the accelerations became unsafe once the crank has passed one radian."""
-    module = importlib.import_module(f"screwgauge.forward.{engine}")
-    mover = getattr(module, f"{engine.capitalize()}Mover")
+    mover = MOVERS[engine]
     accelerate, place = mover.accelerate, mover.place
 
     def placed(self, q, v):
@@ -181,8 +159,7 @@ def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
 
     monkeypatch.setattr(mover, "place", placed)
     monkeypatch.setattr(mover, "accelerate", refusing)
-    problem, *_ = problem_of("a02-fourbar-2", engine, times=np.linspace(0.0, 1.0, 21))
-    found = integrator(engine)(problem)
+    found = simulate_scene(engine, screwgauge.load_scene("a02-fourbar-2").at(np.linspace(0.0, 1.0, 21)))
     assert found.stopped.startswith("t = 0.")
     assert "no step leads on; a pose: is not safe" in found.stopped
     assert 5 < len(found.q) < 20
@@ -192,23 +169,28 @@ def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
 def test_a_start_without_direction_is_refused():
     spring = PointSpring("ground", np.zeros(3), "bob", np.zeros(3), stiffness=1.0, rest=0.1)
     with pytest.raises(SingularPoseError, match="its points meet"):
-        integrator("pinocchio")(problem_of("a01-pendulum", "pinocchio", springs=(spring,))[0])
+        simulate_scene("pinocchio", scene_of("a01-pendulum", springs=(spring,))[0])
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_start_that_its_coordinates_do_not_determine_is_refused(engine):
     """All links of the four-bars in one line: which way they bend is not said by the crank."""
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    in_line = replace(scene.start, start=np.array([-0.5 * np.pi]))
     with pytest.raises(SingularPoseError, match="do not determine the motion"):
-        integrator(engine)(problem_of("a02-fourbar-2", engine, start=np.array([-0.5 * np.pi]))[0])
+        simulate_scene(engine, replace(scene, task=in_line))
 
 
-@pytest.mark.parametrize("engine", ENDINGS)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_bad_problems_are_said(engine):
-    def refused(match, error, **changes):
-        with pytest.raises(error, match=match):
-            integrator(engine)(problem_of("a02-fourbar-2", engine, **changes)[0])
+    scene = scene_of("a02-fourbar-2")[0]
+    files = model_files("a02-fourbar-2", engine)
 
-    refused("unknown method 'RK5'", UnknownNameError, method=Method("RK5"))
-    refused("unknown coordinate 'd9'", UnknownNameError, motors=(constant("d9", 1.0),))
+    def refused(match, error, files=files, applied=scene.applied, **task):
+        with pytest.raises(error, match=match):
+            simulate(engine, files, applied, replace(scene.start, **task))
+
+    refused("unknown method 'RK5'", UnknownNameError, integration=Integration("RK5"))
+    refused("unknown coordinate 'd9'", UnknownNameError, applied=scene.under(motors=hold({"d9": 1.0})).applied)
     refused(r"start of shape \(2,\) for 1 independent", screwgauge.ScrewgaugeError, start=np.zeros(2))
-    refused("has no loops file", ModelFileError, loops=None)
+    refused("has no loops file", ModelFileError, files=ModelFiles(files.model))

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import model_files, stopped_after
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.engines.screw.forward import integrate
+from screwgauge.engines.registry import get_engine
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.reference.errors import ClosureError, ScrewgaugeError
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.sections import engines as engines_section
 from screwgauge.report.verdict import verdict
-from screwgauge.scene.start import check_start
+from screwgauge.scene.simulation import check_start
 
 FALL = """
 mechanism = "{mechanism}"
@@ -95,21 +95,20 @@ def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
     def beyond(*_: object) -> None:
         raise ClosureError("the loops cannot close", "beside the start", "look elsewhere")
 
-    monkeypatch.setattr("screwgauge.scene.scene.stiffness.eigenvalues", beyond)
-    found = screwgauge.load_scene(scene())
-    assert check_start(found, found.forward)[1] == ()
+    monkeypatch.setattr("screwgauge.scene.simulation.eigenvalues", beyond)
+    assert check_start(screwgauge.load_scene(scene()))[1] == ()
 
 
 @pytest.fixture
-def no_engine(monkeypatch):
-    """Engines that are not installed; who was asked for stands in the list."""
+def no_engine(stand_in):
+    """An engine that is not installed; that it was asked stands in the list."""
     order: list[str] = []
 
-    def load(name: str) -> None:
-        order.append(name)
+    def absent(problem) -> None:
+        order.append("screw")
         raise ImportError("not wanted here")
 
-    monkeypatch.setattr("screwgauge.study.forward.load_integrator", load)
+    stand_in(screw=absent)
     return order
 
 
@@ -126,13 +125,12 @@ def test_the_warning_goes_to_standard_error(scene, no_engine, capsys, tmp_path):
     assert capsys.readouterr().err.startswith("screwgauge: warning: The scene is stiff")
 
 
-def test_an_engine_that_stops_is_not_said_to_have_run(scene, monkeypatch):
+def test_an_engine_that_stops_is_not_said_to_have_run(scene, stand_in):
     def half(problem):
-        found = integrate(problem)
-        cut = {name: getattr(found, name)[:2] for name in ("q", "v", "a", "work", "condition")}
-        return replace(found, stopped="t = 0.1 s: no step leads on", **cut)
+        return stopped_after(right.solve(problem), 2, "t = 0.1 s: no step leads on")
 
-    monkeypatch.setattr("screwgauge.study.forward.load_integrator", lambda name: half)
+    right = get_engine("screw").load(model_files(SQUARE, "screw"))
+    stand_in(screw=half)
     results = run(scene())
     assert "✗ stopped after t = 0.1 s" in markdown(engines_section(results))
     assert verdict(results).text.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")

@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from asking import ask, model_files, stopped_after
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.engines.screw.forward import integrate
-from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.pose import layout
-from screwgauge.scene.start import check_start
-from screwgauge.scene.stiffness import eigenvalues
-from screwgauge.study.forward import run_forward
+from screwgauge.scene.simulation import check_start, eigenvalues
+from screwgauge.solution import Values
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),
@@ -59,22 +58,9 @@ def sprung(write):
     return make
 
 
-@pytest.fixture
-def borrowed(monkeypatch):
-    """Puts functions in the place of engines."""
-
-    def put(**functions: object):
-        def load(name: str):
-            return functions.get(name, integrate)
-
-        monkeypatch.setattr("screwgauge.study.forward.load_integrator", load)
-
-    return put
-
-
 def pendulum(problem):
     """Stands in for another engine, which reads another file."""
-    return integrate(replace(problem, model=mechanism_path("a01-pendulum")))
+    return ask("screw", model_files("a01-pendulum", "screw"), problem)
 
 
 @pytest.mark.parametrize("name", OBSERVABLES)
@@ -128,29 +114,26 @@ def test_work_of_a_damper_is_in_the_balance_of_energy(sprung):
     assert results.judge.set_index("residual").loc["energy_balance", "ok"]
 
 
-def test_judge_faults_a_motion_whose_energy_grows(borrowed):
+def test_judge_faults_a_motion_whose_energy_grows(stand_in):
     def wrong(problem):
-        found = pendulum(problem)
-        return replace(found, v=found.v * (1.0 + 1e-6 * np.arange(len(found.v))[:, None]))
+        solution = pendulum(problem)
+        v = solution.values["joint_velocity"]
+        faster = Values(v.components, v.units, v.array * (1.0 + 1e-6 * np.arange(len(v.array))[:, None]))
+        return replace(solution, values={**solution.values, "joint_velocity": faster})
 
-    borrowed(pinocchio=wrong)
+    stand_in(pinocchio=wrong)
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
-    results = run_forward(scene, engines=["screw", "pinocchio"])
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"])
     faulted = results.judge[~results.judge["ok"]]
     assert list(faulted["engine"]) == ["pinocchio"]
     assert list(faulted["residual"]) == ["energy_balance"]
     assert not results.ok
 
 
-def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(borrowed):
-    def half(problem):
-        found = pendulum(problem)
-        fields = {key: getattr(found, key)[:2] for key in ("q", "v", "a", "work", "condition")}
-        return replace(found, **fields, stopped="no step leads on")
-
-    borrowed(mujoco=half)
+def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(stand_in):
+    stand_in(mujoco=lambda problem: stopped_after(pendulum(problem), 2, "no step leads on"))
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
-    results = run_forward(scene, engines=["screw", "mujoco"])
+    results = screwgauge.run(scene, engines=["screw", "mujoco"])
     lost = results.pairs[results.pairs["reason"] != ""]
     assert set(lost["reason"]) == {"mujoco has nothing after t = 0.5 s: no step leads on"}
     known = results.pairs[(results.pairs["a"] == "mujoco") & (results.pairs["b"] == "reference")]
@@ -159,12 +142,12 @@ def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(borrowed):
     assert np.isnan(results.values("observable", "mujoco")[2]).all()
 
 
-def test_an_engine_that_refuses_is_a_row_with_its_reason(borrowed):
+def test_an_engine_that_refuses_is_a_row_with_its_reason(stand_in):
     def refuses(problem):
         raise ValueError("no body without inertia")
 
-    borrowed(mujoco=refuses)
-    results = run_forward(screwgauge.load_scene("a01-pendulum").at([0.0, 0.5]), engines=["screw", "mujoco"])
+    stand_in(mujoco=refuses)
+    results = screwgauge.run(screwgauge.load_scene("a01-pendulum").at([0.0, 0.5]), engines=["screw", "mujoco"])
     assert results.exit_status == 3
     assert "no body without inertia" in results.failures["mujoco"].reason
     assert (results.pairs["reason"] == "ValueError: no body without inertia").sum() == 2
@@ -181,12 +164,12 @@ def test_a_motion_beyond_the_limits_of_a_joint_is_noted(sprung, write):
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
     """1e4 N m s/rad on 1 kg m^2 asks DOP853 for steps of 0.6 ms; ten of them are not worth a word."""
     scene = sprung(damping=1e4, duration=1)
-    (warning,) = check_start(scene, scene.forward)[1]
+    (warning,) = check_start(scene)[1]
     assert "fastest eigenvalue at the start, -1e+04 1/s" in warning
     assert "bounds a stable step to about 0.0006 s, 1.7e+03 steps" in warning
-    assert check_start(scene.at([0.0, 0.006]), scene.forward)[1] == ()
+    assert check_start(scene.at([0.0, 0.006]))[1] == ()
     implicit = sprung(damping=1e4, duration=1, forward='method = "BDF"')
-    assert check_start(implicit, implicit.forward)[1] == ()
+    assert check_start(implicit)[1] == ()
 
 
 def test_eigenvalues_of_the_governor_are_the_known_ones():
@@ -194,7 +177,7 @@ def test_eigenvalues_of_the_governor_are_the_known_ones():
     scene = screwgauge.load_scene("a05-governor")
     forces = Forces(gravity=scene.applied.g, springs=scene.applied.springs)
     lay = layout(load_mechanism("a05-governor"))
-    found = eigenvalues(lay, forces, scene.forward.start, scene.forward.rates)
+    found = eigenvalues(lay, forces, scene.start.start, scene.start.rates)
     found = found[np.abs(found) > 1.0]
     known = np.array([-8117.0, -1450.0, -20.30, -20.05, 7.346j, -7.346j])
     for value in known:

@@ -7,45 +7,37 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from asking import model_files, opening, simulate, simulate_scene
 
 import screwgauge
 from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE, has_integrator
 from screwgauge.engines.mujoco.steps import sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.tree.closure import make_loops
+from screwgauge.engines.registry import get_engine
+from screwgauge.engines.tree.closed import close_tree
 from screwgauge.engines.tree.forces import tree_forces
-from screwgauge.engines.tree.stepper import INTEGRATORS, REFINABLE, Stepper, hold, integrate_steps, opening
-from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.loops import read_loops
-from screwgauge.problem import ForwardProblem
-from screwgauge.reference.applied import JointSpring, Load, PointSpring
+from screwgauge.problem import InitialValue
+from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, hold
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.pose import layout
-from screwgauge.scene.observe import observe
-from screwgauge.scene.start import make_problem
-
-ENDINGS = {"pinocchio": ".urdf", "mujoco": ".xml"}
+from screwgauge.scene.observables import observe
 
 
-def model_files(name, engine):
-    folder = mechanism_path(name).parent
-    return folder / f"{name}{ENDINGS[engine]}", folder / f"{name}.loops.toml"
-
-
-def error(name, stepper, until):
+def error(name, until, engine, **stepper):
     """Largest error of the observable, and what the stepper returned."""
     scene = screwgauge.load_scene(name)
     rows = np.flatnonzero(scene.known.t <= until)[::5]
     scene = scene.at(scene.known.t[rows])
-    problem = make_problem(scene, scene.forward, *model_files(scene.mechanism.name, stepper.engine))
-    found = integrate_steps(problem, stepper)
+    found = simulate_scene(engine, scene, **stepper)
     values = observe(layout(scene.mechanism), scene.observables, found.q).array
     return np.abs(values - scene.known.values[rows[: len(values)]]).max(), found
 
 
 def order(name, until, steps, **stepper):
     """Slope of the error over the step."""
-    errors = [error(name, Stepper(dt=dt, **stepper), until)[0] for dt in steps]
+    errors = [error(name, until, dt=dt, **stepper)[0] for dt in steps]
     return np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1])
 
 
@@ -68,21 +60,21 @@ def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
 )
 def test_mujoco_steps_converge_without_loops(integrator, expected, steps):
     """The governor: stiff springs and dampers as tendons, seen by the implicit integrators."""
-    if integrator == "discrete" and not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+    if not has_integrator(integrator):
         pytest.skip("this MuJoCo has no discrete integrator")
     found = order("a05-governor", 0.25, steps, engine="mujoco", integrator=integrator)
     assert found == pytest.approx(expected, abs=0.3)
 
 
 def test_rk4_of_mujoco_is_as_exact_as_the_reference_where_it_is_stable():
-    assert error("a05-governor", Stepper("mujoco", "RK4", 2e-4), 0.25)[0] < 1e-11
+    assert error("a05-governor", 0.25, "mujoco", integrator="RK4", dt=2e-4)[0] < 1e-11
 
 
 def test_loops_of_mujoco_are_soft_at_any_step_and_refinement_closes_them():
     """Two four-bars, default softness: a floor that no step removes. Refined, Euler's error follows the step."""
 
     def pair(**more):
-        return [error("a02-fourbar-2", Stepper("mujoco", "Euler", dt, **more), 2.0)[0] for dt in (2e-3, 1e-3)]
+        return [error("a02-fourbar-2", 2.0, "mujoco", dt=dt, **more)[0] for dt in (2e-3, 1e-3)]
 
     raw, refined = pair(), pair(solimp=0.9999, passes=5)
     assert raw[1] > 0.8 * raw[0]
@@ -98,43 +90,41 @@ def held():
     force = run.values("actuator_force", "screw")[0]
     # of the pose at rest: nothing in the scene accelerates at its first time
     driven = [joint.coordinates[0] for joint in scene.mechanism.actuators]
-    y = scene.motion.y[0]
+    applied = replace(scene.applied, motors=hold(dict(zip(driven, force, strict=True))))
+    task = InitialValue(scene.motion.y[0], np.zeros(2), 0.0, np.linspace(0.0, 0.2, 5))
 
-    def problem(engine):
-        return ForwardProblem(
-            *model_files("3ups-upu-s", engine),
-            scene.applied.g,
-            scene.applied.loads,
-            (),
-            hold(dict(zip(driven, force, strict=True))),
-            y,
-            np.zeros_like(y),
-            np.linspace(0.0, 0.2, 5),
-        )
+    def step(engine, **stepper):
+        """Its coordinates, and how far the loops have come open [m], shape (5,)."""
+        files = model_files("3ups-upu-s", engine)
+        found = simulate(engine, files, applied, task, **stepper)
+        return found.q, opening(files, found.q, scene.mechanism.coordinates)
 
-    return problem
+    return step
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS["mujoco"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
     """7.3 mm in the end, by default, for every step and integrator; 15 um at the largest impedance."""
-    if integrator == "discrete" and not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+    if not has_integrator(integrator):
         pytest.skip("this MuJoCo has no discrete integrator")
-    problem = held("mujoco")
-    gaps = [opening(problem, integrate_steps(problem, Stepper("mujoco", integrator, dt)))[-1] for dt in (2e-3, 1e-3)]
-    assert gaps == pytest.approx([7.2e-3, 7.2e-3], rel=0.02)
-    hard = integrate_steps(problem, Stepper("mujoco", integrator, 1e-3, solimp=0.9999))
-    assert opening(problem, hard)[-1] == pytest.approx(1.5e-5, rel=0.1)
+    apart = [held("mujoco", integrator=integrator, dt=dt)[1][-1] for dt in (2e-3, 1e-3)]
+    assert apart == pytest.approx([7.2e-3, 7.2e-3], rel=0.02)
+    hard = held("mujoco", integrator=integrator, dt=1e-3, solimp=0.9999)[1]
+    assert hard[-1] == pytest.approx(1.5e-5, rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def held_by_pinocchio(held):
+    return held("pinocchio", dt=1e-3)
 
 
 @pytest.mark.parametrize("integrator", REFINABLE)
-def test_refined_steps_keep_the_loops_of_the_held_mechanism_closed(held, integrator):
-    problem = held("mujoco")
-    found = integrate_steps(problem, Stepper("mujoco", integrator, 1e-3, solimp=0.9999, passes=4))
-    assert opening(problem, found).max() < 1e-8  # what is left is the drift of the step
-    same = integrate_steps(held("pinocchio"), Stepper("pinocchio", "Euler", 1e-3))
-    assert np.abs(found.q - same.q).max() < 1e-7
-    assert opening(held("pinocchio"), same).max() < 1e-14
+def test_refined_steps_keep_the_loops_of_the_held_mechanism_closed(held, held_by_pinocchio, integrator):
+    q, apart = held("mujoco", integrator=integrator, dt=1e-3, solimp=0.9999, passes=4)
+    assert apart.max() < 1e-8  # what is left is the drift of the step
+    same, closed = held_by_pinocchio
+    assert np.abs(q - same).max() < 1e-7
+    assert closed.max() < 1e-14
 
 
 def springs_of_the_governor():
@@ -146,23 +136,14 @@ def springs_of_the_governor():
 
 def test_springs_of_mujoco_are_ours():
     """Passive forces of the sprung model against those from poses and Jacobians."""
-    model_file, loops_file = model_files("a05-governor", "mujoco")
-    problem = ForwardProblem(
-        model_file,
-        loops_file,
-        np.zeros(3),
-        (),
-        springs_of_the_governor(),
-        (),
-        np.zeros(4),
-        np.zeros(4),
-        np.zeros(1),
-    )
-    file = read_loops(loops_file)
-    tree = MujocoTree(model_file, file, problem.gravity)
-    model, left = sprung_model(problem, tree)
-    assert (left.springs, left.motors, left.loads) == ([], (), ())
-    forces, mover = tree_forces(problem, tree, make_loops(tree, file)), MujocoMover(tree)
+    files = model_files("a05-governor", "mujoco")
+    applied = Applied(np.zeros(3), springs=springs_of_the_governor())
+    file = read_loops(files.loops)
+    tree = MujocoTree(files.model, file)
+    sprung = sprung_model(files.model, applied, tree)
+    model, left = sprung.model, sprung.left
+    assert (left.springs, left.motors, left.loads) == ((), (), ())
+    forces, mover = tree_forces(close_tree(tree, file), applied, np.zeros(4)), MujocoMover(tree)
     data, tau = mujoco.MjData(model), np.zeros(4)
     for seed in range(5):
         q, v = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, 4))
@@ -177,15 +158,12 @@ def test_what_varies_is_held_over_each_step_and_said():
     """A load beside the centre of mass and springs at a cut joint: they end near the motion of finer steps."""
     scene = screwgauge.load_scene("a02-fourbar-2").at(np.array([0.0, 0.1, 0.3]))
     load = Load("bar1", np.array([1.0, 0.0, 0.0]), np.array([3.0, -2.0, 0.0]), np.zeros(3))
-    rest = {"loads": (load,), "springs": (JointSpring("c0", 5.0, 0.1, 0.2),)}
-    found = {}
-    for engine, stepper in {
-        "mujoco": Stepper("mujoco", "Euler", 1e-4, solimp=0.9999, passes=5),
-        "pinocchio": Stepper("pinocchio", "RK4", 5e-3),
-        "pinocchio Euler": Stepper("pinocchio", "Euler", 1e-3),
-    }.items():
-        problem = make_problem(scene, scene.forward, *model_files(scene.mechanism.name, stepper.engine))
-        found[engine] = integrate_steps(replace(problem, **rest), stepper)
+    scene = scene.under(loads=(load,), springs=(JointSpring("c0", 5.0, 0.1, 0.2),))
+    found = {
+        "mujoco": simulate_scene("mujoco", scene, dt=1e-4, solimp=0.9999, passes=5),
+        "pinocchio": simulate_scene("pinocchio", scene, integrator="RK4", dt=5e-3),
+        "pinocchio Euler": simulate_scene("pinocchio", scene, dt=1e-3),
+    }
     assert "held over each step" in found["mujoco"].notes[-1]
     # first order in the step of 0.1 ms against fourth order
     assert np.abs(found["mujoco"].q - found["pinocchio"].q).max() < 5e-4
@@ -196,7 +174,7 @@ def test_what_varies_is_held_over_each_step_and_said():
 
 
 def test_steps_that_blow_up_keep_what_was_computed():
-    found = error("a05-governor", Stepper("mujoco", "Euler", 2e-3), 2.0)[1]
+    found = error("a05-governor", 2.0, "mujoco", dt=2e-3)[1]
     assert found.stopped.startswith("t = 0.0")
     assert "no longer finite; take smaller steps" in found.stopped
     assert len(found.q) == len(found.work) == 1
@@ -204,15 +182,18 @@ def test_steps_that_blow_up_keep_what_was_computed():
 
 
 def test_bad_steppers_are_said():
-    with pytest.raises(UnknownNameError, match="unknown engine 'drake'"):
-        Stepper("drake", "Euler", 1e-3)
-    with pytest.raises(UnknownNameError, match="unknown integrator 'implicit'"):
-        Stepper("pinocchio", "implicit", 1e-3)
-    with pytest.raises(DescriptionError, match="step 0 s"):
-        Stepper("mujoco", "Euler", 0.0)
-    with pytest.raises(DescriptionError, match="its constraints are rigid"):
-        Stepper("pinocchio", "Euler", 1e-3, solimp=0.9)
-    with pytest.raises(DescriptionError, match="RK4 solves for accelerations inside its step"):
-        Stepper("mujoco", "RK4", 1e-3, passes=3)
-    with pytest.raises(DescriptionError, match=r"solimp 0\.99999"):
-        error("a05-governor", Stepper("mujoco", "Euler", 1e-3, solimp=0.99999), 0.1)
+    def refused(error, match, engine, **stepper):
+        with pytest.raises(error, match=match):
+            get_engine(engine).load(model_files("a05-governor", engine), **stepper)
+
+    refused(UnknownNameError, "unknown integrator 'implicit'", "pinocchio", integrator="implicit", dt=1e-3)
+    refused(UnknownNameError, "unknown integrator 'semi'", "mujoco", integrator="semi", dt=1e-3)
+    refused(DescriptionError, "step 0 s", "mujoco", dt=0.0)
+    refused(DescriptionError, "step nan s", "pinocchio", dt=float("nan"))
+    refused(UnknownNameError, "engine pinocchio: unknown setting 'solimp'", "pinocchio", dt=1e-3, solimp=0.9)
+    refused(
+        DescriptionError, "RK4 solves for accelerations inside its step", "mujoco", integrator="RK4", dt=1e-3, passes=3
+    )
+    refused(DescriptionError, r"solimp 0\.99999", "mujoco", dt=1e-3, solimp=0.99999)
+    with pytest.raises(UnknownNameError, match="unknown engine 'drak'"):
+        get_engine("drak")

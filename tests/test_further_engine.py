@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
+from importlib.metadata import EntryPoint, EntryPoints
 
 import numpy as np
 import pytest
+import toy_engine as toy
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES
+from screwgauge.engines import registry
+from screwgauge.engines.registry import check_engines, engines, get_engine
+from screwgauge.problem import InitialValue, ModelFiles
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed():
+    """As if a package with the toy were installed: one line in its pyproject.toml, entry point `toy`."""
+    entry = EntryPoint("toy", "toy_engine:TOY", registry.GROUP)
+
+    def entry_points(group):
+        return EntryPoints([entry] if group == registry.GROUP else [])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "entry_points", entry_points)
+        registry._plugins.cache_clear()
+        yield
+    registry._plugins.cache_clear()
 
 
 @pytest.fixture(scope="module")
-def toy():
-    spec = importlib.util.spec_from_file_location("toy_engine", Path(__file__).with_name("toy_engine.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture
-def results(toy, monkeypatch):
-    monkeypatch.setitem(sys.modules, "toy_engine", toy)
-    monkeypatch.setitem(ENGINES, "toy", "toy_engine:solve")  # the one line
+def results(installed):
     scene = screwgauge.load_scene("3ups-upu-s-fast").at(np.linspace(0.0, 1.0, 41))
     return screwgauge.run(scene, engines=["screw", "toy", "pinocchio"])
 
 
-def test_comparison_names_quantity_component_and_size(results, toy):
+def test_comparison_names_quantity_component_and_size(results):
     assert results.exit_status == 1
     bad = results.pairs[~results.pairs["ok"]]
     assert set(bad["quantity"]) == {"joint_acceleration", "actuator_force"}
@@ -40,12 +47,12 @@ def test_comparison_names_quantity_component_and_size(results, toy):
     assert bad["max_scaled"].to_numpy() == pytest.approx(toy.ERROR, rel=1e-3)
 
 
-def test_all_other_components_agree(results, toy):
+def test_all_other_components_agree(results):
     bad = results.errors[~results.errors["ok"]]
     assert set(bad["component"]) == {toy.ACCELERATION, toy.FORCE}
 
 
-def test_judge_alone_names_loop_body_and_size(results, toy):
+def test_judge_alone_names_loop_body_and_size(results):
     bad = results.judge[~results.judge["ok"]]
     assert set(bad["engine"]) == {"toy"}
     worst = bad.set_index(["residual", "unit"])
@@ -58,7 +65,40 @@ def test_judge_alone_names_loop_body_and_size(results, toy):
     assert 0.5 * size < balance["max_abs"] <= 1.01 * size
 
 
-def test_further_engine_is_listed(results, capsys):
+def test_further_engine_is_listed():
     from screwgauge.report.listing import listing
 
     assert "toy" in listing("engines")
+
+
+def test_further_engine_stands_after_those_of_this_package():
+    assert list(engines())[-1] == "toy"
+    assert get_engine("toy") is toy.TOY
+    assert check_engines(["toy", "screw", "toy"]) == ("toy", "screw")
+
+
+def test_further_engine_says_what_it_does_not_do():
+    with pytest.raises(
+        DescriptionError, match=r"s.toml: engine 'toy' does not integrate; choose from screw, pinocchio"
+    ):
+        check_engines(["toy"], "s.toml", InitialValue)
+    with pytest.raises(UnknownNameError, match=r"unknown engine 'tot'; did you mean 'toy'"):
+        check_engines(["tot"])
+
+
+def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
+    scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.3])
+    problem, files = scene.problem(["actuator_force"]), ModelFiles(scene.mechanism_file)
+    right, toys = (get_engine("toy").load(files, error=error).solve(problem) for error in (0.0, 0.5))
+    f, g = (solution.values["actuator_force"].array for solution in (right, toys))
+    assert np.abs(g - f).max() == pytest.approx(0.5 * np.abs(f).max())
+    with pytest.raises(UnknownNameError, match=r"engine toy: unknown setting 'eror'; did you mean 'error'"):
+        get_engine("toy").load(files, eror=1.0)
+
+
+def test_a_name_of_this_package_is_not_taken_over(monkeypatch):
+    entry = EntryPoint("screw", "toy_engine:TOY", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: EntryPoints([entry]))
+    registry._plugins.cache_clear()
+    assert get_engine("screw") is registry.ENGINES["screw"]
+    registry._plugins.cache_clear()

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import integrate
 
-from screwgauge.engines.screw.integrate import METHODS, integrate
+from screwgauge.engines.methods import METHODS
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.branch import Branch
@@ -72,7 +73,7 @@ def test_all_methods_give_the_same_motion(pendulum, method):
     times = np.array([0.0, 0.1, 0.35])
     start = np.array([0.4, 0.3])
     best = integrate(pendulum, forces, times, start=start, rtol=1e-12)
-    found = integrate(pendulum, forces, times, start=start, method=method, rtol=1e-7, atol=1e-8)
+    found = integrate(pendulum, forces, times, start=start, name=method, rtol=1e-7, atol=1e-8)
     assert found.t.tolist() == times.tolist()
     assert np.abs(found.rates.pose.q - best.rates.pose.q).max() < 1e-5
     assert np.array_equal(found.rates.pose.q[0], start)
@@ -129,7 +130,7 @@ def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
 def test_bad_input_is_said(pendulum):
     times = np.array([0.0, 1.0])
     with pytest.raises(UnknownNameError, match=r"unknown method 'RK45'"):
-        integrate(pendulum, Forces(), times, method="RK45")
+        integrate(pendulum, Forces(), times, name="RK45")
     with pytest.raises(DescriptionError, match=r"times do not increase"):
         integrate(pendulum, Forces(), np.array([0.0, 0.0]))
     with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 independent coordinates"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -81,7 +79,7 @@ def test_all_engines_agree_and_the_judge_is_content(results):
 
 
 def test_springs_and_motors_make_a_difference(scene, results):
-    bare = screwgauge.run(replace(scene, springs=(), motors=()), engines=["screw"])
+    bare = screwgauge.run(scene.under(springs=(), motors=()), engines=["screw"])
     for quantity in ("generalized_force", "actuator_force", "reaction"):
         assert np.abs(bare.values(quantity) - results.values(quantity, "screw")).max() > 10.0
     for quantity in ("joint_acceleration", "tree_force"):  # gravity and inertia only
@@ -90,7 +88,7 @@ def test_springs_and_motors_make_a_difference(scene, results):
 
 @pytest.mark.parametrize("missing", ["springs", "motors"])
 def test_judge_misses_what_is_left_out(scene, results, missing):
-    problem = replace(scene, **{missing: ()}).problem(())
+    problem = scene.under(**{missing: ()}).problem(())
     found = judge(scene.mechanism, problem, results.solutions["mujoco"])
     assert {"newton_euler", "power_balance", "virtual_work"} <= set(found[~found["ok"]]["residual"])
 
@@ -100,14 +98,14 @@ def test_forward_dynamics_gives_the_accelerations_back(scene, results):
     lay, motion = layout(scene.mechanism), scene.motion
     rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
     joints = np.zeros_like(rate.w)
-    for motor in scene.motors:
+    for motor in scene.applied.motors:
         column = scene.mechanism.coordinates.index(motor.coordinate)
         joints[:, column] = [motor.force(t) for t in motion.t]
     forces = Forces(
         actuators=results.values("actuator_force", "pinocchio"),
         joints=joints,
-        loads=[(load.body, load.point, load.force, load.torque) for load in scene.loads],
-        springs=scene.springs,
+        loads=scene.applied.loads,
+        springs=scene.applied.springs,
     )
     assert np.abs(forward(lay, rate, forces).ydd - motion.ydd).max() < 1e-9  # of 10 rad/s^2: rounding
 

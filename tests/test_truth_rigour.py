@@ -10,11 +10,11 @@ import pytest
 from flint import arb, ctx, fmpq
 
 import screwgauge
-from screwgauge.engines.parts import Clock
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import GivenMotion, Problem
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
+from screwgauge.solution import Clock
 from screwgauge.truth import exact, forces
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.linkage import Linkage
@@ -22,26 +22,13 @@ from screwgauge.truth.motion import drive, read_terms
 from screwgauge.truth.samples import Sampler
 
 
-def problem_of(scene, **changes):
-    problem = Problem(
-        model=scene.mechanism_file,
-        loops=None,
-        gravity=scene.applied.g,
-        loads=scene.applied.loads,
-        rule=scene.rule,
-        motion=scene.motion,
-        quantities=frozenset(["reaction"]),
-        wording=scene.wording(),
-    )
-    return replace(problem, **changes)
-
-
 def balls(scene, bits):
     """All quantities of the first sample."""
     mechanism = load_mechanism(scene.mechanism_file)
     start = positions(layout(mechanism), scene.motion.y, scene.t).q[0].tolist()
     with ctx.workprec(bits):
-        sampler = Sampler(Linkage(mechanism, mechanism_tables(scene.mechanism_file)), problem_of(scene), "f", Clock())
+        linkage = Linkage(mechanism, mechanism_tables(scene.mechanism_file))
+        sampler = Sampler(linkage, scene.problem(["reaction"]), "f", Clock())
         terms = read_terms(scene.wording().motion, list(mechanism.independent))
         return sampler.sample(drive(terms, float(scene.t[0])), start)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.registry import truth as engine
+from screwgauge.engines import truth as engine
 from screwgauge.solution import common_rows
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.samples import Sampler

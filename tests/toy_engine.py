@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from screwgauge.engines.screw import inverse as screw
-from screwgauge.problem import Problem
+from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.screw import model as screw
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"
+TOY = Engine("toy", "a toy", "toy_engine:load", frozenset((GivenMotion,)), "screwgauge")
 
 
-def solve(problem: Problem) -> Solution:
-    """Shifts one component of two quantities by `ERROR` of its quantity's largest value in that unit."""
-    solution = screw.solve(problem)
-    changed = dict(solution.values)
-    for quantity, component in (("joint_acceleration", ACCELERATION), ("actuator_force", FORCE)):
-        if quantity in changed:
-            changed[quantity] = _shifted(changed[quantity], component)
-    return replace(solution, values=changed)
+def load(files: ModelFiles, error: float = ERROR) -> ToyModel:
+    """Loads a description."""
+    return ToyModel(screw.load(files), error)
 
 
-def _shifted(values: Values, component: str) -> Values:
-    k = values.components.index(component)
-    same = [i for i, unit in enumerate(values.units) if unit == values.units[k]]
-    array = values.array.copy()
-    array[:, k] += ERROR * abs(array[:, same]).max()
-    return Values(values.components, values.units, array)
+@dataclass(frozen=True)
+class ToyModel:
+    """Shifts one component of two quantities by `error` of its quantity's largest value in that unit."""
+
+    right: Model
+    error: float
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        solution = self.right.solve(problem, progress)
+        changed = dict(solution.values)
+        for quantity, component in (("joint_acceleration", ACCELERATION), ("actuator_force", FORCE)):
+            if quantity in changed:
+                changed[quantity] = self._shifted(changed[quantity], component)
+        return replace(solution, values=changed)
+
+    def _shifted(self, values: Values, component: str) -> Values:
+        k = values.components.index(component)
+        same = [i for i, unit in enumerate(values.units) if unit == values.units[k]]
+        array = values.array.copy()
+        array[:, k] += self.error * abs(array[:, same]).max()
+        return Values(values.components, values.units, array)

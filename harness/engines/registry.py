@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, entry_points, version
+from inspect import Parameter, signature
 from typing import Any, Protocol, cast
 
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, Task, quiet
@@ -40,7 +41,8 @@ class Engine:
 
     Attributes:
         meaning: What it is, in a few words.
-        source: ``module:function``, imported only when used; ``function(files, **settings) -> Model``.
+        source: ``module:function``, imported only when used; ``function(files, **settings) -> Model``. What it can be
+            set are its keywords, or the fields of ``Settings`` in its module.
         tasks: The kinds of task that it takes.
         package: Distribution that has to be installed.
         reads: Ending of its model file.
@@ -67,14 +69,29 @@ class Engine:
         """Loads a model file.
 
         Args:
-            settings: The engine's own, see its folder; it says which it does not know.
+            settings: The engine's own, see its folder.
 
         Raises:
             ImportError: Its package is not installed.
+            UnknownNameError: It has no such setting.
             ScrewgaugeError: The file cannot be loaded.
         """
         module, _, function = self.source.partition(":")
-        return cast(Model, getattr(import_module(module), function)(files, **settings))
+        source = import_module(module)
+        load = getattr(source, function)
+        if settings:
+            self._check_settings(settings, getattr(source, "Settings", load))
+        return cast(Model, load(files, **settings))
+
+    def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
+        """Refuses names that are no parameters of what takes the settings."""
+        parameters = signature(takes).parameters.values()
+        if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
+            return
+        known = [parameter.name for parameter in parameters if parameter.name != "files"]
+        for name in names:
+            if name not in known:
+                raise UnknownNameError("setting", name, known, f"engine {self.name}")
 
 
 _ALL: frozenset[type[Task]] = frozenset((GivenMotion, InitialValue, States))

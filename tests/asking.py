@@ -1,0 +1,132 @@
+"""How tests put problems to engines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.registry import get_engine
+from screwgauge.engines.screw.integrate import Trajectory
+from screwgauge.engines.screw.integrate import integrate as integrate_task
+from screwgauge.engines.tree.closure import make_loops
+from screwgauge.models.catalog import mechanism_path
+from screwgauge.models.generate import stem
+from screwgauge.models.loops import read_loops
+from screwgauge.problem import InitialValue, Integration, ModelFiles, Problem, Progress, Task, quiet
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.forward import Forces
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+
+MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
+TREES = {".urdf": PinocchioTree, ".xml": MujocoTree}
+
+
+def model_files(mechanism: str, engine: str, folder: Path | None = None) -> ModelFiles:
+    """Model files of an engine: those kept beside a built-in mechanism, or those written to a folder."""
+    entry = get_engine(engine)
+    if not entry.cut:
+        return ModelFiles(mechanism_path(mechanism))
+    base = stem(mechanism, entry.cut)
+    folder = folder or mechanism_path(mechanism).parent
+    return ModelFiles(folder / f"{base}{entry.reads}", folder / f"{base}.loops.toml")
+
+
+def ask(engine: str, files: ModelFiles, problem: Problem, progress: Progress = quiet, **settings: Any) -> Solution:
+    """Loads a model and puts one problem to it."""
+    return get_engine(engine).load(files, **settings).solve(problem, progress)
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A motion as an engine integrated it, the times that it reached only."""
+
+    engine: str
+    q: Array
+    v: Array
+    a: Array
+    work: Array
+    condition: Array
+    stopped: str
+    notes: tuple[str, ...]
+
+
+def simulate(
+    engine: str, files: ModelFiles, applied: Applied, task: Task, progress: Progress = quiet, **settings: Any
+) -> Simulated:
+    """Integrates a motion: joint coordinates, rates and accelerations of the description, work, condition."""
+    solution = ask(engine, files, Problem(applied, task, MOTION), progress, **settings)
+    rows = slice(0, solution.n_solved)
+    q, v, a = (
+        solution.values[name].array[rows] for name in ("joint_position", "joint_velocity", "joint_acceleration")
+    )
+    return Simulated(
+        solution.engine,
+        *(q, v, a, solution.work[rows], solution.condition[rows]),
+        stopped=solution.stopped,
+        notes=solution.notes,
+    )
+
+
+def simulate_scene(engine: str, scene: Scene, **settings: Any) -> Simulated:
+    """The same for a scene with a start, from the kept model files of its mechanism."""
+    return simulate(engine, model_files(scene.mechanism.name, engine), scene.applied, scene.start, **settings)
+
+
+def integrate(
+    lay: Layout,
+    forces: Forces | Callable[[float], Forces],
+    times: Array,
+    start: Array | None = None,
+    yd: Array | None = None,
+    **integration: Any,
+) -> Trajectory:
+    """Integrates by the screw solver, from home and from rest if nothing else is said; `integration` as in
+    `Integration`."""
+    mechanism = lay.mechanism
+    home = mechanism.home[mechanism.independent_columns]
+    start, yd = home if start is None else start, np.zeros_like(home) if yd is None else yd
+    return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), forces)
+
+
+def stopped_after(solution: Solution, n: int, why: str) -> Solution:
+    """A simulation as it would be had it stopped after n samples."""
+
+    def cut(array: Array) -> Array:
+        array = array.copy()
+        array[n:] = np.nan
+        return array
+
+    return replace(
+        solution,
+        values={name: replace(values, array=cut(values.array)) for name, values in solution.values.items()},
+        condition=cut(solution.condition),
+        work=cut(solution.work),
+        rows=np.arange(n),
+        stopped=why,
+    )
+
+
+def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
+    """Largest distance of points that should meet, closures by points as in the minimal cut [m].
+
+    Args:
+        q: Joint coordinates of those names. Shape (n, n_q).
+
+    Returns:
+        Shape (n,).
+    """
+    file = read_loops(files.loops)
+    tree = TREES[files.model.suffix](files.model, file)
+    loops = make_loops(tree, file)
+    apart = loops.gaps(tree.poses(q[:, [names.index(name) for name in tree.coordinates]]))
+    points = np.repeat(np.array([not anchor.angular for anchor in loops.anchors], dtype=bool), 3)
+    return np.linalg.norm(apart[:, points].reshape(len(q), -1, 3), axis=2).max(axis=1, initial=0.0)
