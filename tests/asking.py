@@ -65,9 +65,7 @@ def simulate(
     """Integrates a motion: joint coordinates, rates and accelerations of the description, work, condition."""
     solution = ask(engine, files, Problem(applied, task, MOTION), progress, **settings)
     rows = slice(0, solution.n_solved)
-    q, v, a = (
-        solution.values[name].array[rows] for name in ("joint_position", "joint_velocity", "joint_acceleration")
-    )
+    q, v, a = (solution.values[name].array[rows] for name in ("joint_position", "joint_velocity", "joint_acceleration"))
     return Simulated(
         solution.engine,
         *(q, v, a, solution.work[rows], solution.condition[rows]),
