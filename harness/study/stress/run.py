@@ -14,7 +14,7 @@ from screwgauge.environment import environment
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.provenance import provenance
-from screwgauge.study.run import Report, missing
+from screwgauge.study.ask import Report, missing
 from screwgauge.study.stress.case import SILENT, Case, Finding, Rung
 from screwgauge.study.stress.registry import choose
 
