@@ -87,6 +87,7 @@ class Solution:
             known. Shape (n,).
         stopped: Why a simulation ended early, empty if it did not.
         cost: What it took, where the engine has measured it.
+        warnings: What the engine itself warned of; these are notes, too.
     """
 
     engine: str
@@ -104,6 +105,7 @@ class Solution:
     work: Array | None = None
     stopped: str = ""
     cost: Cost | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def n_solved(self) -> int:

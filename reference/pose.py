@@ -102,10 +102,15 @@ def _side(bodies: list[int], frames: Sequence[Frame]) -> Side:
     )
 
 
-def layout(mechanism: Mechanism) -> Layout:
-    """Spanning tree, paths and loops of a mechanism."""
-    chosen = {*mechanism.independent.values()}
-    tree = spanning_tree(mechanism, [j.name for j in mechanism.joints if chosen & {*j.coordinates}])
+def layout(mechanism: Mechanism, tree: SpanningTree | None = None) -> Layout:
+    """Spanning tree, paths and loops of a mechanism.
+
+    Args:
+        tree: Another one than that which keeps the joints of the independent coordinates.
+    """
+    if tree is None:
+        chosen = {*mechanism.independent.values()}
+        tree = spanning_tree(mechanism, [j.name for j in mechanism.joints if chosen & {*j.coordinates}])
     index = mechanism.body_index
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
     path = tree_path(mechanism, tree)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from screwgauge.scene.scene import load_scene
-from screwgauge.study.stress.case import GOOD, SILENT
+from screwgauge.study.cases.case import GOOD, SILENT
 from screwgauge.study.stress.driven import refinement, softness
 from screwgauge.study.stress.driven.held import Held, hold
 from screwgauge.study.stress.driven.mujoco_steps import Setting, step

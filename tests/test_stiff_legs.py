@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
 from screwgauge.study.stress.stiff import accelerations as stiff_accelerations
 from screwgauge.study.stress.stiff import motion as stiff_motion
 from screwgauge.study.stress.stiff.springs import leg_springs

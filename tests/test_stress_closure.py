@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.study.stress.case import OK, SILENT, Finding
+from screwgauge.study.cases.case import OK, SILENT, Finding
 from screwgauge.study.stress.inverse.open_states import FORWARD, HARD
-from screwgauge.study.stress.registry import load
+from screwgauge.study.cases.registry import load
 
 GAPS = (1e-9, 1e-7, 1e-5)
 #: Rounding times the condition of the default scene's poses, after a refinement of soft constraints.

@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.stress.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
 from screwgauge.study.stress.driven import long_run, proximal, redundant
 from screwgauge.study.stress.driven.refinement import refinement
 from screwgauge.study.stress.driven.softness import softness

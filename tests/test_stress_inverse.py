@@ -14,12 +14,12 @@ import pytest
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.scene.scene import load_scene
 from screwgauge.study.ask import solve
-from screwgauge.study.stress.case import DEGRADED, OK, REFUSED, Finding
+from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
 from screwgauge.study.stress.inverse import measure as inverse
 from screwgauge.study.stress.inverse.measure import ENGINES, measure, still
 from screwgauge.study.stress.inverse.singular_poses import WRIST_LOCKS
 from screwgauge.study.stress.inverse.states import POSES, decades, exactly
-from screwgauge.study.stress.registry import CASES, load
+from screwgauge.study.cases.registry import CASES, load
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.

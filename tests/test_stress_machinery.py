@@ -12,8 +12,8 @@ import pytest
 from screwgauge.cli import main
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.stress import registry
-from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, Rung
-from screwgauge.study.stress.run import COLUMNS, stress
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, Rung
+from screwgauge.study.stress import COLUMNS, stress
 
 
 def toy() -> Case:

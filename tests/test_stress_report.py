@@ -11,8 +11,8 @@ from screwgauge.report.figures.looks import MARKERS
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import headline, report
 from screwgauge.report.stress.drawing import inks, make_plots
-from screwgauge.study.stress.case import GOOD, Case, Finding, Rung
-from screwgauge.study.stress.run import Row, Stress
+from screwgauge.study.cases.case import GOOD, Case, Finding, Rung
+from screwgauge.study.stress import Row, Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 

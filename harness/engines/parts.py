@@ -122,6 +122,7 @@ class Simulated:
         work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
         condition: Condition number of the closed loops. Shape (m,).
         stopped: Why it ended early, empty if it did not.
+        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
     """
 
     q: Array
@@ -132,6 +133,7 @@ class Simulated:
     cost: Cost
     stopped: str = ""
     notes: tuple[str, ...] = ()
+    reactions: tuple[tuple[str, ...], tuple[str, ...], Array] | None = None
 
     def solution(self, labels: tuple[str, str, str], joints: Sequence[Joint], task: InitialValue) -> Solution:
         """The motion at the wanted times, NaN where it was not reached.
@@ -159,16 +161,20 @@ class Simulated:
             "joint_velocity": (self.v, "/s"),
             "joint_acceleration": (self.a, "/s^2"),
         }
+        values = {
+            name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
+            for name, (array, per) in arrays.items()
+        }
+        if self.reactions is not None:
+            names, force_units, forces = self.reactions
+            values["reaction"] = Values(names, force_units, filled(forces))
         seconds = {"integration": self.cost.wall_s, "integration, processor time": self.cost.cpu_s}
         covers = "integration from start to end, once; loading and output outside"
         return Solution(
             engine=engine,
             version=version,
             setting=setting,
-            values={
-                name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
-                for name, (array, per) in arrays.items()
-            },
+            values=values,
             condition=filled(self.condition),
             timings=tuple(
                 Timing(engine, setting, stage, m, s, s, covers) for stage, s in seconds.items() if np.isfinite(s)

@@ -10,8 +10,8 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Table
 from screwgauge.report.terminal import terminal
 from screwgauge.scene.read import load_scene, scene_names
-from screwgauge.study.stress.registry import CASES
-from screwgauge.study.stress.registry import load as load_case
+from screwgauge.study.cases.registry import CASES
+from screwgauge.study.cases.registry import load as load_case
 
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "mechanisms": lambda: {name: load_mechanism(name).title for name in mechanism_names()},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,15 @@ import numpy as np
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import Settings
 from screwgauge.engines.mujoco.softness import EXACT, heard, refine
-from screwgauge.engines.mujoco.steps import MujocoStepper, sprung_model
+from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
-from screwgauge.engines.tree.forces import tree_forces
+from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
+from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch
 
@@ -41,7 +43,7 @@ class MujocoModel(TreeModel):
         with heard() as warnings:
             solution = super().solve(problem, progress)
         said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
-        return replace(solution, notes=(*solution.notes, *said))
+        return replace(solution, notes=(*solution.notes, *said), warnings=said)
 
 
 class MujocoDynamics:
@@ -51,6 +53,7 @@ class MujocoDynamics:
         self.mjcf, self.tree, self.settings = mjcf, tree, settings
         self.dt, self.naive = settings.dt, settings.naive
         self.setting = settings.states
+        settings.soften(tree.model)  # the tree's own calls switch its constraints on and off
         self.model = _welded(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
         settings.soften(self.model)
         if settings.solimp is not None:
@@ -67,8 +70,14 @@ class MujocoDynamics:
         held = tree_forces(closed, sprung.left, task.start)
         return MujocoStepper(sprung, self.tree, applied, held, self.settings, self.settings.steps)
 
-    def accelerate(self, q: Array, v: Array, tau: Array) -> Accelerations:
-        model, data, out, clock = self.model, self.data, np.empty_like(q), Stopwatch()
+    def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
+        model, data = self.model, self.data
+        if springs:  # as the joints' own
+            model = copy.deepcopy(model)
+            left = [spring for spring in springs if not joint_spring(model, spring, self.tree)]
+            tau = sum((spring_pull(spring, self.tree, q, v) for spring in left), tau)
+            data = mujoco.MjData(model)
+        out, clock = np.empty_like(q), Stopwatch()
         model.opt.gravity[:] = self.tree.model.opt.gravity
         for i in range(len(q)):
             data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[i], v[i], tau[i]
@@ -100,7 +109,9 @@ def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
         for closure in tree.closures:
             sides = {"site1": f"{closure.joint}@parent", "site2": f"{closure.joint}@child"}
             ET.SubElement(equality, "weld", {"name": closure.joint, **sides})
-    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    return model
 
 
 def _align(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -38,6 +38,7 @@ class Settings:
         weld: Loops are closed by welds of the frames of cut joints, which agree at each given state.
         examine: Conditioning of given states is looked at.
         integrator, dt: One of `INTEGRATORS` with its step [s]; None for scipy's methods.
+        work: Its steps are looked at one by one for the work that is put in, which takes longer than the steps.
     """
 
     solimp: float | None = None
@@ -48,6 +49,7 @@ class Settings:
     examine: bool = False
     integrator: str = "Euler"
     dt: float | None = None
+    work: bool = True
 
     def __post_init__(self) -> None:
         where = "stepper of mujoco"
@@ -84,6 +86,7 @@ class Settings:
             raise UnknownNameError("integrator", self.integrator, INTEGRATORS, f"MuJoCo {mujoco.__version__}")
         self.soften(model)
         model.opt.integrator = kind
+        model.opt.timestep = self.dt or model.opt.timestep  # `discrete` accelerations depend on it
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
         model.opt.disableflags |= _AUTORESET  # a state that is not finite is to be seen
         if self.passes:

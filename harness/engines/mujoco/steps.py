@@ -54,13 +54,13 @@ def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
     left = Applied(
         gravity=applied.gravity,
         loads=tuple(load for load in applied.loads if load.point is not None and load.force.any()),
-        springs=tuple(spring for spring in joints if not _joint_spring(model, spring, tree)),
+        springs=tuple(spring for spring in joints if not joint_spring(model, spring, tree)),
         motors=tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant)),
     )
     return Sprung(model, left)
 
 
-def _joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
+def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
     """Makes a spring the joint's own; False where that is cut or has one already."""
     if spring.coordinate not in tree.coordinates:
         return False
@@ -71,6 +71,13 @@ def _joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) 
     model.jnt_stiffness[j], model.dof_damping[dof] = spring.stiffness, spring.damping
     model.qpos_spring[model.jnt_qposadr[j]] = spring.rest
     return True
+
+
+def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of the forces of the constraints in world axes, if all of them join points."""
+    if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
+        return ()
+    return tuple(f"{model.equality(e).name}.f{axis}" for e in range(model.neq) for axis in "xyz")
 
 
 class MujocoStepper:
@@ -93,6 +100,8 @@ class MujocoStepper:
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover = MujocoMover(tree)
+        self.work, self.closing = settings.work, _closing(self.model)
+        self.forces = np.zeros(len(self.closing))
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
             if motor not in sprung.left.motors:
@@ -141,9 +150,14 @@ class MujocoStepper:
         self._apply(t)
         mujoco.mj_forward(self.model, self.data)
         a: Array = self.data.qacc.copy()
-        refine(self.model, self.data, a, self.passes)
+        total = self.data.efc_force[: self.data.nefc].copy()
+        refine(self.model, self.data, a, self.passes, total=total)
+        self.forces = -total[: len(self.closing)]  # rows of equality constraints come first, for their first site
         self.data.qfrc_applied[:] = self.base
         return a
+
+    def closing_forces(self) -> Array:
+        return self.forces
 
     def notes(self) -> tuple[str, ...]:
         if not self.held.elements:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,11 +14,12 @@ from screwgauge.engines.pinocchio.mover import ITERATIONS, MU, PinocchioMover
 from screwgauge.engines.pinocchio.steps import INTEGRATORS, PinocchioStepper
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
-from screwgauge.engines.tree.forces import tree_forces
+from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
 from screwgauge.problem import InitialValue, ModelFiles, Problem
 from screwgauge.reference import linear
+from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Stopwatch
@@ -83,7 +85,8 @@ class PinocchioDynamics:
         forces = tree_forces(closed, problem.applied, task.start)
         return PinocchioStepper(self.mover(), forces, integrator, f"{name} with projection, dt {self.dt:g} s")
 
-    def accelerate(self, q: Array, v: Array, tau: Array) -> Accelerations:
+    def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
+        tau = sum((spring_pull(spring, self.tree, q, v) for spring in springs), tau)
         proximal, a, change = self.settings.proximal(), np.empty_like(q), 0.0
         clock = Stopwatch()
         for i in range(len(q)):

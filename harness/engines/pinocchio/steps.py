@@ -18,6 +18,9 @@ INTEGRATORS = ("Euler", "RK4")
 class PinocchioStepper:
     """Semi-implicit Euler or RK4. See `screwgauge.engines.tree.protocol.Stepper`."""
 
+    work = True
+    closing: tuple[str, ...] = ()
+
     def __init__(self, mover: PinocchioMover, forces: Exerted, integrator: str, setting: str) -> None:
         self.mover, self.forces, self.setting = mover, forces, setting
         self.order = 1 if integrator == "Euler" else 4
@@ -42,6 +45,9 @@ class PinocchioStepper:
 
     def accelerations(self, t: float) -> Array:
         return self._slope(t, self.q, self.v)
+
+    def closing_forces(self) -> Array:
+        return np.zeros(0)
 
     def notes(self) -> tuple[str, ...]:
         return ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ from screwgauge.engines.parts import Simulated, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.variants import Variant, load_variant
+from screwgauge.engines.screw.whole_system import solve_whole_system
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
+from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
 from screwgauge.reference.kinematics import accelerations, velocities
@@ -22,17 +25,34 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, Values
 
 
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How given motions, and accelerations of states, are solved.
+
+    Attributes:
+        whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
+        refined: That system is refined once, its residual in wider numbers.
+        projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
+    """
+
+    whole_system: bool = False
+    refined: bool = False
+    projected: bool = False
+
+
 def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
-    """Loads a description; with settings, a variant of the solver, see `screwgauge.engines.screw.variants`."""
+    """Loads a description; see `Settings`, and with the setting `variant`, `screwgauge.engines.screw.variants`."""
     lay = layout(load_mechanism(files.model))
-    return load_variant(lay, **settings) if settings else ScrewModel(lay, str(files.model))
+    if "variant" in settings:
+        return load_variant(lay, **settings)
+    return ScrewModel(lay, str(files.model), Settings(**settings))
 
 
 class ScrewModel:
     """A mechanism, laid out."""
 
-    def __init__(self, lay: Layout, where: str = "") -> None:
-        self.lay, self.where = lay, where or lay.mechanism.name
+    def __init__(self, lay: Layout, where: str = "", settings: Settings | None = None) -> None:
+        self.lay, self.where, self.settings = lay, where or lay.mechanism.name, settings or Settings()
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem.
@@ -42,6 +62,8 @@ class ScrewModel:
         """
         self._check(problem)
         if isinstance(problem.task, GivenMotion):
+            if self.settings.whole_system:
+                return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
             return solve_motion(self.lay, problem, progress)
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
@@ -70,6 +92,7 @@ class ScrewModel:
         path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress)
         cost = clock.cost(path.steps, path.evaluations)
         a, condition = self._joint_accelerations(problem, path)
+        reactions = self._reactions(problem, path) if "reaction" in problem.wanted else None
         over = f", {path.stepped_over} steps resized near singular poses" if path.stepped_over else ""
         simulated = Simulated(
             q=path.rates.pose.q,
@@ -80,6 +103,7 @@ class ScrewModel:
             cost=cost,
             stopped=path.stopped,
             notes=(f"independent coordinates integrated, poses followed on one branch{over}",),
+            reactions=reactions,
         )
         setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
         return simulated.solution(("screw", __version__, setting), mechanism.joints, task)
@@ -93,6 +117,13 @@ class ScrewModel:
             ydd[i] = forward(self.lay, path.rates.sample(int(i)), forces).ydd[0]
         return accelerations(self.lay, path.rates, ydd)[0], condition
 
+    def _reactions(self, problem: Problem, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+        """Names, units and values of all constraint forces, from the whole Newton-Euler system."""
+        at, applied, mechanism = path.rates, problem.applied, self.lay.mechanism
+        joints = np.stack([np.asarray(forces_at(mechanism, applied, float(t)).joints) for t in path.t])
+        whole = forward_dense(self.lay, at, replace(forces_at(mechanism, applied, 0.0), joints=joints))
+        return whole.names, joint_reactions(self.lay, at.pose).units, whole.reactions
+
     def _accelerate(self, problem: Problem, task: States) -> Solution:
         """Accelerations of closed states for given forces, from the whole Newton-Euler system."""
         mechanism, applied = self.lay.mechanism, problem.applied
@@ -103,10 +134,11 @@ class ScrewModel:
         clock = Stopwatch()
         rate = velocities(self.lay, pose(self.lay, task.q), task.v[:, mechanism.independent_columns])
         forces = Forces(joints=task.tau, gravity=applied.g, loads=applied.loads, springs=applied.springs)
-        qdd = forward_dense(self.lay, rate, forces).qdd
+        if self.settings.projected:
+            qdd, setting = accelerations(self.lay, rate, forward(self.lay, rate, forces).ydd)[0], "projected"
+        else:
+            qdd, setting = forward_dense(self.lay, rate, forces).qdd, "whole Newton-Euler system"
         cost = clock.cost()
         units = tuple(f"{unit}/s^2" for unit in joint_units(mechanism.joints).values())
         values = {"joint_acceleration": Values(mechanism.coordinates, units, qdd)}
-        return Solution(
-            "screw", __version__, values, linear.condition(rate.A), setting="whole Newton-Euler system", cost=cost
-        )
+        return Solution("screw", __version__, values, linear.condition(rate.A), setting=setting, cost=cost)

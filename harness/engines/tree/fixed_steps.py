@@ -33,17 +33,18 @@ def step_through(
 
     Returns:
         States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
-        where the steps are better than that rule.
+        where the steps are better than that rule, or where it is not wanted.
     """
     times, forces = task.grid, tree_forces(closed, problem.applied, task.start)
     # every step is looked at where something does work that is not stored
-    known = forces.stores_only or stepper.order < KNOWN
+    known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
     often = 0.0 if known and not forces.stores_only else OFTEN
     q, v = start_state(closed, task)
     path, clock, steps, stopped = Path(), Stopwatch(), 0, ""
     stepper.begin(float(times[0]), q, v)
     with clock.aside():
         path.add(float(times[0]), q, v, stepper.accelerations(float(times[0])))
+        closing = [stepper.closing_forces()]
     for begin, end in pairwise(times):
         n = max(1, int(np.ceil((end - begin) / dt - 1e-9)))
         h, block = float(end - begin) / n, max(1, int(often / dt))
@@ -61,10 +62,12 @@ def step_through(
                     path.add(float(begin) + done * h, q, v)
             with clock.aside():
                 path.add(float(end), q, v, stepper.accelerations(float(end)))
+                closing.append(stepper.closing_forces())
         except SingularPoseError as error:
             stopped = f"t = {begin + done * h:.6g} s: {error}"
             break
     cost = clock.cost(steps, steps * (KNOWN if stepper.order == KNOWN else 1))
+    wanted = "reaction" in problem.wanted and bool(stepper.closing)
     read = read_path(closed, path, task.start)
     simulated = Simulated(
         q=read.q,
@@ -75,6 +78,7 @@ def step_through(
         cost=cost,
         stopped=stopped,
         notes=stepper.notes(),
+        reactions=(stepper.closing, ("N",) * len(stepper.closing), np.array(closing)) if wanted else None,
     )
     labels = (closed.tree.engine, closed.tree.version, stepper.setting)
     return simulated.solution(labels, closed.file.joints, task)

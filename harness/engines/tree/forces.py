@@ -55,6 +55,13 @@ def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
     return Exerted(tuple(elements), not (damped or applied.motors or applied.loads))
 
 
+def spring_pull(spring: JointSpring, tree: Tree, q: Array, v: Array) -> Array:
+    """Force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
+    tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
+    tau[:, k] = -(spring.stiffness * (q[:, k] - spring.rest) + spring.damping * v[:, k])
+    return tau
+
+
 def _body(name: str, loops: Loops) -> int:
     if name not in loops.index:
         raise UnknownNameError("body", name, loops.index, "load or spring")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
+from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost
 
@@ -130,10 +131,19 @@ class Mover(Protocol):
 
 
 class Stepper(Protocol):
-    """An engine's own integrator at a fixed step."""
+    """An engine's own integrator at a fixed step.
+
+    Attributes:
+        setting: In words.
+        order: Of its method.
+        work: Whether the work that is put in is wanted; looking at every step for it may cost more than the steps.
+        closing: Names of the forces that it can give of what closes the loops.
+    """
 
     setting: str
-    order: int  # of its method
+    order: int
+    work: bool
+    closing: tuple[str, ...]
 
     @property
     def tree(self) -> Tree:
@@ -158,6 +168,10 @@ class Stepper(Protocol):
 
     def accelerations(self, t: float) -> Array:
         """Accelerations now, an array that stays as it is. Shape (n_v,)."""
+        ...
+
+    def closing_forces(self) -> Array:
+        """Forces behind the last `accelerations`, on the child sides, in the order of `closing` [N]. Shape (k,)."""
         ...
 
     def look(self, q: Array, v: Array) -> BodyAt:
@@ -208,6 +222,10 @@ class Dynamics(Protocol):
         """Its own integrator for a problem."""
         ...
 
-    def accelerate(self, q: Array, v: Array, tau: Array) -> Accelerations:
-        """Accelerations of states as they are, for forces along the coordinates. Shape (n, n_v) each."""
+    def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
+        """Accelerations of states as they are, for forces along the coordinates. Shape (n, n_v) each.
+
+        Args:
+            springs: Further springs and dampers, along coordinates of the tree.
+        """
         ...

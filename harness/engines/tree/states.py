@@ -9,9 +9,10 @@ from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.problem import Problem, States
 from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.dynamics import min_norm
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 
@@ -27,6 +28,7 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
 
     Raises:
         ModelFileError: The states are not those of the tree.
+        DescriptionError: More acts besides the forces given than gravity and springs along the tree's coordinates.
     """
     tree = closed.tree
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
@@ -40,7 +42,7 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
     q, v = task.q[:, into], task.v[:, into]
     unit = joint_units(closed.file.joints)
     if task.tau is not None:
-        answer = dynamics.accelerate(q, v, task.tau[:, into])
+        answer = dynamics.accelerate(q, v, task.tau[:, into], _springs(closed, problem.applied))
         units = tuple(f"{unit[name]}/s^2" for name in task.coordinates)
         return Solution(
             tree.engine,
@@ -69,6 +71,17 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
             values["actuator_force"] = Values(closed.actuators, units, f)
     values = {name: array for name, array in values.items() if name in problem.wanted}
     return Solution(tree.engine, tree.version, values, condition, setting=dynamics.setting)
+
+
+def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
+    springs = [s for s in applied.springs if isinstance(s, JointSpring) and s.coordinate in closed.tree.coordinates]
+    if len(springs) < len(applied.springs) or applied.loads or applied.motors:
+        raise DescriptionError(
+            "states take only gravity and springs along joints of the tree besides their forces",
+            f"model of {closed.tree.engine}",
+            "add all else to the forces along the coordinates",
+        )
+    return springs
 
 
 def _actuator_forces(

@@ -27,8 +27,8 @@ from screwgauge.report.formatting import Row, digits_text, grouped, listed, numb
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.stress.drawing import make_plots
 from screwgauge.report.write import write_report
-from screwgauge.study.stress.case import DEGRADED, REFUSED, SILENT, VERDICTS, Case
-from screwgauge.study.stress.run import Stress
+from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Case
+from screwgauge.study.stress import Stress
 
 BAD = (DEGRADED, REFUSED, SILENT)
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}

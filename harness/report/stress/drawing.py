@@ -13,11 +13,11 @@ from screwgauge.report.figures.axes import log
 from screwgauge.report.figures.data import Axis, Diagram, Guide, Look, Panel, Row, Series
 from screwgauge.report.figures.looks import DOTTED, GREY, by_camp
 from screwgauge.report.plots import Plot, drawn
-from screwgauge.study.stress.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
 
 if TYPE_CHECKING:
-    from screwgauge.study.stress.run import Row as Result
-    from screwgauge.study.stress.run import Stress
+    from screwgauge.study.stress import Row as Result
+    from screwgauge.study.stress import Stress
 
 TITLE = "Digits kept as scenes become extreme"
 NOTE = (

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -11,18 +13,21 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment
-from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.study.ask import Report, missing, silent
+from screwgauge.study.cases.case import SILENT, Case, Finding
+from screwgauge.study.cases.question import findings
+from screwgauge.study.cases.registry import choose
 from screwgauge.study.provenance import provenance
-from screwgauge.study.ask import Report, missing
-from screwgauge.study.stress.case import SILENT, Case, Finding, Rung
-from screwgauge.study.stress.registry import choose
+from screwgauge.study.table import frame
 
-COLUMNS = [
-    *("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict", "reason"),
-]
-
-
+#: Column of ``stress.csv`` -> attribute of a `Row`.
+COLUMNS = {
+    "case": "case",
+    "severity": "severity",
+    **{name: f"finding.{name}" for name in ("engine", "quantity", "digits", "condition", "time_s", "verdict")},
+    "reason": "finding.told",
+}
 #: Stands for the engines of a rung that broke before it could ask them one by one.
 ALL = "all"
 
@@ -56,7 +61,7 @@ class Stress:
     @property
     def ok(self) -> bool:
         """Our own solver is nowhere silently wrong."""
-        return not any(row.finding.verdict == SILENT and row.finding.engine.startswith("screw") for row in self.rows)
+        return not any(row.finding.own and row.finding.verdict == SILENT for row in self.rows)
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -66,21 +71,7 @@ class Stress:
     @property
     def table(self) -> pd.DataFrame:
         """The rows of ``stress.csv``."""
-        body = [
-            (
-                row.case,
-                row.severity,
-                row.finding.engine,
-                row.finding.quantity,
-                digits(row.finding.error),
-                row.finding.condition,
-                row.finding.time_s,
-                row.finding.verdict,
-                row.finding.told,
-            )
-            for row in self.rows
-        ]
-        return pd.DataFrame(body, columns=COLUMNS)
+        return frame(self.rows, COLUMNS)
 
 
 def stress(
@@ -88,7 +79,7 @@ def stress(
     *,
     quick: bool = False,
     severities: Sequence[float] | None = None,
-    progress: Report = lambda step, share: None,
+    progress: Report = silent,
 ) -> Stress:
     """Climbs the ladders of the named cases, all by default.
 
@@ -107,18 +98,20 @@ def stress(
     seconds: dict[str, float] = {}
     for case, rungs in ladders:
         start = perf_counter()
-        for i, rung in enumerate(rungs):
+        for i, severity in enumerate(rungs):
             progress(case.name, i / len(rungs))
-            rows += [Row(case.name, rung.severity, finding) for finding in _climb(rung)]
+            rows += [Row(case.name, severity, finding) for finding in climb(case, severity, quick=quick)]
         seconds[case.name] = perf_counter() - start
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 
 
-def _climb(rung: Rung) -> list[Finding]:
+def climb(case: Case, severity: float, *, quick: bool = False) -> list[Finding]:
+    """What is found on one rung; a rung that breaks is one finding of `ALL`."""
     try:
-        with np.errstate(all="ignore"):  # extremes are the point; what comes of them is judged
-            return list(rung.measure())
-    except ImportError as error:  # the other rungs go on
-        return [Finding(ALL, "", reason=missing(error))]
-    except Exception as error:
-        return [Finding(ALL, "", reason=f"{type(error).__name__}: {' '.join(str(error).split())}")]
+        # extremes are the point; what comes of them is judged
+        with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+            questions = case.ask(severity, quick, Path(folder))
+            return [finding for question in questions for finding in findings(question)]
+    except Exception as error:  # the other rungs go on
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return [Finding(ALL, "", reason=missing(error) if isinstance(error, ImportError) else what)]

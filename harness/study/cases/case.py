@@ -1,12 +1,18 @@
-"""What a stress case is: a ladder of one severity; every rung finds out what each engine makes of it."""
+"""What a stress case is: a ladder of one severity, every rung of it questions to engines; and what is found there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from screwgauge.study.cases.question import Question
 
 #: A scaled error below this needs no warning: the loosest tolerance at which a scene is called in agreement.
 GOOD = 1e-9
@@ -22,10 +28,11 @@ class Finding:
         engine: Its name; a setting may follow, as in ``mujoco RK4``.
         quantity: What was measured.
         error: Scaled error against the truth; NaN where there is no number.
-        admitted: Largest scaled error that a warning of the engine, or our guard, admits.
+        admitted: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
         condition: Condition number of what was solved; NaN where nothing was.
         time_s: Run time [s].
         reason: Why it was refused, what the warning says, or the cause of the error.
+        own: Whether it is our own solver.
     """
 
     engine: str
@@ -35,6 +42,12 @@ class Finding:
     condition: float = math.nan
     time_s: float = math.nan
     reason: str = ""
+    own: bool = False
+
+    @property
+    def digits(self) -> float:
+        """Digits of agreement with the truth, NaN where there is no number."""
+        return digits(self.error)
 
     @property
     def told(self) -> str:
@@ -53,17 +66,13 @@ class Finding:
         return DEGRADED if self.error <= self.admitted else SILENT
 
 
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """One severity of a case. `measure` returns at least one finding for every engine of the case."""
-
-    severity: float
-    measure: Callable[[], Iterable[Finding]]
+Ask = Callable[[float, bool, Path], "Iterable[Question]"]
+"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A ladder.
+    """A ladder. Data only; it pickles.
 
     Attributes:
         name: As on the command line.
@@ -72,8 +81,8 @@ class Case:
         about: What is measured and what is to be seen, for the report.
         drawn: Quantity of the small plot.
         low, high: Range of the severity.
-        full, quick: Its rungs.
-        rung: Makes the rung of a severity.
+        full, quick: Severities of its rungs.
+        ask: Makes the questions of a rung.
         falling: Whether small severities are the severe ones.
         whole: Whether severities are counts.
     """
@@ -87,7 +96,7 @@ class Case:
     high: float
     full: Sequence[float]
     quick: Sequence[float]
-    rung: Callable[[float, bool], Rung]
+    ask: Ask
     falling: bool = False
     whole: bool = False
 
@@ -96,8 +105,8 @@ class Case:
         """What its severity may be, in words."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
-    def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[Rung]:
-        """The rungs of the given severities, or of a full or quick run.
+    def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
+        """The given severities, or those of a full or quick run, once each.
 
         Raises:
             DescriptionError: A severity is outside the case's range, or there is none.
@@ -111,8 +120,7 @@ class Case:
             if not self.low <= value <= self.high:
                 raise DescriptionError(
                     f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})",
-                    f"case {self.name}",
+                    where,
                     "give one within",
                 )
-        chosen = severities or (self.quick if quick else self.full)
-        return [self.rung(value, quick) for value in dict.fromkeys(chosen)]
+        return list(dict.fromkeys(severities or (self.quick if quick else self.full)))

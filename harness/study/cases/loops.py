@@ -1,0 +1,144 @@
+"""Ladders of how loops are closed: Pinocchio's proximal settings, and redundant constraints in planar loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import layout
+from screwgauge.scene.read import load_scene
+from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.given import ENGINES
+from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
+from screwgauge.study.cases.question import Question, by_size, files_of
+from screwgauge.study.four_bar import NAME, four_bar_states, write_four_bar
+from screwgauge.study.method import Method
+from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.reference import reference_values
+
+ITERATIONS = (1, 2, 5)
+SAMPLES = 3
+_RESIDUAL = "mu times the last change of the multipliers (relative_residual)"
+#: Regular poses (they are singular at crank = pi/2), at speed.
+SCENE = """\
+mechanism = "mechanism.toml"
+gravity = [0, -9.81, 0]
+[motion.crank]
+polynomial = [0.3, -5, 4]
+[time]
+times = [0, 0.05, 0.1]
+"""
+_REGULAR = {"mu": 1e-10, "iterations": 5, "examine": True}  # whatever the rank; two iterations leave about 1e-15
+_HARD = {"solimp": 0.9999, "passes": 10, "examine": True}  # the softness is not what is looked at here
+_POINTS = Method("pinocchio", _REGULAR, "pinocchio 3D"), Method("mujoco", _HARD, "mujoco connect")
+_FRAMES = (
+    Method("pinocchio", {**_REGULAR, "frames": True}, "pinocchio 6D"),
+    Method("mujoco", {**_HARD, "weld": True}, "mujoco weld"),
+)
+_LOCKED = "a closure by whole frames locks the hinge: {notes} of 1, which nothing says"
+
+
+def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """`constraintDynamics` over mu and the number of iterations, and with the settings by which motions are
+    integrated, whatever mu."""
+    posed = loaded(folder)
+    yield push(posed, SCREW)
+    yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
+    methods = _proximal("deficient", mu)
+    files = write_four_bar(folder)
+    problem, exact = four_bar_states(SAMPLES)
+    mechanism = load_mechanism(folder / f"{NAME}.toml")
+    yield Question(
+        mechanism=mechanism,
+        files={method.engine: files for method in methods},
+        problem=problem,
+        methods=methods,
+        quantities=(ACCELERATION,),
+        right=by_size("exact", mechanism, {ACCELERATION: exact}),
+        by=_RESIDUAL,
+    )
+
+
+def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
+    label = f"pinocchio {loop}"
+    counted = (Method("pinocchio", {"mu": mu, "iterations": n, "examine": True}, f"{label} {n}x") for n in ITERATIONS)
+    return (*counted, Method("pinocchio", {"examine": True}, f"{label} safe"))
+
+
+def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """More and more loops, three redundant constraints each."""
+    (folder / "mechanism.toml").write_text(four_bars(int(loops), driven=True), encoding="utf-8")
+    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
+    posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=SAMPLES)
+    yield _forces(posed)
+    yield push(posed, SCREW)
+    yield push(posed, *_POINTS)
+    yield replace(push(posed, *_FRAMES), cause=_LOCKED)
+
+
+def _forces(posed: Posed) -> Question:
+    """Forces from the motion, only the unique ones of the reactions."""
+    mechanism, motion = posed.scene.mechanism, posed.scene.motion
+    lay = layout(mechanism)
+    counts = mobility(lay, positions(lay, motion.y[:1], motion.t[:1]))
+    reactions = counts.names[: counts.constraints]
+    unique = tuple(name for name, flag in zip(reactions, counts.unique, strict=False) if flag)
+    kinds = [sorted({name.split(".")[1] for name in group}) for group in (unique, {*reactions} - {*unique})]
+    quantities, methods = ("generalized_force", "reaction"), tuple(Method(engine) for engine in ENGINES)
+    right = reference_values(posed.scene, posed.t, quantities)
+    values = {**right.values, "reaction": right.values["reaction"].pick(unique)}
+    return Question(
+        mechanism=mechanism,
+        files=files_of(posed.scene, posed.folder, methods),
+        problem=posed.problem(*quantities),
+        methods=methods,
+        quantities=quantities,
+        right=by_size(right.engine, mechanism, values),
+        admitted=dict.fromkeys(quantities, 0.0),  # what is open has no digit, which says nothing of what is unique
+        remarks={
+            "reaction": f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
+            f"({counts.overconstraints} redundant constraints)"
+        },
+    )
+
+
+CASES = (
+    Case(
+        name="proximal",
+        title="Proximal settings of Pinocchio",
+        axis="mu [1]",
+        about="Accelerations by `constraintDynamics`. Full rank: the loaded default scene, twelve closure rows of rank "
+        "twelve. Deficient: a planar four-bar closed by a 3D point, three rows of rank two, where mu = 0 divides "
+        "by zero and returns NaN without a word. One iteration leaves an error ~ mu, k iterations ~ mu^k (1x, 2x, "
+        "5x). Closing rows are off by exactly mu times the last change of the multipliers, which Pinocchio returns "
+        "as `relative_residual`: so much is admitted. safe: the settings by which motions are integrated here.",
+        drawn=ACCELERATION,
+        low=0.0,
+        high=1e-2,
+        full=(0.0, *(10.0**-k for k in range(14, 1, -1))),
+        quick=(0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2),
+        ask=proximal,
+    ),
+    Case(
+        name="redundant-constraints",
+        title="Redundant constraints in planar loops",
+        axis="number of loops [1]",
+        about="Four-bars in a row, every hinge a full R joint: three constraints too many in every loop, one freedom "
+        "in all. Generalised force and those reactions that are unique, by inverse dynamics; accelerations from "
+        "the true torque at the crank, with the loops closed by points on the hinge's axis (3D, connect) and by "
+        "whole frames (6D, weld), which locks the hinge that was cut. In a plane the forces in the plane stay "
+        "unique; forces across it and moments in it depend on how the parts were forced together.",
+        drawn=ACCELERATION,
+        low=1.0,
+        high=40.0,
+        whole=True,
+        full=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0),
+        quick=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
+        ask=redundant_constraints,
+    ),
+)

@@ -1,0 +1,185 @@
+"""The ladder of states that do not quite close: what engines return for them, raw, and with the loops closed first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.judging.kinetics import walk
+from screwgauge.models.generate import write_models
+from screwgauge.problem import Problem, States
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution, Values
+from screwgauge.study.ask import solve
+from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, decades, moving
+from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loop_gaps, tree_coordinates
+from screwgauge.study.cases.question import Question, by_size, files_of, findings
+from screwgauge.study.method import Method
+from screwgauge.study.posed import along_tree
+from screwgauge.study.reference import TRUTH
+
+#: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
+GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
+HARD, PASSES = 0.9999, 7
+FORWARD, SOFT_FORCE = "forward_acceleration", "tree_force"
+#: Proximal settings that reach rounding on loops of full rank.
+_EXACT = {"mu": 1e-10, "iterations": 5}
+_PROJECTED = Method("screw", {"projected": True})
+_TAKEN = "the state is taken for a closed one: the answer is that of a mechanism pulled apart by the gap"
+_SPRINGS = f"{_TAKEN}; springs on the gap make it smaller later, not the answer right"
+_STIFF = "mj_inverse returns the force of its soft constraints: the gap times stiffness times apparent mass"
+_SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on closed states too"
+
+
+def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """Joint coordinates and velocities off the manifold, as those of a file or of an integration are."""
+    scene = moving(load_scene(SCENE), quick)
+    mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
+    write_models(mechanism, folder, gravity=scene.applied.g)
+    exact = TRUTH if find_spec("flint") else SCREW.engine
+    solutions, _ = solve(scene, (*ENGINES, exact), JUDGED)
+    true, files = by_size(exact, mechanism, solutions[exact].values), files_of(scene, folder, methods)
+    given = Question(mechanism, files, scene.problem(JUDGED), methods, ("generalized_force", "actuator_force"), true)
+    for name in ENGINES:
+        yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
+    # an engine that is missing closes nothing, but its rows are to be there
+    own = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
+    raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
+    yield _accelerations(given, _PROJECTED, _at(solutions["screw"].values, mechanism.coordinates))
+    yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
+    for label, states, more, cause in (
+        ("projected", own["pinocchio"], {}, ""),
+        ("raw", raw, {}, _TAKEN),
+        ("raw Baumgarte", raw, {"gains": GAINS}, _SPRINGS),
+    ):
+        yield _accelerations(given, Method("pinocchio", {**_EXACT, **more}, f"pinocchio {label}"), states, cause)
+    yield _forces(given, Method("mujoco", label="mujoco raw"), raw)
+    for method in (Method("mujoco", label="mujoco raw"), Method("mujoco", {"solimp": HARD}, f"mujoco raw d={HARD:g}")):
+        yield _soft_forces(given, scene, method, raw)
+        floor, question = (_accelerations(given, method, states) for states in (right, raw))
+        at_rest, error = (next(findings(one)).error for one in (floor, question))
+        yield replace(question, cause=_SOFT if at_rest > 0.5 * error else _SPRINGS)
+    method = Method("mujoco", {"solimp": HARD, "passes": PASSES}, "mujoco projected")
+    yield _accelerations(given, method, own["mujoco"])
+
+
+def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
+    """States of the engines' tree with the cut joints apart by `gap` [m] and parting at `gap` [m/s].
+
+    The independent coordinates and their velocities stay as they are.
+
+    Args:
+        scene: The closed states that are pulled apart.
+        names: Coordinates of the tree.
+    """
+    mechanism, motion = scene.mechanism, scene.motion
+    lay = layout(mechanism, spanning_tree(mechanism))  # that of the models
+    system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t).q
+    m, tree, size = 3 * len(lay.tree.cuts), system.unknown, system.size
+    y, yd = (array / size[mechanism.independent_columns] for array in (motion.y, motion.yd))
+    apart, parting = (gap / system.length * _direction((len(q), m), phase) for phase in (0.3, 1.1))
+    z, goal = (q / size)[:, tree], np.concatenate([apart, np.zeros_like(y)], axis=1)
+    for _ in range(3):  # Newton's method
+        residual, A = system.evaluate(z, y)
+        z = z + linear.solve(A, (goal - residual)[..., None])[..., 0]
+    q, A = system.fill(z, q).q, system.evaluate(z, y)[1]
+    v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
+    for _ in range(3):  # the matrix is that of closed loops
+        v[:, tree] = w * size[tree]
+        rate = loop_gaps(mechanism, walk(mechanism, lay.tree, q, v, at_rest))[1].reshape(len(q), m) / system.length
+        right = np.concatenate([parting - rate, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
+        w = w + linear.solve(A, right[..., None])[..., 0]
+    v[:, tree] = w * size[tree]
+    columns = mechanism.columns(names)
+    return States(names, q[:, columns], v[:, columns])
+
+
+def _direction(shape: tuple[int, ...], phase: float) -> Array:
+    """A pattern without symmetry, its largest component one in every sample."""
+    pattern = np.cos(phase + 1.7 * np.arange(np.prod(shape, dtype=int))).reshape(shape)
+    return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
+
+
+def _at(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
+    """Closed states of some coordinates."""
+    return States(names, *(values[name].pick(names).array for name in ("joint_position", "joint_velocity")))
+
+
+def _forces(given: Question, method: Method, states: States) -> Question:
+    """Actuator forces for the true accelerations, by inverse dynamics of the open tree."""
+    task = replace(states, a=given.right.values[ACCELERATION].pick(states.coordinates).array)
+    problem = replace(given.problem, task=task, wanted=frozenset(("actuator_force",)))
+    return replace(given, problem=problem, methods=(method,), quantities=("actuator_force",), cause=_TAKEN)
+
+
+def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
+    """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
+    needed = solve(scene, (SCREW.engine,), (SOFT_FORCE,))[0][SCREW.engine]
+    question, right = _forces(given, method, states), by_size(SCREW.engine, scene.mechanism, needed.values)
+    problem = replace(question.problem, wanted=frozenset(("tree_force_soft",)))
+    return replace(
+        question, problem=problem, right=right, quantities=(SOFT_FORCE,), read=read_soft_forces, cause=_STIFF
+    )
+
+
+def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
+    """Accelerations that the true actuator forces are said to cause."""
+    mechanism, names, true = given.mechanism, states.coordinates, given.right
+    q = np.zeros((len(states), len(mechanism.coordinates)))
+    q[:, mechanism.columns(names)] = states.q
+    tau = along_tree(mechanism, names, q, given.problem.applied)
+    driven = [names.index(joint.coordinates[0]) for joint in mechanism.actuators]
+    tau[:, driven] += true.values["actuator_force"].array
+    values, scales = {FORWARD: true.values[ACCELERATION].pick(names)}, {FORWARD: true.scales[ACCELERATION]}
+    return replace(
+        given,
+        problem=Problem(Applied(gravity=given.problem.applied.g), replace(states, tau=tau), frozenset((ACCELERATION,))),
+        methods=(method,),
+        quantities=(FORWARD,),
+        right=replace(true, values=values, scales=scales),
+        read=read_accelerations,
+        cause=cause,
+    )
+
+
+def read_accelerations(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """Accelerations of given states by the name that they have in this case."""
+    return {FORWARD: solution.values[ACCELERATION]}
+
+
+def read_soft_forces(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """Forces of the tree with soft constraints by the name that they have in this case."""
+    return {SOFT_FORCE: solution.values["tree_force_soft"]}
+
+
+CLOSURE_VIOLATION = Case(
+    name="closure-violation",
+    title="States that do not close",
+    axis="gap [m], [m/s]",
+    about="Coordinates and velocities of the engines' open tree, with the cut joints apart by the gap and parting "
+    "as fast. *projected*: the loops are closed by Newton's method first, as `screwgauge run` does, with the "
+    "independent coordinates held. *raw*: the engine is called with the state as it is. The truth is that of the "
+    "closed state. Raw, `actuator_force` is inverse dynamics of the open tree, projected on the actuators, which "
+    "hardly amplifies the gap; `tree_force` is `mj_inverse` with its equality constraints on, whose stiff rows "
+    "turn the gap into force; `forward_acceleration` is what the true actuator forces are said to cause. MuJoCo's "
+    "projected accelerations are refined (d = 0.9999, 7 passes). Raw answers carry no warning.",
+    drawn=FORWARD,
+    low=1e-14,
+    high=1e-2,
+    full=decades(-12, -3),
+    quick=decades(-13, -3, 2),
+    ask=closure_violation,
+)

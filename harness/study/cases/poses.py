@@ -1,0 +1,139 @@
+"""Ladders towards singular poses of the 3-UPS-UPU-S, and towards gimbal locks of its wrists."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.given import QUANTITIES, SCENE, compare, decades, still
+from screwgauge.study.cases.question import Question
+from screwgauge.study.method import Method
+
+#: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
+_R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
+#: Half the angle of the platform at which the first axis of leg 1 no longer holds it.
+SINGULAR_B = float(np.arctan2(_H, _r) - np.arccos(np.hypot(_r, _H) / _R))
+#: Tilt a at which leg 2 lies on the first axis of its base joint, at b = 0.
+BASE_LOCK = -float(np.arctan2(_H, _r))
+#: Mechanism -> tilt a at which the outer axes of leg 2's wrist coincide, at b = 0: 40.5 and 51.3 degrees.
+WRIST_LOCKS = {"3ups-upu-s": -float(np.arcsin(_H / _R)), "3ups-upu-s-table2": float(np.arccos(_r / _R))}
+_FULL = ("pinocchio-full", "mujoco-full")
+_TREE = "the wrist's angles, which lock here, are coordinates of its tree"
+_IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
+_SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
+#: Angular velocity and acceleration of (a, b), without symmetry.
+_RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
+_WHOLE = (
+    Method("screw", {"whole_system": True}, "screw whole system"),
+    Method("screw", {"whole_system": True, "refined": True}, "screw whole system refined"),
+)
+
+
+def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
+    a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
+    question = compare(
+        _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1)), folder, cause=_IMPLICIT
+    )
+    yield question
+    if question.known:
+        problem = replace(question.problem, wanted=frozenset(("actuator_force",)))
+        yield replace(question, methods=_WHOLE, quantities=("actuator_force",), problem=problem)
+
+
+def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The tilt of 46.1 degrees at which a leg lies along the first axis of its base joint."""
+    y = np.array([BASE_LOCK, 0.0]) + np.array([0.3, 0.1, distance])[:, None] * _towards(-0.6)
+    yield compare(_passing(SCENE, y), folder, cause=_SMALL)
+
+
+def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """Through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
+    for name, lock in WRIST_LOCKS.items():
+        scene, setting = _passing(name, _around(lock, distance, 5 if quick else 9)), "" if name == SCENE else "table2"
+        yield compare(scene, folder, setting=setting)
+        yield compare(scene, folder, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE)
+
+
+def _towards(angle: float) -> Array:
+    """Direction in the plane of (a, b)."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _around(lock: float, distance: float, steps: int) -> Array:
+    """Up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
+    start, sense = (-0.6, -1.0) if lock < 0.0 else (np.pi + 0.6, 1.0)
+    angles = start + sense * np.linspace(0.0, np.pi, steps)
+    arc = [0.05 * _towards(angle) for angle in angles]
+    near, far = (distance * _towards(angle) for angle in (angles[0], angles[-1]))
+    rows = np.array([0.3 * _towards(angles[0]), arc[0], near, *arc, far])
+    return np.asarray(rows + np.array([lock, 0.0]))
+
+
+def _passing(name: str, y: Array) -> Scene:
+    """A mechanism at poses, all with the same rates and accelerations."""
+    scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
+    return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
+
+
+CASES = (
+    Case(
+        name="upu-singularity",
+        title="Towards the UPU leg's constraint singularity",
+        axis="distance [rad]",
+        about="The platform gains a third freedom at b = 0.356801 rad; the moment in leg 1's wrist grows as "
+        "1 / distance. `screw` sees from the description that the third rotation vanishes, and gets its forces from "
+        "virtual power; projected paths solve for that rotation, and of its rounding every derivative is divided by "
+        "the distance once more: three digits a decade in motion, two at rest. `whole system`: the actuator forces as "
+        "they come out of the equations of all bodies at once, where the wrist's moment cancels; `refined` by one step "
+        "with a residual in wider numbers.",
+        drawn="generalized_force",
+        low=1e-15,
+        high=0.3,
+        full=decades(-1, -12),
+        quick=decades(-2, -12, 2),
+        ask=upu_singularity,
+        falling=True,
+    ),
+    Case(
+        name="u-lock",
+        title="Towards the lock of a leg's base joint",
+        axis="distance [rad]",
+        about="At a tilt of 46.1 degrees leg 2 lies on the line O A2, the first axis of its base joint. Near it the "
+        "leg spins about itself, its rate as 1 / distance and its acceleration as 1 / distance^2: that is how the "
+        "mechanism moves, not a choice of coordinates. The direction of the leg is a difference of lengths near 0.8 m, "
+        "so a digit is lost with every decade by any method in doubles.",
+        drawn="generalized_force",
+        low=1e-15,
+        high=0.3,
+        full=decades(-1, -12),
+        quick=decades(-2, -12, 2),
+        ask=u_lock,
+        falling=True,
+    ),
+    Case(
+        name="wrist-chart",
+        title="Through the gimbal lock of a wrist's coordinates",
+        axis="distance [rad]",
+        about="The outer two axes of leg 2's wrist coincide at a tilt of 40.5 degrees with the orientation coordinates "
+        "`aligned`, of 51.3 degrees with `table2`. The motion passes on both sides of it. Coordinates are only a way "
+        "of writing: forces and bodies need not notice, except with the full cut, whose tree has these angles as "
+        "coordinates. There they turn by half a circle, by one way or the other, so that the joint accelerations of "
+        "the full cut are not compared.",
+        drawn="generalized_force",
+        low=1e-15,
+        high=0.03,
+        full=decades(-2, -12),
+        quick=decades(-2, -12, 2),
+        ask=wrist_chart,
+        falling=True,
+    ),
+)

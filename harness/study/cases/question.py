@@ -1,0 +1,195 @@
+"""A question: a problem put to methods, with what is right. One loop turns questions into findings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from textwrap import shorten
+
+import numpy as np
+
+from screwgauge.judging.judge import judge
+from screwgauge.judging.refusals import refusals
+from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Failure, Solution, Values
+from screwgauge.study.ask import model_files
+from screwgauge.study.cases.case import GOOD, SILENT, Finding
+from screwgauge.study.loop import ask
+from screwgauge.study.method import Method
+from screwgauge.study.reference import Reference, scales_of
+
+OWN = "screw"  # the engine that answers for our own solver
+LONGEST = 500  # letters of a reason: some errors name a whole state
+
+
+UNKNOWN = Reference("", {}, "", {})
+
+
+def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """What a solution says, as it says it."""
+    return solution.values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """A problem put to methods, and what is right. Data only; it pickles.
+
+    Attributes:
+        files: Engine -> its model.
+        quantities: What is measured, in this order.
+        right: Their true values, those components that are compared; `UNKNOWN` where there is no truth: then the
+            judge measures.
+        read: Takes the measured quantities from a solution. A function of a module.
+        cause: Why a method other than ours is wrong where nothing says so; ``{notes}`` stands for what it notes.
+        remarks: Quantity -> what is said of it whatever comes out.
+        admitted: Quantity -> scaled error that is admitted, whatever a method estimates of its own.
+        by: What admits an error, in words.
+        condition: Condition number of the closed loops, where that of what a method solves is not meant.
+        refused: Why it is put to no method.
+    """
+
+    mechanism: Mechanism
+    files: Mapping[str, ModelFiles]
+    problem: Problem
+    methods: tuple[Method, ...]
+    quantities: tuple[str, ...]
+    right: Reference
+    read: Callable[[Question, Solution], Mapping[str, Values]] = answered
+    cause: str = ""
+    remarks: Mapping[str, str] = field(default_factory=dict)
+    admitted: Mapping[str, float] = field(default_factory=dict)
+    by: str = "its error estimate"
+    condition: float | None = None
+    refused: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known what is right."""
+        return bool(self.right.values)
+
+
+def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...]) -> dict[str, ModelFiles]:
+    """The models of a scene in a folder, generated there already."""
+    return {method.engine: model_files(scene, method.engine, folder) for method in methods}
+
+
+def integrated(question: Question, integration: Integration) -> Question:
+    """The same question about a simulation, by another method or tolerance."""
+    task = question.problem.task
+    if not isinstance(task, InitialValue):
+        raise TypeError("the task is no simulation")
+    return replace(question, problem=replace(question.problem, task=replace(task, integration=integration)))
+
+
+def by_size(engine: str, mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
+    """Values of an engine as what is right, errors being measured by their size."""
+    return Reference(engine, values, "", scales_of(mechanism, values))
+
+
+def findings(question: Question) -> Iterator[Finding]:
+    """What every method makes of every quantity: the error, what is admitted, and why."""
+    for method in question.methods:
+        for finding in _put(question, method):
+            yield replace(finding, engine=method.name, own=method.engine == OWN)
+
+
+def _put(question: Question, method: Method) -> Iterator[Finding]:
+    solution, refused = None, question.refused
+    if not refused:
+        solution, refused = _solve(question, method)
+    if solution is None or refused:
+        for quantity in question.quantities:
+            yield Finding("", quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
+    elif not question.known:
+        yield _judged(question, solution)
+    else:
+        values, excuses = question.read(question, solution), _excuses(question, solution)
+        for quantity in question.quantities:
+            yield _measured(question, solution, quantity, values[quantity], excuses)
+
+
+def _solve(question: Question, method: Method) -> tuple[Solution | None, str]:
+    """The answer, or why there is none."""
+    solution = ask(method, question.files[method.engine], question.problem)
+    if isinstance(solution, Failure):
+        return None, solution.reason
+    # what an engine warned of while it made steps went into every step after it
+    warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
+    return solution, solution.stopped or "; ".join(warned)
+
+
+def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> tuple[float, float]:
+    """Largest error over its scale S; NaN where there is no number, infinite where that is infinite. And that S.
+
+    Samples for which the reference itself has no number are left out.
+
+    Args:
+        values: Of at least the components of `right`, in any order.
+        scales: Unit -> S.
+    """
+    known = np.isfinite(right.array).all(axis=1)
+    scale = np.array([scales[unit] for unit in right.units])
+    if not known.any():
+        return math.nan, float(scale.max())
+    errors = (np.abs(values.pick(right.components).array - right.array)[known] / scale).max(axis=0)
+    worst = int(np.argmax(errors))
+    return float(errors[worst]), float(scale[worst])
+
+
+def _measured(
+    question: Question, solution: Solution, quantity: str, values: Values, excuses: Mapping[str, str]
+) -> Finding:
+    """Error, what is admitted, and why."""
+    right = question.right
+    error, scale = scaled_error(values, right.values[quantity], right.scales[quantity])
+    bound = max(_estimated(solution, quantity), solution.tolerances.get(quantity, 0.0) / scale)
+    bound = max(GOOD, question.admitted.get(quantity, bound))
+    condition = float(np.max(solution.condition)) if question.condition is None else question.condition
+    finding = Finding("", quantity, error, bound, condition, _time(solution))
+    admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
+    if math.isinf(bound):
+        admits = f"by {question.by} not one digit may be right"
+    if math.isnan(error):  # only what the engine says of it counts
+        return replace(finding, reason=excuses.get(quantity, "") or excuses.get("", "") or admits)
+    silent = finding.verdict == SILENT and solution.engine != OWN
+    cause = question.cause.replace("{notes}", "; ".join(solution.notes)) if silent else ""
+    return replace(finding, reason="; ".join(filter(None, (cause, question.remarks.get(quantity, ""), admits))))
+
+
+def _judged(question: Question, solution: Solution) -> Finding:
+    """Where there is no truth, the largest residual of the judge stands for all quantities."""
+    table = judge(question.mechanism, question.problem, solution)
+    return Finding(
+        "",
+        "judge",
+        float(table["max_scaled"].max(skipna=False)),
+        max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
+        float(np.nanmax(solution.condition)),
+        _time(solution),
+        "largest residual of the judge: no truth could be had",
+    )
+
+
+def _excuses(question: Question, solution: Solution) -> dict[str, str]:
+    """Quantity -> which singularity is the reason that there is no number; under no name what is noted of all."""
+    if not isinstance(question.problem.task, GivenMotion):
+        return {}
+    refused = refusals(question.mechanism, question.problem, solution)
+    return {"": "; ".join(solution.notes), **{quantity: one.what for one in refused for quantity in one.quantities}}
+
+
+def _estimated(solution: Solution, quantity: str) -> float:
+    """Largest error that the engine estimates for a quantity; what cannot be estimated may be anything."""
+    if quantity not in solution.estimate:
+        return 0.0
+    return float(np.nan_to_num(solution.estimate[quantity], nan=np.inf, posinf=np.inf).max(initial=0.0))
+
+
+def _time(solution: Solution) -> float:
+    if solution.cost is not None:
+        return solution.cost.wall_s
+    return sum(timing.min_s for timing in solution.timings)

@@ -1,0 +1,181 @@
+"""MuJoCo's soft loops: a floor in loop gap, force and energy that no time step removes, and what removes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.judging.answer import answer_at
+from screwgauge.judging.energy import energies
+from screwgauge.models.generate import write_models
+from screwgauge.models.loops import loops_of
+from screwgauge.problem import InitialValue, Integration, Problem
+from screwgauge.quantities import natural_scales
+from screwgauge.reference.applied import hold
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.read import load_scene
+from screwgauge.solution import Solution, Values
+from screwgauge.study.ask import solve
+from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.given import SCENE
+from screwgauge.study.cases.pushed import (
+    SCREW,
+    loaded,
+    loop_condition,
+    loop_gaps,
+    push,
+    tree_coordinates,
+    true_velocities,
+)
+from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated
+from screwgauge.study.method import Method
+from screwgauge.study.reference import Reference
+
+QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
+#: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.
+TIGHT, OWN = 1e-12, 1e-11
+INSTANT, SAMPLES = 1.0, 11  # [s] of the default scene, where all its terms are at work
+DURATION, QUICK_DURATION = 1.0, 0.3  # [s]
+SETTINGS: dict[str, dict[str, Any]] = {
+    "Euler": {},
+    "implicit": {"integrator": "implicit"},
+    "implicitfast": {"integrator": "implicitfast"},
+    "RK4": {"integrator": "RK4"},
+    "discrete": {"integrator": "discrete"},
+    "solref 0.05 s": {"solref": 0.05},
+    "solref 0.005 s": {"solref": 0.005},
+    "d = 0.99": {"solimp": 0.99},
+    "d = 0.9999": {"solimp": 0.9999},
+    "refined": {"solimp": 0.9999, "passes": 4},
+}
+PASSES = {0: "0 passes", 1: "1 pass", 2: "2 passes", 4: "4 passes"}
+_SOFT = "MuJoCo's soft loop gives way under load, and nothing says so; a finer step changes nothing"
+_STIFF = "first-order error of a fixed step that nothing estimates"
+_YIELDING = "softness of the loops, ((1 - d) / d)^(passes + 1), of which nothing is said"
+
+
+def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The loaded default scene under constant actuator forces, stepped by MuJoCo's own integrators."""
+    scene = load_scene(SCENE)
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
+    own = replace(right, files=files_of(scene, folder, (SCREW, Method("mujoco"))))
+    yield integrated(own, Integration(rtol=OWN, atol=OWN))
+    soft = replace(own, right=in_tree(own))
+    for label, settings in SETTINGS.items():
+        method = Method("mujoco", {"dt": dt, "work": False, **settings}, f"mujoco {label}")
+        yield replace(soft, methods=(method,), cause=_STIFF if "passes" in settings else _SOFT)
+
+
+def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The last constraint force is applied from outside, and the accelerations are solved for again."""
+    posed = loaded(folder)
+    yield push(posed, SCREW)
+    methods = (Method("mujoco", {"solimp": 1.0 - softness, "passes": n}, f"mujoco {x}") for n, x in PASSES.items())
+    yield replace(push(posed, *methods), cause=_YIELDING, condition=loop_condition(true_velocities(posed)))
+
+
+@lru_cache(maxsize=4)
+def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
+    """The default scene from `INSTANT` on, the actuator forces staying as they are; what is right is by `screw`.
+
+    Raises:
+        ScrewgaugeError: The motion does not lead so far.
+    """
+    scene = load_scene(SCENE).at([INSTANT])
+    mechanism, motion = scene.mechanism, scene.motion
+    forces = solve(scene, ("screw",), ("actuator_force",))[0]["screw"].values["actuator_force"].array[0]
+    driven = [joint.coordinates[0] for joint in mechanism.actuators]
+    applied = scene.under(motors=hold(dict(zip(driven, forces.tolist(), strict=True)))).applied
+    task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, np.linspace(0.0, duration, samples))
+    question = Question(
+        mechanism=mechanism,
+        files=files_of(scene, Path(), (SCREW,)),
+        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction"))),
+        methods=(SCREW,),
+        quantities=QUANTITIES,
+        right=UNKNOWN,
+        read=read,
+    )
+    question = integrated(question, Integration(rtol=tolerance, atol=tolerance))
+    solution = SCREW.load(question.files["screw"]).solve(question.problem)
+    if solution.stopped:
+        raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")
+    values = read(question, solution)
+    return replace(question, right=_by_largest(question.mechanism, values), condition=float(solution.condition.max()))
+
+
+def in_tree(question: Question) -> Reference:
+    """What is right of all that MuJoCo has: the coordinates of its tree and the forces that close its loops."""
+    values, mechanism = question.right.values, question.mechanism
+    closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
+    force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))
+    return _by_largest(mechanism, {**values, "constraint_force": force, "joint_position": q})
+
+
+def read(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
+    rows = np.arange(len(solution.condition))
+    answer = answer_at(question.mechanism, question.problem, solution, rows)
+    gaps = np.linalg.norm(loop_gaps(question.mechanism, answer.motions)[0], axis=2)
+    return {
+        "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
+        "constraint_force": solution.values["reaction"],
+        "energy": Values(("energy",), ("J",), np.sum(energies(answer), axis=0)[:, None]),
+        "joint_position": solution.values["joint_position"],
+    }
+
+
+def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
+    """Values as what is right, loops being closed, each quantity measured by the largest size that it has."""
+    gap, force, energy, q = (values[name] for name in QUANTITIES)
+    largest, size = float(np.abs(force.array).max()), np.abs(q.array).max(axis=0)
+    scales = {
+        "loop_gap": {"m": natural_scales(mechanism)["m"]},
+        "constraint_force": {"N": largest, "N m": largest},
+        "energy": {"J": float(np.abs(energy.array - energy.array[0]).max())},
+        "joint_position": {unit: float(size[[u == unit for u in q.units]].max()) for unit in ("rad", "m")},
+    }
+    closed = Values(gap.components, gap.units, np.zeros_like(gap.array))
+    return Reference("screw", {**values, "loop_gap": closed}, "", scales)
+
+
+CASES = (
+    Case(
+        name="softness",
+        title="Soft loops of MuJoCo over the time step",
+        axis="time step [s]",
+        about="The loaded default scene from t = 1 s on under the actuator forces of that instant, for 1 s. Loop gap, "
+        "constraint forces, energy and joint positions against a motion that `screw` integrated at 1e-12. "
+        "The softness of solref and solimp is a floor that the time step does not remove; applying the last "
+        "constraint force from outside and solving again (refined: four such passes a step) removes it, and "
+        "what is left falls with the step.",
+        drawn="loop_gap",
+        low=1e-6,
+        high=4e-3,
+        full=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5),
+        quick=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5),
+        ask=softness,
+    ),
+    Case(
+        name="refinement",
+        title="MuJoCo's softness refined away",
+        axis="softness 1 - d of solimp [1]",
+        about="Accelerations of the loaded default scene from its actuator forces, at three instants. MuJoCo is solved "
+        "once (0 passes), then again with the last constraint force applied from outside, pass by pass. The error "
+        "goes as ((1 - d) / d)^(passes + 1): straight lines of slope 1, 2, 3 ... down to rounding. MuJoCo's "
+        "default is 1 - d = 0.1 for closed loops, its least 1e-4.",
+        drawn="joint_acceleration",
+        low=1e-4,
+        high=0.5,
+        full=(1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1),
+        quick=(1e-4, 5e-4, 2e-3, 1e-2, 3e-2, 1e-1),
+        ask=refinement,
+    ),
+)

@@ -1,0 +1,229 @@
+"""Stiff springs and dampers across the prismatic joints: accelerations, and a short motion with its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.models.generate import write_models
+from screwgauge.problem import InitialValue, Integration, Problem, States
+from screwgauge.reference import linear
+from screwgauge.reference.applied import GRAVITY, Applied, JointSpring
+from screwgauge.reference.forward import energy, forces_at, forward, inertia_matrix
+from screwgauge.reference.kinematics import Velocities, positions, velocities
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.simulation import REACH, eigenvalues
+from screwgauge.solution import Solution, Values
+from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.collocation import collocate
+from screwgauge.study.cases.given import SCENE
+from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, loop_condition, push, true_velocities
+from screwgauge.study.cases.question import Question, files_of, integrated
+from screwgauge.study.method import Method
+from screwgauge.study.posed import Posed
+from screwgauge.study.reference import Reference
+
+#: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
+DAMPING = 1.2
+SAFETY = 8.0  # roundings of a spring's force: of its length, of product and sum, in both directions
+DURATION = 0.1  # [s]
+START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed
+RADAU = Integration("Radau", 1e-5, 1e-7)
+DOP853 = Integration("DOP853", 1e-7, 1e-9)
+MOST = 100  # steps that an explicit method may need for stability alone
+DT = 1e-4  # [s] of the engines' own steps
+QUANTITIES = ("motion", "energy")
+_PUSHED = (
+    Method("pinocchio", {"mu": 1e-10, "iterations": 5}),
+    Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # the softness is not what is looked at here
+)
+_RADAU = tuple(Method(engine, label=f"{engine} Radau") for engine in ("screw", "pinocchio", "mujoco"))
+_STEPS = "steps of 0.1 ms, however fast the motion; nothing estimates their error"
+_SOFT = f"loops soft even at d = 0.9999 and {_STEPS}"
+_STEPPERS = (
+    (Method("pinocchio", {"integrator": "Euler", "dt": DT}, "pinocchio Euler"), _STEPS),
+    (Method("mujoco", {"integrator": "Euler", "dt": DT, "solimp": 0.9999}, "mujoco Euler"), _SOFT),
+    (Method("mujoco", {"integrator": "implicitfast", "dt": DT, "solimp": 0.9999}, "mujoco implicitfast"), _SOFT),
+)
+
+
+def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The 3-UPS-UPU-S on four springs: accelerations, and a motion by scipy's methods and the engines' own steps."""
+    yield from accelerations(stiffness, folder)
+    question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
+    yield explicit(question, fastest)
+    yield tolerant(question, RADAU, *_RADAU)
+    for stepper, cause in _STEPPERS:
+        yield replace(question, methods=(stepper,), cause=cause)
+
+
+def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ...]:
+    """A spring and damper across every actuated joint, relaxed at home.
+
+    Args:
+        stiffness: [N/m].
+    """
+    lay, home = layout(mechanism), mechanism.home[None]
+    rate = velocities(lay, pose(lay, home), np.zeros((1, len(mechanism.independent))))
+    B = rate.K[0][mechanism.actuated_columns]
+    fastest = np.linalg.eigvals(np.linalg.solve(inertia_matrix(lay, rate)[0], B.T @ B)).real.max()
+    damping = 2.0 * DAMPING * float(np.sqrt(stiffness / fastest))
+    return tuple(
+        JointSpring(mechanism.coordinates[i], stiffness, float(home[0, i]), damping) for i in mechanism.actuated_columns
+    )
+
+
+def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
+    """The loaded default scene, the actuators taking over what the springs exert; each length is known only to eps."""
+    posed = loaded(folder)
+    springs, rate = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
+    admitted = {ACCELERATION: _spring_rounding(posed, springs, rate)}
+    for method in (SCREW, *_PUSHED):
+        question = push(posed, method)
+        yield replace(
+            question,
+            problem=_sprung(posed, question.problem, springs, method.engine, rate),
+            admitted=admitted,
+            by="the rounding of spring forces, eps times stiffness times length,",
+            condition=loop_condition(rate),
+        )
+
+
+def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], engine: str, rate: Velocities) -> Problem:
+    """The problem with springs, and with actuator forces that take over what these exert on the true motion."""
+    states = problem.task
+    if not isinstance(states, States) or states.tau is None:
+        raise TypeError("the task gives no forces")
+    f, tau = posed.reference.values["actuator_force"].array, states.tau.copy()
+    for i, spring in enumerate(springs):
+        k = states.coordinates.index(spring.coordinate)
+        pull = spring.stiffness * (states.q[:, k] - spring.rest) + spring.damping * states.v[:, k]
+        # Pinocchio has no springs: their forces are given with the loads, before those of the actuators
+        tau[:, k] = (tau[:, k] - f[:, i] + pull) - pull + f[:, i] if engine == "pinocchio" else tau[:, k] + pull
+    if engine == SCREW.engine:  # at the poses that it finds itself
+        states = replace(states, q=rate.pose.q, v=rate.w)
+    carried = () if engine == "pinocchio" else springs
+    return replace(problem, applied=replace(problem.applied, springs=carried), task=replace(states, tau=tau))
+
+
+def _spring_rounding(posed: Posed, springs: tuple[JointSpring, ...], rate: Velocities) -> float:
+    """Scaled error of joint accelerations that the rounding of the springs' lengths and velocities may cause."""
+    lay = layout(posed.scene.mechanism)
+    states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]
+    largest = spring.stiffness * np.abs(states.q) + spring.damping * np.abs(states.v)
+    force = SAFETY * linear.EPS * float(largest.max())
+    columns = lay.mechanism.columns(states.coordinates)
+    moved = np.linalg.solve(inertia_matrix(lay, rate), rate.K[:, columns].swapaxes(1, 2))
+    joints = force * np.abs(rate.K @ moved).sum(axis=2).max(axis=0)
+    scales, like = posed.reference.scales[ACCELERATION], posed.reference.values[ACCELERATION]
+    return float((joints / np.array([scales[unit] for unit in like.units])).max())
+
+
+def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
+    """A short motion from rest, put to nobody yet, and its largest eigenvalue at the start [1/s].
+
+    What is right comes from collocation, in steps that grow with time as the motion gets slower.
+    """
+    scene = load_scene(SCENE)
+    mechanism, lay = scene.mechanism, layout(scene.mechanism)
+    applied, start, rest = Applied(gravity=np.array(GRAVITY), springs=springs), np.array(START), np.zeros(2)
+    write_models(mechanism, folder, gravity=applied.g)
+    forces = forces_at(mechanism, applied, 0.0)
+    fastest = float(np.abs(eigenvalues(lay, forces, start, rest)).max())
+    first = min(0.1 / fastest, DURATION / 10)
+    decades = int(np.ceil(np.log10(DURATION / first)))
+    # four steps a decade, every fourth of them looked at
+    grid = np.concatenate([[0.0], np.geomspace(first, DURATION, 1 + 4 * max(2, decades))])
+    looked_at = [0, *range(1, len(grid), 4)]
+
+    def slope(states: Array) -> Array:
+        return np.concatenate([states[:, 2:], forward(lay, _velocities(lay, states), forces).ydd], axis=1)
+
+    rate = _velocities(lay, collocate(slope, np.concatenate([start, rest]), grid)[looked_at])
+    change, E = np.abs(rate.pose.q - rate.pose.q[0]).max(axis=0), energy(lay, rate, forces)
+    values = {
+        "motion": Values(mechanism.coordinates, mechanism.units, rate.pose.q),
+        "energy": Values(("energy",), ("J",), np.zeros((len(looked_at), 1))),
+    }
+    scales = {
+        "motion": {"rad": float(change[lay.turns].max()), "m": float(change[~lay.turns].max())},
+        "energy": {"J": float(np.abs(E - E[0]).max())},
+    }
+    task = InitialValue(start, rest, 0.0, grid[looked_at])
+    question = Question(
+        mechanism=mechanism,
+        files=files_of(scene, folder, _RADAU),
+        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity"))),
+        methods=(),
+        quantities=QUANTITIES,
+        right=Reference("collocation", values, "", scales),
+        read=read,
+        condition=float(np.linalg.cond(rate.A).max()),
+    )
+    return question, fastest
+
+
+def _velocities(lay: Layout, states: Array) -> Velocities:
+    return velocities(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:])
+
+
+def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
+    """The motion by one of scipy's methods, whose tolerance says what it admits."""
+    # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
+    each = integration.rtol * max(map(abs, START)) + integration.atol
+    each /= min(question.right.scales["motion"].values())
+    return replace(
+        integrated(question, integration),
+        methods=methods,
+        admitted={"motion": each, "energy": 2.0 * each},  # energy is quadratic
+        by=f"the tolerance, {integration.rtol:g},",
+    )
+
+
+def explicit(question: Question, fastest: float) -> Question:
+    """The motion by DOP853, refused where the step that keeps it stable is too short."""
+    steps, reason = DURATION * fastest / REACH, ""
+    if steps > MOST:
+        reason = (
+            f"stiff for an explicit method: the eigenvalue of {fastest:.2g} 1/s bounds its step to "
+            f"{REACH / fastest:.1e} s, {steps:.0f} steps for stability alone"
+        )
+    return replace(tolerant(question, DOP853, Method("screw", label="screw DOP853")), refused=reason)
+
+
+def read(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """Joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
+    lay, columns = layout(question.mechanism), question.mechanism.independent_columns
+    q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
+    forces = forces_at(question.mechanism, question.problem.applied, 0.0)
+    missing = energy(lay, _velocities(lay, np.concatenate([q, v], axis=1)), forces) - np.asarray(solution.work)
+    return {
+        "motion": solution.values["joint_position"],
+        "energy": Values(("energy",), ("J",), (missing - missing[0])[:, None]),
+    }
+
+
+STIFF_LEGS = Case(
+    name="stiff-legs",
+    title="Stiff springs and dampers in the legs",
+    axis="stiffness [N/m]",
+    about="Springs and dampers across all four prismatic joints, damping 1.2 times critical; the eigenvalues grow "
+    "with the root of the stiffness to 1e5 1/s. Accelerations: round trip at the loaded default scene, "
+    "the actuators taking over what the springs exert; a length is known to eps, a force to eps times "
+    "stiffness times length, and so much is admitted. Motion: 0.1 s from rest, 0.01 rad off, against "
+    "collocation of order nineteen, and energy; Radau is given a tolerance of 1e-5, and steps times tolerance "
+    "is what it admits. DOP853 is refused where stability alone asks for more than a hundred steps. The "
+    "engines' own steps are of 0.1 ms, MuJoCo's loops as hard as it allows (d = 0.9999).",
+    drawn="motion",
+    low=1.0,
+    high=1e11,
+    full=(1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10),
+    quick=(1e2, 1e8, 1e10),
+    ask=stiff_legs,
+)

@@ -1,1 +1,0 @@
-"""Cases that drive engines forward, or for long."""

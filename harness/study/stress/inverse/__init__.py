@@ -1,1 +1,0 @@
-"""Cases of inverse dynamics: given motions, every engine against the truth."""

@@ -1,1 +1,0 @@
-"""The case of stiff springs across the legs."""
