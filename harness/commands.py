@@ -63,8 +63,8 @@ def run(options: argparse.Namespace) -> int:
         samples=options.samples,
         errata=options.errata,
     )
-    if options.debug:
-        _complain("\n".join(failure.traceback for failure in results.failures.values()))
+    for failure in results.failures.values() if options.debug else ():
+        _complain(failure.traceback)
     if options.json:
         _say(json_text(page.summary(results)))
     return int(results.exit_status)

@@ -9,21 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import (
-    LONG,
-    Banner,
-    Block,
-    Folded,
-    Heading,
-    Items,
-    Paragraph,
-    Picture,
-    Table,
-    cross_table,
-    facts,
-    table,
-)
-from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, words
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts
+from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, words
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.stress.drawing import make_plots
 from screwgauge.report.write import write_report
@@ -31,19 +18,20 @@ from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Cas
 from screwgauge.study.stress import Stress
 
 BAD = (DEGRADED, REFUSED, SILENT)
+WHO = ("case", "engine", "digits")
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 
 
 def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
-    table, section = _rows(found), partial(blocks.section, "stress")
-    by_case = grouped(table, "case")
+    rows, section = _rows(found), partial(blocks.section, "stress")
+    by_case = grouped(rows, "case")
     return [
         Heading("Stiff and extreme: where it breaks, and whether it says so", 1),
         Banner(headline(found), status="agree" if found.ok else "differ"),
         *section("How to read it", *pictures),
-        *section("Where it breaks", _overview(found, table)),
-        *section("Silently wrong", _silent([row for row in table if row["verdict"] == SILENT])),
+        *section("Where it breaks", _overview(found.cases, rows)),
+        *section("Silently wrong", _silent([row for row in rows if row["verdict"] == SILENT])),
         *(block for case in found.cases for block in _case(case, by_case.get((case.name,), []))),
         *section("Environment", facts({**judged(found.provenance), **found.environment})),
     ]
@@ -72,14 +60,13 @@ def headline(found: Stress) -> str:
     return " ".join(parts)
 
 
-def _overview(found: Stress, table: Sequence[Row]) -> Table:
+def _overview(cases: Sequence[Case], found: Sequence[Row]) -> Table:
     """For each case and engine: digits, and the first rung at which a quantity is not ok."""
-    worse = {case.name: max if case.falling else min for case in found.cases}
-    lines = []
-    for (case, engine), group in grouped(table, "case", "engine").items():
+    first, lines = {case.name: max if case.falling else min for case in cases}, []
+    for (case, engine), group in grouped(found, "case", "engine").items():
         severities = ([row["severity"] for row in group if row["verdict"] == verdict] for verdict in BAD)
-        lines.append((case, engine, _span(group), *(number(worse[case](s), 3) if s else "" for s in severities)))
-    return Table(("case", "engine", "digits", "degraded from", "refused from", "silently wrong from"), tuple(lines))
+        lines.append((case, engine, _span(group), *(number(first[case](s), 3) if s else "" for s in severities)))
+    return Table((*WHO, "degraded from", "refused from", "silently wrong from"), tuple(lines))
 
 
 def terminal(found: Stress) -> list[Block]:
@@ -88,10 +75,7 @@ def terminal(found: Stress) -> list[Block]:
     for (case, engine), group in grouped(_rows(found), "case", "engine").items():
         verdicts = [row["verdict"] for row in group]
         lines.append((case, engine, _span(group), *(str(verdicts.count(verdict) or "") for verdict in BAD)))
-    return [
-        Paragraph(headline(found)),
-        Table(("case", "engine", "digits", "degraded", "refused", "silently wrong"), tuple(lines)),
-    ]
+    return [Paragraph(headline(found)), Table((*WHO, "degraded", "refused", "silently wrong"), tuple(lines))]
 
 
 def _span(group: Sequence[Row]) -> str:
@@ -102,17 +86,12 @@ def _span(group: Sequence[Row]) -> str:
 
 def _silent(silent: Sequence[Row]) -> Block:
     """Each engine of a case once for every cause."""
-    lines = [
-        {
-            **group[0],
-            "quantities": ", ".join(dict.fromkeys(words(row["quantity"]) for row in group)),
-            "range": _range(group),
-            "error": np.max([row["error"] for row in group]),
-        }
-        for group in grouped(silent, "case", "engine", "reason").values()
-    ]
-    columns = "case | engine | quantities | severity = range | largest error = error | cause = reason"
-    return table(lines, columns) if lines else Paragraph("Nothing.")
+    lines = []
+    for (case, engine, cause), group in grouped(silent, "case", "engine", "reason").items():
+        quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
+        lines.append((case, engine, quantities, _range(group), size(np.max([row["error"] for row in group])), cause))
+    head = ("case", "engine", "quantities", "severity", "largest error", "cause")
+    return Table(head, tuple(lines)) if lines else Paragraph("Nothing.")
 
 
 def _range(group: Sequence[Row]) -> str:
@@ -125,8 +104,8 @@ def _case(case: Case, found: Sequence[Row]) -> list[Block]:
     for (quantity,), some in grouped(found, "quantity").items():
         ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
         cells = [{**row, "cell": _digits(row)} for row in ladder]
-        across = cross_table(cells, f"{case.axis} = severity", "engine", "cell")
-        short = quantity == case.drawn or len(some) <= LONG
+        across = blocks.cross_table(cells, f"{case.axis} = severity", "engine", "cell")
+        short = quantity == case.drawn or len(some) <= blocks.LONG
         told += [Paragraph(f"**{quantity}**"), across] if short else [Folded(quantity, (across,))]
     refused = grouped([row for row in found if row["verdict"] == REFUSED], "engine", "reason")
     reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
