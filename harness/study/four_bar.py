@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
@@ -17,38 +16,20 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Values
 
-NAME = "planar-four-bar"
-RODS = ("crank", "coupler", "rocker")
-LENGTHS, MASSES = np.array([0.3, 0.6, 0.4]), np.array([0.5, 1.1, 0.7])  # [m], [kg] uniform rods
+FILE = Path(__file__).with_name("four-bar.toml")
+COORDINATES = ("q1", "q2", "q3")
+LENGTHS, MASSES = np.array([0.3, 0.6, 0.4]), np.array([0.5, 1.1, 0.7])  # [m], [kg] crank, coupler, rocker
 MOMENTS = MASSES * LENGTHS**2 / 12  # [kg m^2] about their centres
-BASE, GRAVITY = 0.5, 9.81  # [m], [m/s^2]
+BASE, GRAVITY = 0.5, np.array([0.0, -9.81, 0.0])  # [m], [m/s^2]
 SPEED, TORQUE = 10.0, 3.0  # [rad/s], [N m] at the crank
 FIRST, LAST = 0.8, 1.3  # angles of the crank [rad]
-COORDINATES = ("q1", "q2", "q3")
 
 
 def write_four_bar(folder: Path) -> ModelFiles:
-    """Writes its description and model files; returns those of Pinocchio."""
-    (folder / f"{NAME}.toml").write_text(tomli_w.dumps(_tables()), encoding="utf-8")
-    mechanism = load_mechanism(folder / f"{NAME}.toml")
-    write_models(mechanism, folder, gravity=(0.0, -GRAVITY, 0.0))
-    return ModelFiles(folder / f"{NAME}.urdf", folder / f"{NAME}.loops.toml")
-
-
-def _tables() -> dict[str, object]:
-    home, ends = _angles(np.array([FIRST]))[0], [{"position": [length, 0, 0]} for length in LENGTHS.tolist()]
-    joints: dict[str, dict[str, object]] = {}
-    for k, (name, turn) in enumerate(zip(COORDINATES, np.diff(home, prepend=0.0).tolist(), strict=True)):
-        parent = {"parent": RODS[k - 1], "parent_frame": ends[k - 1]} if k else {"parent": "ground", "actuated": True}
-        joints[name] = {"kind": "R", **parent, "child": RODS[k], "axes": [[0, 0, 1]], "home": [turn]}
-    across = {"axes": [[0, 0, 1], [1, 0, 0], [0, 1, 0]], "child_frame": {"position": [BASE, 0, 0]}}
-    ball = {"kind": "S", "parent": RODS[-1], "parent_frame": ends[-1], "child": "ground", **across}
-    joints["pin"] = {**ball, "home": [-float(home[-1]), 0, 0]}
-    bodies = {
-        rod: {"mass": m, "com": [0.5 * length, 0, 0], "inertia": {"xx": 1e-4, "yy": moment, "zz": moment}}
-        for rod, m, length, moment in zip(RODS, *(x.tolist() for x in (MASSES, LENGTHS, MOMENTS)), strict=True)
-    }
-    return {"name": NAME, "independent": {"crank": COORDINATES[0]}, "bodies": bodies, "joints": joints}
+    """Writes its model files; returns those of Pinocchio."""
+    mechanism = load_mechanism(FILE)
+    write_models(mechanism, folder, gravity=GRAVITY)
+    return ModelFiles(folder / f"{mechanism.name}.urdf", folder / f"{mechanism.name}.loops.toml")
 
 
 def four_bar_states(n: int) -> tuple[Problem, Values]:
@@ -59,8 +40,9 @@ def four_bar_states(n: int) -> tuple[Problem, Values]:
     spins = np.concatenate([np.full((n, 1), SPEED), rest], axis=1)
     q, v, a = (np.diff(x, axis=1, prepend=0.0) for x in (angles, spins, _accelerations(angles, spins)))
     states = States(COORDINATES, q, v, tau=np.tile([TORQUE, 0.0, 0.0], (n, 1)))
-    applied = Applied(gravity=np.array([0.0, -GRAVITY, 0.0]))
-    return Problem(applied, states, frozenset(("joint_acceleration",))), Values(COORDINATES, ("rad/s^2",) * 3, a)
+    return Problem(Applied(gravity=GRAVITY), states, frozenset(("joint_acceleration",))), Values(
+        COORDINATES, ("rad/s^2",) * 3, a
+    )
 
 
 def _angles(crank: Array) -> Array:
@@ -88,6 +70,6 @@ def _accelerations(angles: Array, spins: Array) -> Array:
     system[:, :3, :3] = coupled * np.cos(apart) + np.diag(MOMENTS)
     system[:, :3, 3:], system[:, 3:, :3] = J.swapaxes(1, 2), J
     centrifugal = ((coupled * np.sin(apart)) @ (spins**2)[..., None])[..., 0]
-    right = np.array([TORQUE, 0.0, 0.0]) - centrifugal - GRAVITY * (MASSES @ reach) * np.cos(angles)
+    right = np.array([TORQUE, 0.0, 0.0]) - centrifugal + GRAVITY[1] * (MASSES @ reach) * np.cos(angles)
     closing = np.stack([(LENGTHS * spins**2 * f(angles)).sum(axis=1) for f in (np.cos, np.sin)], axis=1)
     return np.linalg.solve(system, np.concatenate([right, closing], axis=1)[..., None])[:, :3, 0]

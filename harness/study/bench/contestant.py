@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
@@ -34,6 +33,7 @@ class Contestant:
         parameter: Name and value of what is varied along that line.
         label: Short name of the setting in diagrams.
         drawn: Whether it has a place in the work-precision diagram.
+        given: It starts from given joint motion, so that closing the loops is not in its time.
         hint: Why it may fail, for the row that says so.
     """
 
@@ -48,32 +48,28 @@ class Contestant:
     parameter: tuple[str, float] | None = None
     label: str = ""
     drawn: bool = True
+    given: bool = False
     hint: str = ""
 
     @property
     def key(self) -> str:
         """Identifies the contestant within a bench."""
-        return " | ".join((self.name, self.setting, ", ".join(self.quantities)))
+        return " | ".join((self.name, self.method.engine, self.series, self.setting, ", ".join(self.quantities)))
 
     @property
     def line(self) -> str:
         """Its line in a diagram: family, or family and series."""
         return f"{self.family} ({self.series})" if self.series else self.family
 
-    @property
-    def given(self) -> bool:
-        """It starts from given joint motion, so that closing the loops is not in its time."""
-        return self.question.given
-
     def ask(self, posed: Posed) -> Asked:
         """Its question on a scene."""
-        return self.question.ask(posed, self.method.engine, self.quantities)
+        return self.question(posed, self.method.engine, self.quantities)
 
-    def result(self, asked: Asked, solutions: Sequence[Solution]) -> dict[str, Any]:
-        """What it found: quantity -> largest and RMS scaled error, and why there is none."""
+    def scores(self, asked: Asked, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:
+        """Quantity -> largest and RMS scaled error, and why there is none."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
             score = asked.score(quantity, solutions)
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
-            scores[quantity] = [score.max_scaled, score.rms_scaled, reason]
-        return {"scores": scores}
+            scores[quantity] = score.max_scaled, score.rms_scaled, reason
+        return scores

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from functools import partial
 
 from screwgauge.study.bench.contestant import FROM_Y, ONE_BY_ONE, Contestant, count
-from screwgauge.study.bench.questions import FourBar, Motion, TrueStates
+from screwgauge.study.bench.questions import four_bar as on_four_bar
+from screwgauge.study.bench.questions import motion, true_states
 from screwgauge.study.method import Method
 from screwgauge.study.posed import QUANTITIES
 
@@ -18,12 +19,13 @@ IMPEDANCE = (0.9, 0.95, 0.99, 0.995, 0.999, 0.9995, 0.9999)
 STIFFEST = IMPEDANCE[-1]  # the largest that MuJoCo takes
 TIME_CONSTANTS = (0.1, 0.02, 0.005, 0.002)
 PASSES = (1, 2, 3, 4, 5, 7, 11, 15, 20)
+PUSHED = partial(true_states, pushed=True)
 ACCELERATION, FORCE = QUANTITIES[2:3], QUANTITIES[3:]
 
 
 def _paths(engine: str, what: str) -> Iterator[Contestant]:
     """An engine as `screwgauge run` drives it: it closes its own loops."""
-    path = partial(Contestant, engine, f"{engine}-path", "closes its own loops, minimal cut", Method(engine), Motion())
+    path = partial(Contestant, engine, f"{engine}-path", "closes its own loops, minimal cut", Method(engine), motion)
     for one in ONE_BY_ONE:
         yield path(one, f"{FROM_Y}: {what}, as far as needed; model loaded", label="closes its loops")
 
@@ -31,7 +33,7 @@ def _paths(engine: str, what: str) -> Iterator[Contestant]:
 def _projected(name: str, engine: str, function: str, setting: str, label: str) -> Contestant:
     """Inverse dynamics of the open tree on the true joint motion, then projection on the actuators."""
     covers = f"from given joint motion: {function} sample by sample, Jacobians, projection of all samples at once"
-    given = partial(Contestant, method=Method(engine), question=TrueStates(), series="given motion")
+    given = partial(Contestant, method=Method(engine), question=true_states, given=True, series="given motion")
     return given(engine, name, setting, quantities=FORCE, covers=covers, label=label)
 
 
@@ -41,7 +43,7 @@ def pinocchio() -> Iterator[Contestant]:
     yield _projected("pinocchio-rnea", "pinocchio", "pin.rnea", "RNEA, then projection", "RNEA + projection")
     call, full = "pin.constraintDynamics sample by sample", "mu = 0 needs closure rows of full rank"
     covers = f"from given q, v and true forces: {call}; tree accelerations only"
-    forward = partial(Contestant, "pinocchio-forward", quantities=ACCELERATION, covers=covers)
+    forward = partial(Contestant, "pinocchio-forward", quantities=ACCELERATION, covers=covers, given=True)
     for iterations in ITERATIONS:
         many = count(iterations, "iteration")
         for mu in MU:
@@ -49,14 +51,14 @@ def pinocchio() -> Iterator[Contestant]:
                 "constraint-dynamics",
                 f"mu = {mu:g}, {many}",
                 _proximal(mu, iterations),
-                TrueStates(pushed=True),
+                PUSHED,
                 series=many,
                 parameter=("mu", mu) if mu else None,
                 label=f"mu {mu:g}" if mu in NAMED[iterations] else "",
                 hint="" if mu else full,
             )
     name, setting = "constraint-dynamics-default", "ProximalSettings(): mu = 0, 1 iteration"
-    default = partial(forward, name, setting, _proximal(None, None), TrueStates(pushed=True))
+    default = partial(forward, name, setting, _proximal(None, None), PUSHED)
     yield default(series="default", label="default", hint=full)
     hint = "the closure rows have rank 2 of 3, so that mu = 0 divides by zero; nothing is raised"
     covers = f"from given q, v and torque: {call}, on a planar four-bar"
@@ -66,7 +68,7 @@ def pinocchio() -> Iterator[Contestant]:
         (_proximal(1e-10, 1), "mu = 1e-10, 1 iteration"),
         (_proximal(1e-10, 2), "mu = 1e-10, 2 iterations"),
     ):
-        yield four_bar(f"planar four-bar closed by a 3D contact, {text}", method, FourBar(), ACCELERATION, covers)
+        yield four_bar(f"planar four-bar closed by a 3D contact, {text}", method, on_four_bar, ACCELERATION, covers)
 
 
 def _proximal(mu: float | None, iterations: int | None) -> Method:
@@ -84,13 +86,14 @@ def mujoco() -> Iterator[Contestant]:
         "mj-inverse-naive",
         "qfrc_inverse of the actuated joints read as actuator forces",
         Method("mujoco", {"naive": True}),
-        TrueStates(),
+        true_states,
         FORCE,
         "from given joint motion: mj_inverse sample by sample, equality constraints on, loads taken off",
         label="mj_inverse, read naively",
+        given=True,
     )
     covers = "from given q, v and true forces: mj_forward sample by sample{}; tree accelerations only"
-    forward = partial(Contestant, question=TrueStates(pushed=True), quantities=ACCELERATION, covers=covers.format(""))
+    forward = partial(Contestant, question=PUSHED, quantities=ACCELERATION, covers=covers.format(""), given=True)
     soft = partial(forward, "mujoco-forward", "mj-forward")
     yield soft("all settings default", Method("mujoco"), label="default", series="default")
     for d in IMPEDANCE:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from screwgauge.study.bench.contestant import FROM_Y, NOTHING, ONE_BY_ONE, Contestant, count
-from screwgauge.study.bench.questions import Differenced, Faster, Motion, Stepped
+from screwgauge.study.bench.questions import differenced, faster, motion, one_by_one, stepped
 from screwgauge.study.method import Method
 from screwgauge.study.posed import QUANTITIES
 
@@ -33,12 +33,12 @@ def _variant(variant: str, **settings: Any) -> Method:
 def solver(quick: bool) -> Iterator[Contestant]:
     """Our own solver: its parts, its precisions, and per sample against whole trajectory."""
     covers = "a Python loop over the samples that does nothing"
-    yield Contestant("floor", "floor", "empty loop", _variant("nothing"), Motion(), (NOTHING,), covers, drawn=False)
-    closed = partial(Contestant, "closed-form", "closed-form", question=Motion(), label="closed form")
+    yield Contestant("floor", "floor", "empty loop", _variant("nothing"), motion, (NOTHING,), covers, drawn=False)
+    closed = partial(Contestant, "closed-form", "closed-form", question=motion, label="closed form")
     covers = f"{FROM_Y}: closed form, then all samples at once"
     for one in ONE_BY_ONE:
         yield closed("whole trajectory, no Newton step", _variant("closed form"), quantities=one, covers=covers)
-    newton = partial(Contestant, "newton", "newton", question=Motion())
+    newton = partial(Contestant, "newton", "newton", question=motion)
     covers = f"{FROM_Y}: path from home, Newton, then all samples at once"
     for one in ONE_BY_ONE:
         for steps in (0, 1, 2, ROUNDING):
@@ -47,7 +47,7 @@ def solver(quick: bool) -> Iterator[Contestant]:
                 many, label = "Newton to rounding", "converged"
             setting = f"whole trajectory, {many} after the prediction"
             yield newton(setting, _variant("newton", steps=steps), quantities=one, covers=covers, label=label)
-    float32 = partial(Contestant, "float32", "float32", question=Motion(), label="float32")
+    float32 = partial(Contestant, "float32", "float32", question=motion, label="float32")
     covers = f"{FROM_Y}: closed form (Newton where that leaves gaps), then all samples at once"
     single = _variant("closed form", dtype="float32", mended=True)
     for one in ONE_BY_ONE:
@@ -58,13 +58,13 @@ def solver(quick: bool) -> Iterator[Contestant]:
             yield screw(
                 "screw-trajectory",
                 f"whole trajectory, {'all samples of the scene' if whole else 'the compared samples'}",
-                question=Motion(whole),
+                question=partial(motion, whole=whole),
                 quantities=one,
                 covers=f"{FROM_Y}: the engine screw, model loaded",
                 label="all samples" if whole else "trajectory",
             )
-    alone, covers = Motion(one_by_one=True), f"{FROM_Y}: the engine screw, one call a sample, model loaded"
-    per_sample = partial(screw, "screw-per-sample", "one sample at a time", question=alone, label="per sample")
+    covers = f"{FROM_Y}: the engine screw, one call a sample, model loaded"
+    per_sample = partial(screw, "screw-per-sample", "one sample at a time", question=one_by_one, label="per sample")
     for one in ONE_BY_ONE:
         yield per_sample(quantities=one, covers=covers)
 
@@ -79,7 +79,7 @@ def shortcuts(quick: bool) -> Iterator[Contestant]:
             yield differences(
                 "differences-ends" if ends else "differences",
                 f"step = {part:g} of the duration, {where if ends else 'interior'}",
-                question=Differenced(part, ends),
+                question=partial(differenced, part=part, ends=ends),
                 quantities=(quantity,),
                 covers=f"from y: positions of every step of the trajectory, np.gradient {times}",
                 series="ends" if ends else "interior",
@@ -93,7 +93,7 @@ def shortcuts(quick: bool) -> Iterator[Contestant]:
             "missing-jdotv",
             f"speed x {speed:g}, error against the largest acceleration at speed x 1",
             _variant("without drift"),
-            Faster(speed),
+            partial(faster, speed=speed),
             QUANTITIES[2:3],
             f"{FROM_Y}: positions, rates, A a = [0; ydd]; all samples at once",
             parameter=("speed", speed),
@@ -119,7 +119,7 @@ def paper(quick: bool) -> Iterator[Contestant]:
                 family,
                 f"{words}, {name}, step = {part:g} of the duration",
                 _variant("paper", twist=twist, method=name.lower()),
-                Stepped(part, halves=name == "RK4"),
+                partial(stepped, part=part, halves=name == "RK4"),
                 series=series or name,
                 parameter=("step / duration", part),
                 label=f"{part:g} T",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 from screwgauge.engines.methods import METHODS
 from screwgauge.problem import Integration
@@ -41,27 +41,17 @@ STEPPERS: tuple[tuple[str, str, str, dict[str, Any], str], ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Simulation:
-    """The motion from its start on.
+def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0) -> Asked:
+    """The motion from its start on; the wanted observables follow from the joint coordinates.
 
-    Attributes:
+    Args:
         method, rtol: Of scipy, and its tolerances rtol = atol; those of the scene if there is none.
-        late: It is known to take very long, so that it has its turn when all others had theirs.
     """
-
-    method: str = ""
-    rtol: float = 0.0
-    late: bool = False
-    given: ClassVar[bool] = False
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        """The question on a scene, to an engine; the wanted observables follow from the joint coordinates."""
-        task = posed.scene.start
-        if self.method:
-            task = replace(task, integration=Integration(self.method, self.rtol, self.rtol, task.integration.near))
-        problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task)
-        return Asked(posed.files(engine), (problem,), len(task), posed.reference)
+    task = posed.scene.start
+    if method:
+        task = replace(task, integration=Integration(method, rtol, rtol, task.integration.near))
+    problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task)
+    return Asked(posed.files(engine), (problem,), len(task), posed.reference)
 
 
 def contestants(method: str, duration: float, *, stiff: bool, quick: bool) -> list[Contestant]:
@@ -79,11 +69,13 @@ def contestants(method: str, duration: float, *, stiff: bool, quick: bool) -> li
     return [contestant for _, contestant in sorted(ranked, key=lambda pair: pair[0])]
 
 
-def _screw(method: str, *, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
-    for name in METHODS:
-        rungs, late = _rungs(name, quick), stiff and name in EXPLICIT
+def _screw(own: str, *, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
+    for method in METHODS:
+        rungs = _rungs(method, quick)
         # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
-        yield _ladder(f"screw-{name}", "screw", name, rungs[:1] if late or (quick and name != method) else rungs, late)
+        if (quick and method != own) or (stiff and method in EXPLICIT):
+            rungs = rungs[:1]
+        yield _ladder(f"screw-{method}", "screw", method, rungs)
 
 
 def _rungs(method: str, quick: bool, least: float = 0.0) -> list[float]:
@@ -91,12 +83,12 @@ def _rungs(method: str, quick: bool, least: float = 0.0) -> list[float]:
     return [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
 
 
-def _ladder(family: str, engine: str, method: str, rungs: Sequence[float], late: bool = False) -> list[Contestant]:
+def _ladder(family: str, engine: str, method: str, rungs: Sequence[float]) -> list[Contestant]:
     member = partial(Contestant, family, family, method=Method(engine), quantities=("observable",), covers=COVERS)
     return [
         member(
             f"{method}, rtol = atol = {rtol:.0e}",
-            question=Simulation(method, rtol, late),
+            question=partial(simulation, method=method, rtol=rtol),
             label=f"{rtol:.0e}".replace("e-0", "e-"),
         )
         for rtol in rungs
@@ -107,7 +99,7 @@ def _steps(
     family: str, engine: str, integrator: str, settings: dict[str, Any], words: str, duration: float, *, quick: bool
 ) -> list[Contestant]:
     """An engine's own stepper at fixed steps."""
-    member = partial(Contestant, family, family, question=Simulation(), quantities=("observable",), covers=COVERS)
+    member = partial(Contestant, family, family, question=simulation, quantities=("observable",), covers=COVERS)
     return [
         member(
             words.format(integrator, dt),

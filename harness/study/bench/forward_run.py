@@ -18,8 +18,7 @@ from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, st
 from screwgauge.solution import REFERENCE, Failure
 from screwgauge.study.ask import Report, generated, silent
 from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_contestants import Simulation
-from screwgauge.study.bench.forward_contestants import contestants as everyone
+from screwgauge.study.bench.forward_contestants import contestants as all_contestants
 from screwgauge.study.bench.forward_score import Outcome, outcome, simulated
 from screwgauge.study.bench.rows import CUT, FAILED, Row
 from screwgauge.study.bench.slopes import Fit, Rule, fits
@@ -117,7 +116,9 @@ def contest(
     if plan.share < 1.0:
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
-    waiting = _chosen(short, lay, contestants, quick=plan.share < 1.0)
+    stiff = _stiff(short, lay)
+    waiting = _chosen(short, contestants, stiff=stiff, quick=plan.share < 1.0)
+    late = {f"screw-{name}" for name in EXPLICIT} if stiff else set[str]()
     outcomes: list[Outcome] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
@@ -125,8 +126,8 @@ def contest(
         engines = dict.fromkeys(contestant.method.engine for contestant in waiting)
         judged = provenance(short, {name: posed.files(name).model for name in engines})
         while waiting:
-            # the shortest first, as far as the family's last one tells
-            contestant = min(waiting, key=lambda one: _foreseen(one, outcomes))
+            # the shortest first, as far as the family's last one tells; what is known to take very long comes last
+            contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, outcomes)))
             waiting.remove(contestant)
             progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
             outcomes.append(_turn(posed, plan, contestant, outcomes, plan.budget - perf_counter() + begin))
@@ -145,29 +146,28 @@ def contest(
     )
 
 
-def _chosen(scene: Scene, lay: Layout, names: Iterable[str] | None, *, quick: bool) -> list[Contestant]:
+def _stiff(scene: Scene, lay: Layout) -> bool:
+    """Whether an explicit method would have to take very many steps."""
     start = scene.start
     fast = stiffness(lay, forces_at(scene.mechanism, scene.applied, start.since), start)
     explicit = replace(start, integration=replace(start.integration, name=EXPLICIT[0]))
-    stiff, duration = bool(stiff_warning(fast, explicit)), float(start.t[-1]) - start.since
-    known = everyone(start.integration.name, duration, stiff=stiff, quick=quick)
+    return bool(stiff_warning(fast, explicit))
+
+
+def _chosen(scene: Scene, names: Iterable[str] | None, *, stiff: bool, quick: bool) -> list[Contestant]:
+    start = scene.start
+    everyone = all_contestants(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
     if names is None:
-        return known
-    wanted = check_choice("contestant", names, [name for c in known for name in _names(c)], "--contestants")
-    return [contestant for contestant in known if _names(contestant) & set(wanted)]
-
-
-def _names(contestant: Contestant) -> set[str]:
-    """What it can be chosen by."""
-    return {contestant.family, contestant.method.engine}
+        return everyone
+    known = dict.fromkeys(name for c in everyone for name in (c.family, c.method.engine))
+    wanted = check_choice("contestant", names, known, "--contestants")
+    return [c for c in everyone if {c.family, c.method.engine} & set(wanted)]
 
 
 def _foreseen(contestant: Contestant, before: Sequence[Outcome]) -> float:
     """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
     same = [o for o in before if o.contestant.family == contestant.family]
     if not same:
-        if isinstance(contestant.question, Simulation) and contestant.question.late:
-            return FOREVER
         engine, alike = contestant.method.engine, list[float]()
         if contestant.parameter is None:
             ladders = [o for o in before if o.contestant.method.engine == engine and o.contestant.parameter is None]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -12,13 +12,16 @@ import pandas as pd
 from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
-from screwgauge.solution import Values
 from screwgauge.study.ask import model_files
+from screwgauge.study.bench.contestant import FROM_Y, Contestant
 from screwgauge.study.bench.questions import Asked
-from screwgauge.study.bench.rows import CUT, OK
+from screwgauge.study.bench.rows import FAILED, Row
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
+from screwgauge.study.reference import Reference
 
+#: Family of these contestants, which have a table of their own.
+LEAVING_OUT = "leaving-out"
 COLUMNS = [
     *("engine", "group", "setting", "n_sample", "time_s", "median_s", "ratio", "max_difference", "unchanged"),
     *("status", "reason"),
@@ -35,121 +38,82 @@ STEPS = {
     "+ actuator forces": ("actuator_force",),
     "+ reactions": ("reaction",),
 }
-MOTION = frozenset(name for step in list(STEPS)[:3] for name in STEPS[step])
-WHOLE = frozenset(GIVEN)
+MOTION = tuple(name for step in list(STEPS)[:3] for name in STEPS[step])
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """One row.
+def less(
+    posed: Posed, engine: str, wanted: Sequence[str], *, asked: Sequence[str] = GIVEN, absent: str = "", part: str = ""
+) -> Asked:
+    """The given motion with less asked for, or less about it, measured by everything that the engine says of it.
 
-    Attributes:
-        wanted: What is asked for.
+    Args:
+        asked: Quantities that are computed.
         absent: ``gravity`` or ``load``, which does not act; empty for neither.
         part: Part that the model file has beyond the mechanics; empty for none.
-        full: All joints are in the engine's tree.
-        compared: Quantities that must not change against everything.
     """
-
-    engine: str
-    group: str
-    setting: str
-    wanted: frozenset[str] = WHOLE
-    absent: str = ""
-    part: str = ""
-    full: bool = False
-    compared: frozenset[str] = WHOLE
-
-    @property
-    def key(self) -> str:
-        """Identifies the trial within a bench."""
-        return f"leaving out | {self.engine} | {self.group} | {self.setting}"
-
-    @property
-    def method(self) -> Method:
-        """What is put to the test."""
-        return Method(f"{self.engine}-full" if self.full else self.engine)
-
-    def ask(self, posed: Posed) -> Asked:
-        """Its question on a scene."""
-        problem, folder, scene = posed.problem(*self.wanted), posed.folder, posed.scene
-        if self.absent == "gravity":
-            problem = replace(problem, applied=replace(problem.applied, gravity=np.zeros(3)))
-        if self.absent == "load":
-            problem = replace(problem, applied=replace(problem.applied, loads=()))
-        if self.part:
-            folder = folder / f"with-{self.part}"
-            include = frozenset(PARTS) if self.part == ALL_PARTS else frozenset({self.part})
-            write_models(scene.mechanism, folder, gravity=scene.applied.g, include=include)
-        files = model_files(scene, self.method.engine, folder)
-        return Asked(files, (problem,), len(posed.t), posed.reference)
+    problem, folder, scene = posed.problem(*asked), posed.folder, posed.scene
+    if absent == "gravity":
+        problem = replace(problem, applied=replace(problem.applied, gravity=np.zeros(3)))
+    if absent == "load":
+        problem = replace(problem, applied=replace(problem.applied, loads=()))
+    if part:
+        folder = folder / f"with-{part}"
+        include = frozenset(PARTS) if part == ALL_PARTS else frozenset({part})
+        write_models(scene.mechanism, folder, gravity=scene.applied.g, include=include)
+    whole = _everything(posed, engine.removesuffix("-full"))
+    return Asked(model_files(scene, engine, folder), (problem,), len(posed.t), whole)
 
 
-def trials(engines: Sequence[str]) -> list[Trial]:
-    """All rows of some engines; the first of each engine is everything."""
-    return [trial for engine in engines for trial in _trials(engine)]
+@lru_cache(maxsize=len(ENGINES))
+def _everything(posed: Posed, engine: str) -> Reference:
+    """All that an engine says of a scene, measured by the largest magnitude of each unit."""
+    values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
+    scales: dict[str, dict[str, float]] = {}
+    for name, has in values.items():
+        size = np.abs(has.array).max(axis=0)
+        largest = {unit: max(size[[u == unit for u in has.units]]) for unit in dict.fromkeys(has.units)}
+        scales[name] = {unit: float(value) or 1.0 for unit, value in largest.items()}
+    return Reference(engine, values, "", scales)
 
 
-def everything(engine: str) -> Trial:
-    """What the other rows of an engine are compared with."""
-    return Trial(engine, "", EVERYTHING)
+def contestants() -> Iterator[Contestant]:
+    """All rows; the first of each engine is everything."""
+    for engine in ENGINES:
+        covers = f"{FROM_Y}: the engine {engine}, model loaded"
+        any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
+        trial = partial(any_engine, method=Method(engine))
+        yield trial(EVERYTHING, question=less, quantities=GIVEN)
+        asked: tuple[str, ...] = ()
+        for step, names in STEPS.items():
+            asked += names
+            yield trial(step, question=partial(less, asked=asked), quantities=asked, series="asked for")
+        alone = ("actuator_force",)
+        yield trial("actuator forces alone", question=partial(less, asked=alone), quantities=alone, series="asked for")
+        for absent in ("gravity", "load"):  # forces change without them; motion must not
+            yield trial(absent, question=partial(less, absent=absent), quantities=MOTION, series="absent")
+        # parts of the model file that mechanics does not need; URDF has only limits
+        for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, ALL_PARTS)}[engine]:
+            setting = "visuals" if part == "geoms" else part
+            yield trial(setting, question=partial(less, part=part), quantities=GIVEN, series="in the model")
+        if engine != "screw":  # joint forces of another tree are other forces
+            same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
+            yield any_engine("full cut instead of minimal", cut, less, same, series="cut")
 
 
-def _trials(engine: str) -> list[Trial]:
-    asked, depth = frozenset[str](), []
-    for step, names in STEPS.items():
-        asked |= set(names)
-        depth.append(Trial(engine, "asked for", step, asked))
-    found = [
-        everything(engine),
-        *depth,
-        Trial(engine, "asked for", "actuator forces alone", frozenset({"actuator_force"})),
-        # forces change without gravity or load; motion must not
-        Trial(engine, "absent", "gravity", absent="gravity", compared=MOTION),
-        Trial(engine, "absent", "load", absent="load", compared=MOTION),
-    ]
-    if engine == "screw":
-        return found
-    # parts of the model file that mechanics does not need; URDF has only limits
-    parts = (*PARTS, ALL_PARTS) if engine == "mujoco" else ("limits",)
-    found += [Trial(engine, "in the model", {"geoms": "visuals"}.get(part, part), part=part) for part in parts]
-    # joint forces of another tree are other forces
-    same = WHOLE - {"tree_force", "tree_force_soft"}
-    return [*found, Trial(engine, "cut", "full cut instead of minimal", full=True, compared=same)]
-
-
-def result(trial: Trial, answer: Mapping[str, Values], whole: Mapping[str, Values]) -> dict[str, Any]:
-    """How far the answer of a trial is from that of everything, and in which quantity if that is more than rounding."""
-    gap, worst = difference(answer, whole, trial.compared)
-    return {"difference": gap, "reason": f"changes {worst}" if gap > SOLVED else ""}
-
-
-def difference(
-    answer: Mapping[str, Values], whole: Mapping[str, Values], compared: frozenset[str]
-) -> tuple[float, str]:
-    """Largest difference of a shared quantity, over the largest magnitude of its unit; and that quantity."""
-    worst = 0.0, ""
-    for name in compared & set(answer) & set(whole):
-        a, b = whole[name], answer[name].pick(whole[name].components)
-        for unit in dict.fromkeys(a.units):
-            columns = [i for i, u in enumerate(a.units) if u == unit]
-            gap = float(np.abs(a.array[:, columns] - b.array[:, columns]).max())
-            worst = max(worst, (gap / (float(np.abs(a.array[:, columns]).max()) or 1.0), name))
-    return worst
-
-
-def table(
-    shown: Sequence[Trial], results: Mapping[str, Mapping[str, Any]], times: Mapping[str, Sequence[float]]
-) -> pd.DataFrame:
-    """The rows of ``leaving_out.csv``."""
-    nan, body = float("nan"), []
-    for trial in shown:
-        found, seconds = results.get(trial.key, {}), list(times.get(trial.key, []))
-        whole = min(times.get(everything(trial.engine).key, []), default=nan)
-        best, median = min(seconds, default=nan), float(np.median(seconds)) if seconds else nan
-        gap, status = found.get("difference", nan), found.get("status", CUT)
-        if status == OK and not seconds:
-            status = CUT
-        measured = (found.get("n_sample", 0), best, median, best / whole, gap, gap <= SOLVED)
-        body.append((trial.engine, trial.group, trial.setting, *measured, status, found.get("reason", "")))
+def table(rows: Sequence[Row]) -> pd.DataFrame:
+    """The rows of ``leaving_out.csv``, from one for each quantity that must not change."""
+    groups: dict[Contestant, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.contestant, []).append(row)
+    whole = {c.method.engine: same[0].time_s for c, same in groups.items() if c.setting == EVERYTHING}
+    body = []
+    for contestant, same in groups.items():
+        engine = contestant.method.engine.removesuffix("-full")
+        worst = max(same, key=lambda row: np.nan_to_num(row.max_scaled, nan=np.inf))
+        unchanged, reason = worst.max_scaled <= SOLVED, worst.reason if worst.status == FAILED else ""
+        if worst.scored and not unchanged:
+            reason = f"changes {worst.quantity}"
+        times = (worst.time_s, worst.median_s, worst.time_s / whole.get(engine, np.nan))
+        found = (worst.max_scaled, unchanged, worst.status, reason)
+        body.append((engine, contestant.series, contestant.setting, worst.n_sample, *times, *found))
     return pd.DataFrame(body, columns=COLUMNS)

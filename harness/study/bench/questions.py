@@ -1,18 +1,20 @@
-"""What a bench asks of a scene: its motion, its true states, or a motion that is changed for a purpose. Data only."""
+"""What a bench asks of a scene: its motion, its true states, or a motion that is changed for a purpose.
+
+Each question is a function of the scene, of the engine that is asked and of the wanted quantities. What else it takes
+is bound by `functools.partial`, so that questions pickle.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar, Protocol
 
 import numpy as np
 
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
 from screwgauge.study.posed import Posed
@@ -45,49 +47,26 @@ class Asked:
         return self.reference.score(quantity, whole if self.rows is None else whole.at(self.rows))
 
 
-class Question(Protocol):
-    """What is asked."""
-
-    @property
-    def given(self) -> bool:
-        """Whether it gives joint motion, so that nothing has to close the loops."""
-        ...
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        """The question on a scene, to an engine, for some quantities."""
-        ...
+Question = Callable[[Posed, str, Sequence[str]], Asked]
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """The given motion.
-
-    Attributes:
-        whole: At all times of the scene, not only at those that are compared.
-        one_by_one: One sample after the other.
-    """
-
-    whole: bool = False
-    one_by_one: bool = False
-    given: ClassVar[bool] = False
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        motion = (posed.whole if self.whole else posed.scene).motion
-        tasks = [motion.part(slice(i, i + 1)) for i in range(len(motion))] if self.one_by_one else [motion]
-        problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
-        rows = np.searchsorted(motion.t, posed.t)
-        return Asked(posed.files(engine), problems, len(motion), posed.reference, rows)
+def motion(posed: Posed, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Asked:
+    """The given motion. `whole`: at all times of the scene, not only at those that are compared."""
+    task = (posed.whole if whole else posed.scene).motion
+    rows = np.searchsorted(task.t, posed.t)
+    return Asked(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
-@dataclass(frozen=True, slots=True)
-class TrueStates:
-    """The true motion of a tree. `pushed`: for accelerations under the true forces, else for actuator forces."""
+def one_by_one(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
+    """The given motion, one sample after the other."""
+    tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
+    problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
+    return Asked(posed.files(engine), problems, len(tasks), posed.reference)
 
-    pushed: bool = False
-    given: ClassVar[bool] = True
 
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        return Asked(posed.files(engine), (_on_tree(posed, self.pushed),), len(posed.t), posed.reference)
+def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False) -> Asked:
+    """The true motion of a tree, for actuator forces. `pushed`: for accelerations under the true forces."""
+    return Asked(posed.files(engine), (_on_tree(posed, pushed),), len(posed.t), posed.reference)
 
 
 @lru_cache(maxsize=2)
@@ -100,86 +79,66 @@ def _on_tree(posed: Posed, pushed: bool) -> Problem:
     return posed.problem("actuator_force", task=posed.moving(coordinates))
 
 
-@dataclass(frozen=True, slots=True)
-class FourBar:
+def four_bar(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
     """Accelerations of another mechanism, whose closing rows are redundant."""
-
-    given: ClassVar[bool] = True
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
-        folder.mkdir(exist_ok=True)
-        scales = {unit: float(np.abs(right.array).max()) for unit in right.units}
-        reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, scales))
-        return Asked(write_four_bar(folder), (problem,), len(posed.t), reference)
+    folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
+    folder.mkdir(exist_ok=True)
+    scales = {unit: float(np.abs(right.array).max()) for unit in right.units}
+    reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, scales))
+    return Asked(write_four_bar(folder), (problem,), len(posed.t), reference)
 
 
-@dataclass(frozen=True, slots=True)
-class Differenced:
-    """The motion in steps of about a part of its duration. `ends`: compared where differences are one-sided."""
+def differenced(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Asked:
+    """The motion in steps of about a part of its duration.
 
-    part: float
-    ends: bool = False
-    given: ClassVar[bool] = False
+    Args:
+        ends: Compared are the samples at the ends, where differences are one-sided.
 
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        t, reference = posed.t, posed.reference
-        if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
-            raise DescriptionError(
-                "the compared times are not evenly spread", "finite differences", "give an even grid"
-            )
-        duration = float(t[-1] - t[0])
-        fine = max(1, round((t[1] - t[0]) / (self.part * duration)))
-        n = fine * (len(t) - 1)
-        grid = t[0] + np.arange(n + 1) * (duration / n)
-        if self.ends:
-            rows = np.r_[0:EDGE, n + 1 - EDGE : n + 1]
-            values = reference_values(posed.whole, grid[rows], wanted).values
-        else:
-            rows = np.arange(len(t)) * fine
-            inner = (rows >= EDGE) & (rows < n + 1 - EDGE)
-            rows, values = rows[inner], {name: reference.values[name].at(inner) for name in wanted}
-        problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-        return Asked(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
+    Raises:
+        DescriptionError: The compared times are not evenly spread.
+    """
+    t, reference = posed.t, posed.reference
+    if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
+        raise DescriptionError("the compared times are not evenly spread", "finite differences", "give an even grid")
+    duration = float(t[-1] - t[0])
+    fine = max(1, round((t[1] - t[0]) / (part * duration)))
+    n = fine * (len(t) - 1)
+    grid = t[0] + np.arange(n + 1) * (duration / n)
+    if ends:
+        rows = np.r_[0:EDGE, n + 1 - EDGE : n + 1]
+        values = reference_values(posed.whole, grid[rows], wanted).values
+    else:
+        rows = np.arange(len(t)) * fine
+        inner = (rows >= EDGE) & (rows < n + 1 - EDGE)
+        rows, values = rows[inner], {name: reference.values[name].at(inner) for name in wanted}
+    problem = posed.problem(*wanted, task=posed.whole.moved(grid))
+    return Asked(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
 
 
-@dataclass(frozen=True, slots=True)
-class Faster:
+def faster(posed: Posed, engine: str, wanted: Sequence[str], *, speed: float) -> Asked:
     """The same poses at another speed."""
-
-    speed: float
-    given: ClassVar[bool] = False
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        motion, reference = posed.scene.motion, posed.reference
-        task = GivenMotion(motion.t, motion.y, self.speed * motion.yd, self.speed**2 * motion.ydd)
-        # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations
-        like = {name: reference.values[name] for name in wanted}
-        right = {name: Values(v.components, v.units, self.speed**2 * v.array) for name, v in like.items()}
-        problem = posed.problem(*wanted, task=task)
-        return Asked(posed.files(engine), (problem,), len(motion), replace(reference, values=right))
+    task, reference = posed.scene.motion, posed.reference
+    task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
+    # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations
+    like = {name: reference.values[name] for name in wanted}
+    right = {name: Values(v.components, v.units, speed**2 * v.array) for name, v in like.items()}
+    problem = posed.problem(*wanted, task=task)
+    return Asked(posed.files(engine), (problem,), len(task), replace(reference, values=right))
 
 
-@dataclass(frozen=True, slots=True)
-class Stepped:
+def stepped(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Asked:
     """The motion at the steps of a method that starts from the first pose.
 
-    Attributes:
+    Args:
         part: Step, as a part of the duration.
         halves: Halfway between steps, too.
     """
-
-    part: float
-    halves: bool = False
-    given: ClassVar[bool] = False
-
-    def ask(self, posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
-        t, parts = posed.t, 2 if self.halves else 1
-        step, n = self.part * float(t[-1] - t[0]), int((1 + 1e-12) / self.part)
-        grid: Array = t[0] + np.arange(parts * n + 1) * (step / parts)
-        rows = np.minimum(np.rint((t - t[0]) / step).astype(int), n)
-        met = np.abs(grid[::parts][rows] - t) <= 1e-9 * max(1.0, abs(t[-1]))
-        reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
-        problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-        # delivered are the compared times, however many steps it takes to get from one to the next
-        return Asked(posed.files(engine), (problem,), len(t), reference, rows[met])
+    t, parts = posed.t, 2 if halves else 1
+    step, n = part * float(t[-1] - t[0]), int((1 + 1e-12) / part)
+    grid = t[0] + np.arange(parts * n + 1) * (step / parts)
+    rows = np.minimum(np.rint((t - t[0]) / step).astype(int), n)
+    met = np.abs(grid[::parts][rows] - t) <= 1e-9 * max(1.0, abs(t[-1]))
+    reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
+    problem = posed.problem(*wanted, task=posed.whole.moved(grid))
+    # delivered are the compared times, however many steps it takes to get from one to the next
+    return Asked(posed.files(engine), (problem,), len(t), reference, rows[met])

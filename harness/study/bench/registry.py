@@ -7,22 +7,20 @@ from collections.abc import Iterable
 from screwgauge.reference.errors import check_choice
 from screwgauge.study.bench import contestants_engines as engines
 from screwgauge.study.bench import contestants_screw as screw
+from screwgauge.study.bench import leaving_out
 from screwgauge.study.bench.contestant import Contestant
-
-#: Chooses the table of what leaving out buys; it is no contestant.
-LEAVING_OUT = "leaving-out"
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
     """All of them, family by family. `quick`: settings that take longest are left out."""
     own = (*screw.solver(quick), *screw.shortcuts(quick), *screw.paper(quick))
-    return [*own, *engines.pinocchio(), *engines.mujoco()]
+    return [*own, *engines.pinocchio(), *engines.mujoco(), *leaving_out.contestants()]
 
 
 def names() -> list[str]:
-    """Everything that `choose` understands: families, contestants, and what leaving out buys."""
+    """Everything that `choose` understands: families and contestants."""
     everyone = contestants(quick=False)
-    return list(dict.fromkeys([*(c.family for c in everyone), *(c.name for c in everyone), LEAVING_OUT]))
+    return list(dict.fromkeys([*(c.family for c in everyone), *(c.name for c in everyone)]))
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:

@@ -18,20 +18,19 @@ from screwgauge.engines.registry import get_engine
 from screwgauge.environment import environment
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.journal import Journal, stamp
-from screwgauge.study.bench.leaving_out import Trial
-from screwgauge.study.bench.registry import LEAVING_OUT, choose
+from screwgauge.study.bench.leaving_out import LEAVING_OUT
+from screwgauge.study.bench.questions import Asked
+from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.loop import failure_text
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
-
-Item = Contestant | Trial
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,31 +108,30 @@ def bench(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
-    wanted = None if contestants is None else list(contestants)
-    chosen, record = choose(wanted, quick=plan.quick), {**environment(), "one_thread": one_thread()}
+    chosen, record = choose(contestants, quick=plan.quick), {**environment(), "one_thread": one_thread()}
     if scene.applied.springs or scene.applied.motors:
         raise DescriptionError(
             "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
         )
-    chosen = [c for _, group in groupby(chosen, key=lambda c: c.name) for c in _present(list(group))]
-    trials = leaving_out.trials(leaving_out.ENGINES) if wanted is None or LEAVING_OUT in wanted else []
+    chosen = [c for _, group in groupby(chosen, key=_group) for c in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
     kept = Journal(journal, stamp(scene, record, plan.quick))
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
-        items: list[Item] = [*chosen, *trials]
-        _Work(posed, kept, protocol, progress).all(items)
-        engines = dict.fromkeys(item.method.engine for item in items)
+        _Work(posed, kept, protocol, progress).all(chosen)
+        engines = dict.fromkeys(contestant.method.engine for contestant in chosen)
         judged = provenance(posed.scene, {name: posed.files(name).model for name in engines})
-    rows = tuple(row for contestant in chosen for row in _rows(contestant, kept))
+    rows, less = list[Row](), list[Row]()
+    for contestant in chosen:
+        (less if contestant.family == LEAVING_OUT else rows).extend(_rows(contestant, kept))
     found = Bench(
         scene=posed.scene,
         plan=plan,
         n_compared=len(posed.t),
-        rows=rows,
+        rows=tuple(rows),
         fits=tuple(slopes.fits(rows)),
-        leaving_out=leaving_out.table(trials, kept.results, kept.times),
+        leaving_out=leaving_out.table(less),
         reference=posed.reference.engine,
         notes=tuple(note for note in (posed.reference.note, kept.note) if note),
         environment=record,
@@ -160,48 +158,42 @@ class _Work:
     def __init__(self, posed: Posed, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
-        self.whole: dict[str, Mapping[str, Values]] = {}
 
-    def all(self, items: Sequence[Item]) -> None:
+    def all(self, chosen: Sequence[Contestant]) -> None:
         """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""
-        groups = [list(group) for _, group in groupby(items, key=_group)]
-        for i, item in enumerate(item for turn in zip_longest(*groups) for item in turn if item is not None):
+        groups = [list(group) for _, group in groupby(chosen, key=_group)]
+        turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
+        for i, contestant in enumerate(turns):
             if self.protocol.over:
                 return
-            self.progress("errors", i / len(items))
-            done = self.kept.results.get(item.key)
-            if done is None or self._wanting(item.key, done):
-                self._first(item, done)
+            self.progress("errors", i / len(chosen))
+            done = self.kept.results.get(contestant.key)
+            if done is None or self._wanting(contestant.key, done):
+                self._first(contestant, new=done is None)
         self._measure(self.calls, self.protocol)
 
-    def _first(self, item: Item, done: Mapping[str, Any] | None) -> None:
-        """The error of an item, unless an earlier bench has it, and at once one time."""
+    def _first(self, contestant: Contestant, *, new: bool) -> None:
+        """The error of a contestant, unless an earlier bench has it, and at once one time."""
         try:
-            asked, call = self._load(item)
-            if done is None:
-                with np.errstate(all="ignore"):
-                    seconds, solutions = timing.once(call, self.protocol.clock)
-                result = {"status": OK, "n_sample": asked.n_sample, "first": seconds}
-                self.kept.keep(item.key, result | self._result(item, asked, solutions))
-            self._measure({item.key: call}, replace(self.protocol, rounds=1))
-            self.calls[item.key] = call
-        except Exception as error:  # one that fails is a row
-            reason = failure_text(error, item.method, self.posed.folder)
-            self.kept.keep(item.key, {"status": FAILED, "reason": reason})
+            asked = contestant.ask(self.posed)
+            model = contestant.method.load(asked.files)
 
-    def _load(self, item: Item) -> tuple[Any, Callable[[], list[Solution]]]:
-        """The question, and a call of the loaded model, which is all that the clock covers."""
-        asked = item.ask(self.posed)
-        model = item.method.load(asked.files)
-        return asked, lambda: [model.solve(problem) for problem in asked.problems]
+            def call() -> list[Solution]:
+                return [model.solve(problem) for problem in asked.problems]
 
-    def _result(self, item: Item, asked: Any, solutions: Sequence[Solution]) -> dict[str, Any]:
-        if isinstance(item, Contestant):
-            return item.result(asked, solutions)
-        if item.engine not in self.whole:
-            (solution,) = self._load(leaving_out.everything(item.engine))[1]()
-            self.whole[item.engine] = solution.values
-        return leaving_out.result(item, solutions[0].values, self.whole[item.engine])
+            if new:
+                self.kept.keep(contestant.key, self._scored(contestant, asked, call))
+            self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
+            self.calls[contestant.key] = call
+        except Exception as error:  # a contestant that fails is a row
+            reason = failure_text(error, contestant.method, self.posed.folder)
+            self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
+
+    def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
+        with np.errstate(all="ignore"):
+            seconds, solutions = timing.once(call, self.protocol.clock)
+        scores = contestant.scores(asked, solutions)
+        return {"status": OK, "n_sample": asked.n_sample, "first": seconds, "scores": scores}
 
     def _wanting(self, key: str, done: Mapping[str, Any]) -> bool:
         """Whether a result taken over still lacks measurements."""
@@ -225,8 +217,8 @@ class _Work:
             timing.measure(calls, protocol, record, self.kept.times, first)
 
 
-def _group(item: Item) -> str:
-    return item.name if isinstance(item, Contestant) else item.engine
+def _group(contestant: Contestant) -> tuple[str, str]:
+    return contestant.name, contestant.method.engine
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:

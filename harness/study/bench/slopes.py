@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 from screwgauge.study.bench.rows import Row
+from screwgauge.study.table import frame
 
 Mask = NDArray[np.bool_]
 
-COLUMNS = ["family", "parameter", "quantity", "expected", "fitted", "ok"]
+COLUMNS = {
+    "family": "rule.line",
+    "parameter": "parameter",
+    "quantity": "rule.quantity",
+    "expected": "rule.expected",
+    "fitted": "slope",
+    "ok": "ok",
+}
 WITHIN = 0.1  # of the expected slope
 #: Scaled errors between these follow the power law: above, it saturates; below, rounding takes over.
 LARGE, SMALL = 0.1, 1e-10
@@ -52,7 +60,7 @@ RULES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """One rule with its points: parameter and error, shape (n,), and which of them were fitted, shape (n,)."""
+    """One rule with its points: parameter `name` and error, shape (n,), and which of them were fitted, shape (n,)."""
 
     rule: Rule
     name: str
@@ -74,25 +82,15 @@ class Fit:
 
 def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
     """The rules for which there are rows."""
-    found = []
+    fitted = []
     for rule in rules:
-        points = []
-        name = ""
-        for row in rows:
-            contestant = row.contestant
-            if contestant.line == rule.line and row.quantity == rule.quantity and contestant.parameter:
-                name, value = contestant.parameter
-                if row.max_scaled > 0:
-                    points.append((value, row.max_scaled))
+        of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
+        varied = [(row.contestant.parameter, row.max_scaled) for row in of_rule if row.max_scaled > 0]
+        points = sorted((*parameter, error) for parameter, error in varied if parameter)
         if points:
-            found.append(fit(rule, name, points))
-    return found
-
-
-def fit(rule: Rule, name: str, points: Sequence[tuple[float, float]]) -> Fit:
-    """Points (parameter, scaled error), at least one, for a rule; `name` is that of the parameter."""
-    x, error = np.array(sorted(points)).T
-    return Fit(rule, name, x, error, _window(rule, x, error))
+            x, error = np.array([point[1:] for point in points]).T
+            fitted.append(Fit(rule, points[0][0], x, error, _window(rule, x, error)))
+    return fitted
 
 
 def _window(rule: Rule, x: Array, error: Array) -> Mask:
@@ -105,7 +103,6 @@ def _window(rule: Rule, x: Array, error: Array) -> Mask:
     return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
 
 
-def table(found: Sequence[Fit]) -> pd.DataFrame:
+def table(fitted: Sequence[Fit]) -> pd.DataFrame:
     """The rows of ``slopes.csv``."""
-    body = [(f.rule.line, f.name, f.rule.quantity, f.rule.expected, f.slope, f.ok) for f in found]
-    return pd.DataFrame(body, columns=COLUMNS)
+    return frame(fitted, COLUMNS)
