@@ -36,8 +36,9 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     derivative, rests on the whole branch; the loops then close to rounding with it fixed, which is tested too.
     """
     free = loop_equations(lay)
-    trials = _trials(free)
-    if lay.path.dtype != np.float64 or not lay.tree.cuts or trials is None:
+    # in single precision no trial would come to rest
+    trials = _trials(free) if lay.path.dtype == np.float64 and lay.tree.cuts else None
+    if trials is None:
         return ()
     z, y, matrix = trials
     home = lay.mechanism.home[free.unknown] / free.size[free.unknown]

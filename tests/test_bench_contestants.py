@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
+import pickle
+import sys
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
+from screwgauge.engines.registry import ENGINES, Engine
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import GivenMotion, ModelFiles, States
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import in_precision
 from screwgauge.solution import Values
 from screwgauge.study.bench import registry
-from screwgauge.study.bench.contestant import QUANTITIES, Contestant, Outcome
+from screwgauge.study.bench import run as run_module
+from screwgauge.study.bench.forward_contestants import contestants as simulators
+from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.bench.score import score
+from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
+from screwgauge.study.method import Method
+from screwgauge.study.posed import QUANTITIES, pose_scene
+from screwgauge.study.reference import score
 
 PLAN = Plan(samples=5, rounds=1, budget=60.0, quick=True)
+
+
+def everyone(field: str) -> list[str]:
+    """All that contestants have in a field, once each."""
+    return list(dict.fromkeys(getattr(c, field) for c in registry.contestants(quick=True)))
 
 
 @pytest.fixture(scope="module")
 def found():
     """All contestants but the finite differences, which take long, on five samples of the paper's scene."""
-    names = [entry.name for entry in registry.REGISTRY if entry.family != "finite-differences"]
+    names = [name for name in everyone("name") if name not in ("differences", "differences-ends", LEAVING_OUT)]
     return bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names)
 
 
@@ -125,32 +143,84 @@ def test_an_unknown_contestant_is_named_with_a_hint():
 
 
 def test_families_and_contestants_can_be_chosen():
-    assert {e.family for e in registry.choose(["mujoco", "floor"])} == {"mujoco", "floor"}
-    assert [e.name for e in registry.choose(["mujoco-path"])] == ["mujoco-path"]
-    assert registry.choose(None) == registry.REGISTRY
+    assert {c.family for c in registry.choose(["mujoco", "floor"])} == {"mujoco", "floor"}
+    assert {c.name for c in registry.choose(["mujoco-path"])} == {"mujoco-path"}
+    assert [c.key for c in registry.choose(None)] == [c.key for c in registry.contestants(quick=False)]
 
 
 def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatch):
-    entries = (
-        registry.Entry("absent", "absent", "no_such_engine:contestants"),
-        registry.Entry("broken", "broken", f"{__name__}:broken"),
-    )
-    monkeypatch.setattr(registry, "REGISTRY", entries)
-    monkeypatch.setattr(registry, "import_module", lambda name: __import__(name) if "such" in name else _Module)
-    names = [entry.name for entry in entries]
-    rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names).rows
+    def load(files, **settings):
+        raise ZeroDivisionError("no luck")
+
+    broken = ModuleType("broken_engine")
+    broken.load = load
+    monkeypatch.setitem(sys.modules, "broken_engine", broken)
+    for name, source in (("absent", "no_such_engine:load"), ("broken", "broken_engine:load")):
+        monkeypatch.setitem(ENGINES, name, Engine(name, "", source, frozenset((GivenMotion,)), f"{name}-engine"))
+    like = registry.choose(["closed-form"], quick=True)
+    chosen = [
+        *(replace(c, name="absent", method=Method("absent")) for c in like),
+        replace(like[0], name="broken", method=Method("broken")),
+    ]
+    monkeypatch.setattr(run_module, "choose", lambda names, *, quick: chosen)
+    rows = bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN).rows
+    assert [row.contestant.name for row in rows] == ["absent", "broken"]  # one for all settings of what is missing
     assert [row.status for row in rows] == ["failed", "failed"]
     assert "not installed" in rows[0].reason
     assert rows[1].reason == "ZeroDivisionError: no luck"
 
 
-class _Module:
-    @staticmethod
-    def broken(quick: bool) -> list[Contestant]:
-        def prepare(case):
-            raise ZeroDivisionError("no luck")
+@pytest.mark.parametrize(
+    "chosen",
+    [registry.contestants(quick=False), simulators("DOP853", 1.0, stiff=False, quick=False)],
+    ids=["given motion", "simulation"],
+)
+def test_all_contestants_are_data(chosen):
+    for contestant in chosen:
+        again = pickle.loads(pickle.dumps(contestant))
+        assert again.key == contestant.key
+        assert again.method == contestant.method
 
-        return [Contestant("setting", ("joint_position",), "nothing", prepare)]
+
+def test_a_question_that_went_through_a_pickle_has_the_same_answer(tmp_path):
+    posed = pose_scene(screwgauge.load_scene("3ups-upu-s"), tmp_path, samples=3)
+    for contestant in registry.choose(["constraint-dynamics-default", "paper-corrected", "float32"], quick=True):
+        asked, again = contestant.ask(posed), pickle.loads(pickle.dumps(contestant)).ask(posed)
+        problem = pickle.loads(pickle.dumps(again.problems[0]))
+        answer = contestant.method.load(asked.files).solve(asked.problems[0])
+        other = contestant.method.load(asked.files).solve(problem)
+        for name, values in answer.values.items():
+            assert (values.array == other.values[name].array).all()
+
+
+def test_what_rows_say_of_default_settings_is_what_the_engine_says(tmp_path):
+    setting = next(c.setting for c in registry.choose(["constraint-dynamics-default"]))
+    default = Method("pinocchio", {"mu": None, "iterations": None}).load(write_four_bar(tmp_path))
+    assert setting == "ProximalSettings(): mu = 0, 1 iteration"
+    assert default.solve(four_bar_states(2)[0]).setting == "constraintDynamics, mu 0, 1 iterations"
+
+
+def test_the_exact_accelerations_of_the_four_bar_are_those_of_the_whole_newton_euler_system():
+    problem, right = four_bar_states(5)
+    states, pin = problem.task, [[1.0, 0.0, 0.0]]  # the ball turns back what the rods have turned
+    q, v, a = (np.hstack([x, -x.sum(axis=1, keepdims=True) * pin]) for x in (states.q, states.v, right.array))
+    tau = np.hstack([states.tau, np.zeros((5, 3))])
+    closed = States((*states.coordinates, "pin.q1", "pin.q2", "pin.q3"), q, v, tau=tau)
+    answer = Method("screw").load(ModelFiles(FILE)).solve(replace(problem, task=closed)).values["joint_acceleration"]
+    assert np.abs(answer.array - a).max() < 1e-12 * np.abs(a).max()
+
+
+def test_the_exact_accelerations_are_of_the_mechanism_that_is_described():
+    bodies = load_mechanism(FILE).bodies
+    assert [body.mass for body in bodies] == MASSES.tolist()
+    assert [2.0 * body.com[0] for body in bodies] == LENGTHS.tolist()
+    assert [body.inertia[2, 2] for body in bodies] == pytest.approx(MOMENTS.tolist(), rel=1e-15)
+
+
+def test_springs_and_motors_are_refused():
+    scene = screwgauge.load_scene("3ups-upu-s").under(springs=(JointSpring("leg1.q3", 1.0),))
+    with pytest.raises(DescriptionError, match="knows no springs and no motors"):
+        bench(scene, plan=PLAN)
 
 
 def test_a_mechanism_without_closed_form_says_so():
@@ -166,20 +236,18 @@ def values(array: list[list[float]], units: tuple[str, ...] = ("rad", "m")) -> V
 
 
 def test_errors_are_scaled_by_unit():
-    found = score(Outcome(values([[1.0, 5.0], [1.0, 3.0]])), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0})
+    found = score(values([[1.0, 5.0], [1.0, 3.0]]), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0})
     assert found.max_scaled == 0.5
     assert found.rms_scaled == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
 
 
 def test_one_number_that_is_none_fails_the_row():
-    found = score(
-        Outcome(values([[np.nan, 1.0], [1.0, 1.0]])), values([[1.0, 1.0], [1.0, 1.0]]), {"rad": 1.0, "m": 1.0}
-    )
+    found = score(values([[np.nan, 1.0], [1.0, 1.0]]), values([[1.0, 1.0], [1.0, 1.0]]), {"rad": 1.0, "m": 1.0})
     assert np.isnan(found.max_scaled)
     assert found.reason == "not a number at 1 of 2 samples"
 
 
 def test_samples_that_the_reference_lacks_do_not_count():
     truth = values([[np.nan, 1.0], [1.0, 1.0]])
-    found = score(Outcome(values([[7.0, 7.0], [1.0, 1.5]])), truth, {"rad": 1.0, "m": 1.0})
+    found = score(values([[7.0, 7.0], [1.0, 1.5]]), truth, {"rad": 1.0, "m": 1.0})
     assert found.max_scaled == 0.5

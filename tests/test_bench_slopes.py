@@ -7,14 +7,16 @@ import pytest
 
 import screwgauge
 from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.questions import motion
 from screwgauge.study.bench.rows import Row
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.bench.slopes import RULES, Rule, fits, table
+from screwgauge.study.method import Method
 
 
 def rows(points: list[tuple[float, float]]) -> list[Row]:
     def row(x: float, error: float) -> Row:
-        contestant = Contestant(f"{x}", ("q",), "", lambda case: None, parameter=("h", x), family="line")
+        contestant = Contestant("line", "line", f"{x}", Method("screw"), motion, ("q",), "", parameter=("h", x))
         return Row(contestant, "q", error, error, 1, (1.0,), "ok", "")
 
     return [row(x, error) for x, error in points]

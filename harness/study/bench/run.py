@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.registry import get_engine
+from screwgauge.engines.registry import Model, get_engine
 from screwgauge.environment import environment
+from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -29,6 +30,7 @@ from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.loop import failure_text
+from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 
@@ -158,6 +160,7 @@ class _Work:
     def __init__(self, posed: Posed, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
+        self.models: dict[tuple[str, str, ModelFiles], Model] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
         """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""
@@ -176,7 +179,7 @@ class _Work:
         """The error of a contestant, unless an earlier bench has it, and at once one time."""
         try:
             asked = contestant.ask(self.posed)
-            model = contestant.method.load(asked.files)
+            model = self._loaded(contestant.method, asked.files)
 
             def call() -> list[Solution]:
                 return [model.solve(problem) for problem in asked.problems]
@@ -188,6 +191,13 @@ class _Work:
         except Exception as error:  # a contestant that fails is a row
             reason = failure_text(error, contestant.method, self.posed.folder)
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
+
+    def _loaded(self, method: Method, files: ModelFiles) -> Model:
+        """A model, loaded once for all contestants that ask it."""
+        key = method.engine, repr(method.settings), files
+        if key not in self.models:
+            self.models[key] = method.load(files)
+        return self.models[key]
 
     def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):

@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 COLUMNS = {
     "family": "rule.line",
-    "parameter": "parameter",
+    "parameter": "name",
     "quantity": "rule.quantity",
     "expected": "rule.expected",
     "fitted": "slope",
