@@ -64,7 +64,7 @@ def load_scene(name: str | Path) -> Scene:
         description=read_text(data, "description", where, ""),
         mechanism=mechanism,
         mechanism_file=file,
-        engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), f"{where}, engines"),
+        engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), where),
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=tuple(read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)),

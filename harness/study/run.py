@@ -18,6 +18,7 @@ from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
+from screwgauge.models.catalog import is_file
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mobility import Mobility, mobility
@@ -129,7 +130,13 @@ def _asked(
     where = str(scene.file or scene.name)
     if scene.models:
         check_engines(scene.models, f"{where}, models")
-    names = check_engines(scene.engines if engines is None else engines, where, type(scene.task))
+    for engine, file in scene.models.items():
+        if not is_file(file):
+            raise DescriptionError(
+                f"model file of {engine} does not exist ('{file}')", f"{where}, models", "check the path"
+            )
+    task = type(scene.task)
+    names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)
     known = SIMULATED if scene.simulated else GIVEN
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
