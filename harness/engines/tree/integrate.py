@@ -31,6 +31,9 @@ from screwgauge.solution import Cost, Solution, Stopwatch
 
 #: The largest of so many last steps leads over a pose of unsafe accelerations: before it, steps may have shrunk.
 RECENT = 10
+#: A step this much shorter than the longest follows noise: next to a singular pose the accelerations of some machines
+#: (seen with Pinocchio on 3ups-upu-s at b = 2.34) keep so few digits that no step is short enough, and none ends it.
+SHRUNK = 1e-6
 #: Step of the differences by which implicit methods see the slope's derivative [rad, m and per s].
 DIFFERENCE = 1e-8
 
@@ -161,6 +164,8 @@ class _Steps:
         taken = tries = 0
         recent: deque[float] = deque(maxlen=RECENT)
         clock, message = Stopwatch(), ""
+        longest, back = 0.0, 0
+        far: tuple[float, Array, int] | None = None  # the last state that a step of usual size has reached
         solver, size = self.method(run.slope, times[0], state, times[-1], **self.options), None
         safe = solver.t, solver.y
         while len(work) < len(times):
@@ -170,6 +175,14 @@ class _Steps:
                 message = solver.step()
                 if solver.status == "failed":
                     break
+                if solver.step_size < SHRUNK * longest and far and len(work) == far[2]:
+                    if back == len(SIZES) or self.over == MOST:
+                        message = f"steps have shrunk to {solver.step_size:.1g} s, and none leads on"
+                        break
+                    safe, size = far[:2], min(longest * SIZES[back], times[-1] - far[0])
+                    back, self.over = back + 1, self.over + 1
+                    run.path.cut(far[0])
+                    continue
                 with clock.aside():
                     between = solver.dense_output() if times[len(work)] <= solver.t else None
                 if self.back and solver.status == "running":
@@ -189,6 +202,9 @@ class _Steps:
                 break
             taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
             recent.append(solver.step_size)
+            longest = max(longest, solver.step_size)
+            if solver.step_size > 0.1 * longest:
+                back, far = back if far and solver.t <= far[0] + longest else 0, (solver.t, solver.y, len(work))
             run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
             self.progress((solver.t - times[0]) / (times[-1] - times[0]))
         self.cost = clock.cost(steps=taken)

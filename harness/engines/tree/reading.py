@@ -40,6 +40,12 @@ class Path:
         self.v.append(v)
 
 
+    def cut(self, t: float) -> None:
+        """Forgets the states after a time, of which none may be wanted."""
+        n = sum(time <= t for time in self.t)
+        del self.t[n:], self.q[n:], self.v[n:]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
     """Joint coordinates of the description at the wanted states, with rates, accelerations and condition.
