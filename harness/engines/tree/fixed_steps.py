@@ -88,7 +88,7 @@ def _work(stepper: Stepper, forces: Exerted, path: Path) -> Array:
     """Work put in up to each wanted state [J], from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))
-    tau = np.zeros(len(stepper.tree.coordinates))
+    tau = np.zeros_like(path.q[0])
     power = np.array(
         [forces.act(t, q, v, stepper.look(q, v), tau) for t, q, v in zip(path.t, path.q, path.v, strict=True)]
     )

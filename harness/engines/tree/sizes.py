@@ -36,12 +36,8 @@ class Sizes:
 def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     """Units for a tree whose home pose is known. `home`: its coordinates there, shape (n_v,)."""
     at = tree.poses(home[None])
-    points = [*at.p[0]]
-    for anchor in loops.anchors:
-        for body, where in ((anchor.parent, anchor.at_parent), (anchor.child, anchor.at_child)):
-            if not anchor.angular:
-                points.append(at.p[0, body] + at.R[0, body] @ where)
-    cloud = np.array(points)
+    sides = [side for anchor in loops.anchors if not anchor.angular for side in anchor.sides]
+    cloud = np.array([*at.p[0], *(at.p[0, body] + at.R[0, body] @ where for body, where in sides)])
     length = float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
     turns = {name: turn for j in file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
     unit = {name: 1.0 if turn else length for name, turn in turns.items()}
