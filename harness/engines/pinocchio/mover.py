@@ -30,7 +30,7 @@ class PinocchioMover:
     """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
 
     def __init__(self, tree: PinocchioTree, mu: float = MU, iterations: int = ITERATIONS) -> None:
-        self._tree, self.model = tree, tree.model
+        self.tree, self.model = tree, tree.model
         self.kinematics, self.constraints = self.model.createData(), Constraints(tree)
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
@@ -38,10 +38,6 @@ class PinocchioMover:
         self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
-
-    @property
-    def tree(self) -> PinocchioTree:
-        return self._tree
 
     def place(self, q: Array, v: Array) -> None:
         self.q, self.v, self.stale = q, v, True

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.engines.pinocchio.mover import PinocchioMover
-from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import BodyAt
@@ -27,17 +26,12 @@ class PinocchioStepper:
         self.once = self._euler if integrator == "Euler" else self._rk4
         self.q = self.v = self.tau = np.zeros(mover.model.nv)
 
-    @property
-    def tree(self) -> PinocchioTree:
-        return self.mover.tree
-
     def begin(self, t: float, q: Array, v: Array) -> None:
         self.q, self.v, self.tau = q, v, np.zeros_like(q)
 
     def walk(self, t: float, h: float, n: int) -> None:
         for i in range(n):
-            q, v = self.once(t + i * h, h)
-            found = project(self.mover, q, v)
+            found = project(self.mover, *self.once(t + i * h, h))
             self.q, self.v = found.q, found.v
 
     def state(self) -> tuple[Array, Array]:
