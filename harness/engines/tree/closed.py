@@ -28,17 +28,19 @@ class ClosedTree:
     file: LoopsFile
     loops: Loops
 
+    @property
+    def _at_home(self) -> dict[str, float]:
+        return {name: x for joint in self.file.joints for name, x in zip(joint.coordinates, joint.home, strict=True)}
+
     @cached_property
     def home(self) -> Array:
         """Tree coordinates at home [rad or m]. Shape (n_v,)."""
-        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
-        return np.array([values[name] for name in self.tree.coordinates])
+        return np.array([self._at_home[name] for name in self.tree.coordinates])
 
     @cached_property
     def y_home(self) -> Array:
         """Independent coordinates at home [rad or m]. Shape (k,)."""
-        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
-        return np.array([values[name] for name in self.file.independent.values()])
+        return np.array([self._at_home[name] for name in self.file.independent.values()])
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -47,7 +49,7 @@ class ClosedTree:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """All joint coordinates, in the order of the description."""
-        return tuple(name for joint in self.file.joints for name in joint.coordinates)
+        return tuple(self._at_home)
 
     @cached_property
     def tree_names(self) -> tuple[str, ...]:
@@ -85,9 +87,9 @@ class ClosedTree:
     @cached_property
     def closing(self) -> frozenset[int]:
         """Bodies that the closing rows look at."""
-        index, cut = self.loops.index, [self.cut_joint(name) for name in self.given]
-        sides = [side for anchor in self.loops.anchors for side in (anchor.parent, anchor.child)]
-        return frozenset((*sides, *(index[name] for joint in cut for name in (joint.parent, joint.child))))
+        cut = [self.cut_joint(name) for name in self.given]
+        anchored = [body for anchor in self.loops.anchors for body, _ in anchor.sides]
+        return frozenset((*anchored, *(self.loops.index[name] for j in cut for name in (j.parent, j.child))))
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
         """All joint coordinates, or their derivatives, in the order of the description.
@@ -99,14 +101,10 @@ class ClosedTree:
         Returns:
             Shape (n, n_q).
         """
-        columns = [
-            cut_values[joint.name][:, i]
-            if joint.name in cut_values
-            else tree_values[:, self.tree.coordinates.index(name)]
-            for joint in self.file.joints
-            for i, name in enumerate(joint.coordinates)
-        ]
-        return np.stack(columns, axis=1)
+        columns = dict(zip(self.tree.coordinates, tree_values.T, strict=True))
+        for joint in self.loops.cut:
+            columns |= zip(joint.coordinates, cut_values[joint.name].T, strict=True)
+        return np.stack([columns[name] for name in self.names], axis=1)
 
     def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
         """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""

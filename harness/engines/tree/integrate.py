@@ -116,7 +116,6 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     work = [run.keep(float(task.grid[0]), state)]
     steps = _Steps(run, task, progress)
     stopped = steps.all(state, work) if len(task.grid) > 1 else ""
-    path = read_path(closed, run.path, task.start)
     notes = list(mover.notes())
     if run.closed:
         residual, rate = run.drift
@@ -124,14 +123,11 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     if steps.over:
         notes.append(f"{steps.over} steps were made anew with another size, as they met unsafe accelerations")
     simulated = Simulated(
-        q=path.q,
-        v=path.v,
-        a=path.a,
-        work=np.array(work),
-        condition=path.condition,
-        cost=replace(steps.cost, evaluations=run.evaluations),
-        stopped=stopped,
-        notes=tuple(notes),
+        read_path(closed, run.path, task.start),
+        np.array(work),
+        replace(steps.cost, evaluations=run.evaluations),
+        stopped,
+        tuple(notes),
     )
     tree = closed.tree
     setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.parts import joint_units
+from screwgauge.engines.parts import FORCE, joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.problem import Problem, States
@@ -15,8 +15,6 @@ from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
-
-_FORCE = {"rad": "N m", "m": "N"}
 
 
 def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
@@ -32,15 +30,13 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
     """
     tree = closed.tree
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
-        raise ModelFileError(
-            "takes states of its own tree coordinates, with either accelerations or forces",
-            f"model of {tree.engine}",
-            "give q, v and one of a, tau",
-        )
+        what = "takes states of its own tree coordinates, with either accelerations or forces"
+        raise ModelFileError(what, f"model of {tree.engine}", "give q, v and one of a, tau")
     into = [task.coordinates.index(name) for name in tree.coordinates]
     out = [tree.coordinates.index(name) for name in task.coordinates]
     q, v = task.q[:, into], task.v[:, into]
     unit = joint_units(closed.file.joints)
+    force_units, nothing = tuple(FORCE[unit[name]] for name in task.coordinates), empty(len(q))
     if task.tau is not None:
         answer = dynamics.accelerate(q, v, task.tau[:, into], _springs(closed, problem.applied))
         units = tuple(f"{unit[name]}/s^2" for name in task.coordinates)
@@ -48,28 +44,26 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
             tree.engine,
             tree.version,
             {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
-            answer.condition if answer.condition is not None else empty(len(q)),
+            nothing if answer.condition is None else answer.condition,
             setting=dynamics.setting,
             tolerances=answer.tolerances,
             notes=answer.notes,
             cost=answer.cost,
         )
     assert task.a is not None
-    a = task.a[:, into]
-    values, tree_units = {}, tuple(_FORCE[unit[name]] for name in task.coordinates)
-    condition = empty(len(q))
-    if "tree_force_soft" in problem.wanted:
+    a, wanted, condition = task.a[:, into], problem.wanted, nothing
+    values: dict[str, Values] = {}
+    if "tree_force_soft" in wanted:
         soft = tree.soft_force(q, v, a, np.zeros(3))[0]
-        values["tree_force_soft"] = Values(task.coordinates, tree_units, soft[:, out])
-    if problem.wanted & {"tree_force", "actuator_force"}:
+        values["tree_force_soft"] = Values(task.coordinates, force_units, soft[:, out])
+    if wanted & {"tree_force", "actuator_force"}:
         tau = tree.soft_force(q, v, a, np.zeros(3))[0] if dynamics.naive else tree.tree_force(q, v, a)
-        values["tree_force"] = Values(task.coordinates, tree_units, tau[:, out])
-        if "actuator_force" in problem.wanted:
+        if "tree_force" in wanted:
+            values["tree_force"] = Values(task.coordinates, force_units, tau[:, out])
+        if "actuator_force" in wanted:
             f, condition = _actuator_forces(closed, dynamics, problem, q, tau)
-            driven = [joint for joint in closed.file.joints if joint.actuated]
-            units = tuple(_FORCE[unit[joint.coordinates[0]]] for joint in driven)
+            units = tuple(FORCE[unit[tree.coordinates[i]]] for i in closed.driven)
             values["actuator_force"] = Values(closed.actuators, units, f)
-    values = {name: array for name, array in values.items() if name in problem.wanted}
     return Solution(tree.engine, tree.version, values, condition, setting=dynamics.setting)
 
 
