@@ -64,7 +64,7 @@ class ScrewModel:
         if isinstance(problem.task, GivenMotion):
             if self.settings.whole_system:
                 return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
-            return solve_motion(self.lay, problem, progress)
+            return solve_motion(self.lay, problem, problem.task, progress)
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
         return self._accelerate(problem, problem.task)

@@ -41,12 +41,11 @@ class TreeModel:
         closed, dynamics, task = self.closed, self.dynamics, problem.task
         for load in problem.applied.loads:
             if load.body not in closed.loops.index and load.body != GROUND:
-                raise ModelFileError(
-                    f"has no body '{load.body}'", f"model of {closed.tree.engine}", "keep the names of the loops file"
-                )
+                where = f"model of {closed.tree.engine}"
+                raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the loops file")
         closed.tree.under(problem.applied.gravity)
         if isinstance(task, GivenMotion):
-            return solve_motion(closed, problem, progress)
+            return solve_motion(closed, problem, task, progress)
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
         if dynamics.dt is None:
