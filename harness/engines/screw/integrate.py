@@ -142,10 +142,7 @@ class _Run:
 
 
 def integrate(
-    lay: Layout,
-    task: InitialValue,
-    forces: Forces | Callable[[float], Forces],
-    progress: Progress = quiet,
+    lay: Layout, task: InitialValue, forces: Forces | Callable[[float], Forces], progress: Progress = quiet
 ) -> Trajectory:
     """Integrates a mechanism under given forces; the start is reached from home on one branch.
 

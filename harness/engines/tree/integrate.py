@@ -86,9 +86,7 @@ class _Run:
         found = project(self.mover, state[: self.n], state[self.n : -1])
         if not found.left < OPEN:
             raise ClosureError(
-                f"the loops stay open by {found.left:.3g}",
-                self.mover.tree.engine,
-                "integrate with a smaller tolerance",
+                f"the loops stay open by {found.left:.3g}", self.mover.tree.engine, "integrate with a smaller tolerance"
             )
         self.drift = [max(self.drift[0], found.gap), max(self.drift[1], found.rate)]
         return np.concatenate([found.q, found.v, state[-1:]])
