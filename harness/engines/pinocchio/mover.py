@@ -1,4 +1,4 @@
-"""Pinocchio's accelerations of a closed tree, one state at a time, made as exact as it can: `constraintDynamics`."""
+"""Pinocchio's accelerations of a closed tree, one state at a time, made as exact as it can, and fixed steps from them."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ INTEGRATORS = ("Euler", "RK4")
 
 
 class PinocchioStepper:
-    """Semi-implicit Euler or RK4. See `screwgauge.engines.tree.protocol.Stepper`."""
+    """Semi-implicit Euler or RK4, brought back onto the closed loops after each step; see the protocol `Stepper`."""
 
     work = True
     closing: tuple[str, ...] = ()

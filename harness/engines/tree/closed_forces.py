@@ -1,4 +1,7 @@
-"""Forces of the closed mechanism by projection of an engine's tree forces, multipliers from what is left."""
+"""Forces of the closed mechanism by projection of an engine's tree forces, multipliers from what is left.
+
+Reactions of all joints come from the wrenches that the engine transmits through its tree and from the multipliers.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import numpy as np
 
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
-from screwgauge.engines.tree.protocol import BodyPoses, Tree
+from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
@@ -97,9 +100,8 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array) -> tuple[Array,
     columns = [k for k, anchor in enumerate(loops.anchors) if anchor.joint == name and not anchor.angular]
     joint = next((joint for joint in loops.cut if joint.name == name), None)
     if joint is None or len(columns) != 1:
-        raise ModelFileError(
-            f"joint '{name}' is not cut in the {file.cut} cut", "rule spherical_axial", "use the minimal cut"
-        )
+        what = f"joint '{name}' is not cut in the {file.cut} cut"
+        raise ModelFileError(what, "rule spherical_axial", "use the minimal cut")
     G = loops.jacobian(at)
     n, m, nv = G.shape
     system = np.zeros((n, nv + 2, len(driven) + m))
@@ -116,9 +118,8 @@ def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) 
     wrench = closed.load_wrenches(at, applied)
     if applied.springs or applied.motors:
         sides = {joint.name: joint_sides(joint, closed.loops) for joint in closed.file.joints}
-        wrench += applied_wrenches(
-            closed.file.joints, applied, state, closed.loops.index, lambda joint: sides[joint.name]
-        )
+        index = closed.loops.index
+        wrench += applied_wrenches(closed.file.joints, applied, state, index, lambda joint: sides[joint.name])
     return wrench
 
 
@@ -140,7 +141,7 @@ def joint_reactions(
     for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
-        elif _tree_parent(tree, loops, child) == parent:
+        elif loops.index[tree.parents[child - 1] if child else GROUND] == parent:
             wrench, body = transmitted[:, child], child
         else:  # declared against the direction of the tree
             wrench, body = -transmitted[:, parent], parent
@@ -158,12 +159,8 @@ def joint_reactions(
 
 def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:
     """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
-    found = [loops.index.get(f"{side}@{joint.name}", loops.index[side]) for side in (joint.parent, joint.child)]
-    return found[0], found[1]
-
-
-def _tree_parent(tree: Tree, loops: Loops, body: int) -> int:
-    return loops.index[tree.parents[body - 1]] if body else loops.index[GROUND]
+    parent, child = (loops.index.get(f"{x}@{joint.name}", loops.index[x]) for x in (joint.parent, joint.child))
+    return parent, child
 
 
 def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> Array:

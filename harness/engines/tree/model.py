@@ -1,4 +1,7 @@
-"""A loaded model of an engine with an open tree, to which every kind of task can be put."""
+"""A loaded model of an engine with an open tree, to which every kind of task can be put.
+
+States of the tree are taken as they are: forces for a motion, or accelerations for forces.
+"""
 
 from __future__ import annotations
 
