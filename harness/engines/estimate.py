@@ -20,7 +20,7 @@ from screwgauge.problem import Rows
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Values
+from screwgauge.solution import Clock, Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
 #: have condition numbers of a thousand where nothing is wrong.
@@ -99,38 +99,42 @@ def shakes(A: Array, k: int) -> list[Array]:
     worst = np.argmax(np.linalg.norm(inverse, axis=2), axis=1)
     first = np.sign(np.take_along_axis(inverse, worst[:, None, None], axis=1)[:, 0])
     second = np.broadcast_to(np.cos(1.0 + 2.4 * np.arange(A.shape[1])), first.shape)
-    found = []
-    for pattern in (first, second):
-        noise = pattern * (ROUNDED * linear.EPS)
+    noises = [pattern * (ROUNDED * linear.EPS) for pattern in (first, second)]
+    for noise in noises:
         noise[:, A.shape[1] - k :] = 0.0
-        found.append((inverse @ noise[..., None])[..., 0])
-    return found
+    return [(inverse @ noise[..., None])[..., 0] for noise in noises]
 
 
 def examined(
     values: dict[str, Array],
     trust: Trust,
-    again: Callable[[Rows], Sequence[dict[str, Array]]],
+    A: Array,
+    k: int,
+    again: Callable[[Rows, Array], dict[str, Array]],
+    clock: Clock,
 ) -> Part:
     """Completes a part of a solution: solves what is doubtful again, and refuses what is singular.
 
     Args:
-        again: Solves samples at shaken poses: rows -> quantity -> (n_row, m), once for each shake.
+        A, k: As for `shakes`.
+        again: Solves samples with unknowns moved by a shake: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
+        clock: All that is done counts as the stage "error estimate".
     """
-    doubtful = trust.doubtful()
-    moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
-    if doubtful.size:
+    with clock.stage("error estimate"):
+        doubtful, spent = trust.doubtful(), dict(clock.spent)
+        moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
         with np.errstate(all="ignore"):  # next to a singular pose anything may come out, and is then refused
-            for other in again(doubtful):
-                for name, array in other.items():
+            for shake in shakes(A[doubtful], k) if doubtful.size else ():
+                for name, array in again(doubtful, shake).items():
                     away = np.abs(array - values[name][doubtful])
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
-    for name, array in values.items():
-        # at a chart lock angles are arbitrary, but they close the loops; their rates are infinite
-        condition = trust.condition if name == "joint_position" else trust.of(name)
-        bad = ~(condition <= linear.SINGULAR)
-        if bad.any():
-            values[name] = np.where(bad[:, None], np.nan, array)
+        clock.spent = spent
+        for name, array in values.items():
+            # at a chart lock angles are arbitrary, but they close the loops; their rates are infinite
+            condition = trust.condition if name == "joint_position" else trust.of(name)
+            bad = ~(condition <= linear.SINGULAR)
+            if bad.any():
+                values[name] = np.where(bad[:, None], np.nan, array)
     return Part(values, trust, doubtful, moved)
 
 
@@ -151,12 +155,11 @@ def _estimate(name: str, parts: Sequence[Part], has: Values, length: float) -> A
     for unit in dict.fromkeys(has.units):
         columns = [i for i, u in enumerate(has.units) if u == unit]
         size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
-        error = np.empty(len(size))
-        done = 0
-        for part in parts:
-            rows = slice(done, done + len(part.trust.condition))
-            error[rows] = _absolute(name, part, size[rows] + _summands(unit, part.trust, length), columns)
-            done = rows.stop
+        starts = np.cumsum([len(part.trust.condition) for part in parts])[:-1]
+        sizes = zip(parts, np.split(size, starts), strict=True)
+        error = np.concatenate(
+            [_absolute(name, part, some + _summands(unit, part.trust, length), columns) for part, some in sizes]
+        )
         meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
         scale = float(size[meant].max(initial=0.0)) or float(size.max(initial=0.0))
         if scale > 0.0:

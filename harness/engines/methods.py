@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from scipy.integrate import BDF, DOP853, OdeSolver, Radau
+from collections.abc import Callable, Sized
+
+from scipy.integrate import BDF, DOP853, DenseOutput, OdeSolver, Radau
 
 from screwgauge.reference.errors import check_choice
+from screwgauge.reference.rotations import Array
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
 METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
@@ -22,3 +25,12 @@ def check_method(name: str) -> type[OdeSolver]:
     """
     check_choice("method", [name], METHODS)
     return METHODS[name]
+
+
+def keep_passed(
+    solver: OdeSolver, between: DenseOutput, times: Array, kept: Sized, keep: Callable[[float, Array], None]
+) -> None:
+    """Keeps the motion at all wanted times, of which `kept` has the first ones, that the last step passed."""
+    while len(kept) < len(times) and times[len(kept)] <= solver.t:
+        t = float(times[len(kept)])
+        keep(t, solver.y if t == solver.t else between(t))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,8 @@ PART = 1024  # samples worked on at a time: keeps memory constant and arrays in 
 Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 """Quantity -> names and units of its components."""
 
-_FORCE = {"rad": "N m", "m": "N"}
+#: Unit of a coordinate -> unit of a force along it.
+FORCE = {"rad": "N m", "m": "N"}
 
 
 def stages(quantities: frozenset[str]) -> str:
@@ -58,7 +59,9 @@ def component_names(
     def same(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         return xyz, (text,) * len(xyz)
 
-    tree_units = tuple(_FORCE[unit[name]] for name in tree)
+    def forces(coordinates: Iterable[str]) -> tuple[str, ...]:
+        return tuple(FORCE[unit[name]] for name in coordinates)
+
     driven = [joint.coordinates[0] for joint in joints if joint.actuated]
     return {
         "joint_position": (q, tuple(unit.values())),
@@ -67,10 +70,10 @@ def component_names(
         "body_angular_velocity": same("rad/s"),
         "body_angular_acceleration": same("rad/s^2"),
         "com_acceleration": same("m/s^2"),
-        "tree_force": (tuple(tree), tree_units),
-        "tree_force_soft": (tuple(tree), tree_units),
-        "generalized_force": (tuple(independent), tuple(_FORCE[unit[name]] for name in independent.values())),
-        "actuator_force": (tuple(actuators), tuple(_FORCE[unit[name]] for name in driven)),
+        "tree_force": (tuple(tree), forces(tree)),
+        "tree_force_soft": (tuple(tree), forces(tree)),
+        "generalized_force": (tuple(independent), forces(independent.values())),
+        "actuator_force": (tuple(actuators), forces(driven)),
         "reaction": reactions,
     }
 
@@ -113,23 +116,32 @@ def assemble(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
-    """A motion as an engine integrated it, as far as it came: m of the n times of the grid were reached.
+class Reading:
+    """A motion in the joint coordinates of the description, at m states.
 
     Attributes:
-        q, v, a: Joint coordinates of the description, in its order, unwrapped, with rates and accelerations
-            [rad or m, per s, per s^2]. Shape (m, n_q).
-        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
-        condition: Condition number of the closed loops. Shape (m,).
-        stopped: Why it ended early, empty if it did not.
-        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
+        q, v, a: In its order, unwrapped, with rates and accelerations [rad or m, per s, per s^2]. Shape (m, n_q).
+        condition: Condition number of the closed loops with the selection of the independent coordinates. Shape (m,).
     """
 
     q: Array
     v: Array
     a: Array
-    work: Array
     condition: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated:
+    """A motion as an engine integrated it, as far as it came: m of the n times of the grid were reached.
+
+    Attributes:
+        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
+        stopped: Why it ended early, empty if it did not.
+        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
+    """
+
+    read: Reading
+    work: Array
     cost: Cost
     stopped: str = ""
     notes: tuple[str, ...] = ()
@@ -146,7 +158,7 @@ class Simulated:
         """
         engine, version, setting = labels
         extra, n = len(task.grid) - len(task), len(task)
-        m = len(self.q) - extra
+        m = len(self.work) - extra
         if m < 1:
             raise ClosureError(f"it stopped before the first sample: {self.stopped}", engine, "start elsewhere")
 
@@ -155,15 +167,14 @@ class Simulated:
             out[:m] = array[extra:]
             return out
 
-        units = joint_units(joints)
-        arrays = {
-            "joint_position": (self.q, ""),
-            "joint_velocity": (self.v, "/s"),
-            "joint_acceleration": (self.a, "/s^2"),
-        }
+        units, read = joint_units(joints), self.read
         values = {
-            name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
-            for name, (array, per) in arrays.items()
+            f"joint_{what}": Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
+            for what, array, per in (
+                ("position", read.q, ""),
+                ("velocity", read.v, "/s"),
+                ("acceleration", read.a, "/s^2"),
+            )
         }
         if self.reactions is not None:
             names, force_units, forces = self.reactions
@@ -175,7 +186,7 @@ class Simulated:
             version=version,
             setting=setting,
             values=values,
-            condition=filled(self.condition),
+            condition=filled(read.condition),
             timings=tuple(
                 Timing(engine, setting, stage, m, s, s, covers) for stage, s in seconds.items() if np.isfinite(s)
             ),

@@ -32,7 +32,6 @@ class Model(Protocol):
         Raises:
             ScrewgaugeError: The problem does not fit the model, or cannot be solved.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,49 +93,28 @@ class Engine:
                 raise UnknownNameError("setting", name, known, f"engine {self.name}")
 
 
-_ALL: frozenset[type[Task]] = frozenset((GivenMotion, InitialValue, States))
 _HERE = "screwgauge.engines"
+_ALL: frozenset[type[Task]] = frozenset((GivenMotion, InitialValue, States))
+_PINOCCHIO = (f"{_HERE}.pinocchio.model:load", "pin", ".urdf")
+_MUJOCO = (f"{_HERE}.mujoco.model:load", "mujoco", ".xml")
+
+
+def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) -> Engine:
+    """An engine with an open tree; `code`: its source, package and the ending of its files."""
+    source, package, reads = code
+    return Engine(name, meaning, source, _ALL if cut == "minimal" else _ALL - {InitialValue}, package, reads, cut)
+
+
+_TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
         Engine("screw", "the screw-based solver of this project", f"{_HERE}.screw.model:load", _ALL, "screwgauge"),
-        Engine(
-            "pinocchio",
-            "Pinocchio on the URDF, minimal cut",
-            f"{_HERE}.pinocchio.model:load",
-            _ALL,
-            "pin",
-            ".urdf",
-            "minimal",
-        ),
-        Engine(
-            "mujoco", "MuJoCo on the MJCF, minimal cut", f"{_HERE}.mujoco.model:load", _ALL, "mujoco", ".xml", "minimal"
-        ),
-        Engine(
-            "pinocchio-full",
-            "Pinocchio, all joints in the tree",
-            f"{_HERE}.pinocchio.model:load",
-            frozenset((GivenMotion, States)),
-            "pin",
-            ".urdf",
-            "full",
-        ),
-        Engine(
-            "mujoco-full",
-            "MuJoCo, all joints in the tree",
-            f"{_HERE}.mujoco.model:load",
-            frozenset((GivenMotion, States)),
-            "mujoco",
-            ".xml",
-            "full",
-        ),
-        Engine(
-            "truth",
-            "ball arithmetic with rigorous radii, on request (needs python-flint)",
-            f"{_HERE}.truth:load",
-            frozenset((GivenMotion,)),
-            "python-flint",
-        ),
+        _tree_engine("pinocchio", "Pinocchio on the URDF, minimal cut", _PINOCCHIO, "minimal"),
+        _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
+        _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
+        _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
+        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint"),
     )
 }
 

@@ -48,6 +48,24 @@ class _Table:
     reasons: list[str]
     spent: dict[str, float]
 
+    def pack(self) -> dict[str, Array]:
+        return {
+            **{f"mid.{name}": array for name, array in self.mid.items()},
+            **{f"radius.{name}": array for name, array in self.radius.items()},
+            "reasons": np.array(self.reasons, dtype=str),
+            "stages": np.array(list(self.spent), dtype=str),
+            "seconds": np.array(list(self.spent.values())),
+        }
+
+    @classmethod
+    def unpack(cls, stored: cache.Arrays) -> _Table:
+        mid, radius = (
+            {name.removeprefix(part): array for name, array in stored.items() if name.startswith(part)}
+            for part in ("mid.", "radius.")
+        )
+        spent = dict(zip(stored["stages"].tolist(), stored["seconds"].tolist(), strict=True))
+        return cls(mid, radius, stored["reasons"].tolist(), spent)
+
 
 def load(files: ModelFiles) -> TruthModel:
     """Reads a description."""
@@ -72,15 +90,14 @@ class TruthModel:
         n = len(motion)
         rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
         depth = stages(problem.wanted - set(_OPEN))
-        version = cache.code_version(*_folders(), extra=flint.__version__)
+        files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
+        version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)
         key = _key(self.file, problem, motion, rows, depth)
         stored, note = cache.read(key, version)
         notes = [note]
+        table = _compute(self, problem, motion, rows, depth, progress) if stored is None else _Table.unpack(stored)
         if stored is None:
-            table = _compute(self, problem, motion, rows, depth, progress)
-            notes.append(cache.write(key, version, _pack(table)))
-        else:
-            table = _unpack(stored)
+            notes.append(cache.write(key, version, table.pack()))
         return _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
 
     def _checked(self, problem: Problem) -> GivenMotion:
@@ -98,21 +115,15 @@ class TruthModel:
         return motion
 
 
-def _folders() -> list[Path]:
-    files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
-    return [Path(str(file)).parent for file in files]
-
-
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
     """Hash of all input: text where there is any, else the bytes of the doubles."""
     said, motion, applied = problem.wording, whole.part(rows), problem.applied
-    loads = [load.numbers() for load in applied.loads]
     gravity = None if applied.gravity is None else applied.gravity.tolist()
     return cache.digest(
         mechanism_tables(file),
         said.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
         [said.gravity, gravity],
-        [said.loads, loads],
+        [said.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),
         [problem.rule, depth, BITS],
     )
@@ -155,29 +166,10 @@ def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array],
     radius = {name: array.copy() for name, array in mid.items()}
     for i, one in enumerate(found):
         for name, balls in (one or {}).items():
-            zero = [ball.contains(0) for ball in balls]
-            mid[name][i] = [0.0 if at else float(ball.mid()) for ball, at in zip(balls, zero, strict=True)]
-            size = [float(ball.abs_upper() if at else ball.rad()) for ball, at in zip(balls, zero, strict=True)]
+            mid[name][i] = [0.0 if ball.contains(0) else float(ball.mid()) for ball in balls]
+            size = [float(ball.abs_upper() if ball.contains(0) else ball.rad()) for ball in balls]
             radius[name][i] = np.nextafter(size, np.inf)
     return mid, radius
-
-
-def _pack(table: _Table) -> dict[str, Array]:
-    return {
-        **{f"mid.{name}": array for name, array in table.mid.items()},
-        **{f"radius.{name}": array for name, array in table.radius.items()},
-        "reasons": np.array(table.reasons, dtype=str),
-        "stages": np.array(list(table.spent), dtype=str),
-        "seconds": np.array(list(table.spent.values())),
-    }
-
-
-def _unpack(stored: cache.Arrays) -> _Table:
-    def part(prefix: str) -> dict[str, Array]:
-        return {name.removeprefix(prefix): array for name, array in stored.items() if name.startswith(prefix)}
-
-    spent = dict(zip(stored["stages"].tolist(), stored["seconds"].tolist(), strict=True))
-    return _Table(part("mid."), part("radius."), stored["reasons"].tolist(), spent)
 
 
 def _solution(
@@ -214,25 +206,19 @@ def _solution(
 
 def _names(mechanism: Mechanism) -> Names:
     lay = layout(mechanism)
-    reactions = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
-    return component_names(
-        mechanism.joints,
-        [body.name for body in mechanism.bodies],
-        mechanism.independent,
-        (),
-        mechanism.actuator_names,
-        (reactions.names, reactions.units),
-    )
+    found = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
+    bodies, reactions = [body.name for body in mechanism.bodies], (found.names, found.units)
+    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
 def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
     sizes = {
-        (name, unit): _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
+        f"{name}, {unit}": _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
         for name in table.mid
         for unit in names[name][1]
     }
     worst = max(sizes, key=lambda key: sizes[key])
-    note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst[0]}, {worst[1]})"
+    note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst})"
     if "reaction" in table.mid:
         note += "; the two routes to the forces overlap at every one"
     notes = [note]

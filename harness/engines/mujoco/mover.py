@@ -27,7 +27,7 @@ class MujocoMover:
     """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
 
     def __init__(self, tree: MujocoTree, d: float = IMPEDANCE, passes: int = PASSES, harder: float = HARDER) -> None:
-        self._tree = tree
+        self.tree = tree
         self.model = copy.deepcopy(tree.model)  # the tree switches its equality constraints off
         harden(self.model, d, harder)
         self.data = mujoco.MjData(self.model)
@@ -35,10 +35,6 @@ class MujocoMover:
         hard = f"solimp {d:g}, body_invweight0 / {harder:g}, at most {passes} refinements"
         self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
         self.made = self.most = self.calls = 0
-
-    @property
-    def tree(self) -> MujocoTree:
-        return self._tree
 
     def place(self, q: Array, v: Array) -> None:
         self.data.qpos[:], self.data.qvel[:] = q, v
@@ -54,10 +50,8 @@ class MujocoMover:
         return self.data.xmat[i].reshape(3, 3), self.data.xpos[i], J
 
     def closure(self) -> tuple[Array, Array]:
-        rows = self.data.nefc
-        return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * self.model.nv].reshape(
-            rows, self.model.nv
-        ).copy()
+        rows, n_v = self.data.nefc, self.model.nv
+        return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * n_v].reshape(rows, n_v).copy()
 
     def accelerate(self, tau: Array) -> Array:
         model, data = self.model, self.data

@@ -70,10 +70,8 @@ class Settings:
         model.opt.disableflags &= ~EQUALITY
         if self.solimp is not None:
             model.eq_solimp[:, :2] = self.solimp
-        if isinstance(self.solref, tuple):
-            model.eq_solref[:] = self.solref
-        elif self.solref is not None:
-            model.eq_solref[:, 0] = self.solref
+        if self.solref is not None:
+            model.eq_solref[:, : np.size(self.solref)] = self.solref
 
     def set_steps(self, model: mujoco.MjModel) -> None:
         """Sets constraints and integrator for steps.
@@ -96,23 +94,17 @@ class Settings:
     def steps(self) -> str:
         """The stepper in words."""
         solref = self.solref if isinstance(self.solref, tuple) else (self.solref,)
-        parts = [
-            f"{self.integrator}, dt {self.dt:g} s",
-            "solref default" if self.solref is None else "solref " + " ".join(f"{x:g}" for x in solref),
-            "solimp default" if self.solimp is None else f"solimp {self.solimp:g}",
-            f"at most {self.passes} refinements" if self.passes else "raw",
-        ]
-        return ", ".join(parts)
+        spring = " ".join("default" if x is None else f"{x:g}" for x in solref)
+        return f"{self.integrator}, dt {self.dt:g} s, solref {spring}, {self._constraints('at most ')}"
 
     @property
     def states(self) -> str:
         """Accelerations of given states in words."""
-        parts = [
-            "mj_forward",
-            "solimp default" if self.solimp is None else f"solimp {self.solimp:g}",
-            f"{self.passes} refinements" if self.passes else "raw",
-        ]
-        return ", ".join(parts)
+        return f"mj_forward, {self._constraints()}"
+
+    def _constraints(self, most: str = "") -> str:
+        solimp = "default" if self.solimp is None else f"{self.solimp:g}"
+        return f"solimp {solimp}, {f'{most}{self.passes} refinements' if self.passes else 'raw'}"
 
 
 def has_integrator(name: str) -> bool:

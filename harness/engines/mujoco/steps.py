@@ -92,7 +92,7 @@ class MujocoStepper:
             applied: All that acts; what never changes is set once.
             held: What has to be applied in every step.
         """
-        self.model, self._tree, self.held = sprung.model, tree, held
+        self.model, self.held = sprung.model, held
         self.setting, self.passes = setting, settings.passes or 0
         settings.set_steps(self.model)
         self.model.opt.gravity[:] = tree.model.opt.gravity
@@ -110,10 +110,6 @@ class MujocoStepper:
             if load not in sprung.left.loads and load.body != GROUND:
                 i = tree.ids[tree.bodies.index(load.body)]
                 self.data.xfrc_applied[i] += np.concatenate([load.force, load.torque])
-
-    @property
-    def tree(self) -> MujocoTree:
-        return self._tree
 
     def begin(self, t: float, q: Array, v: Array) -> None:
         self.data.time, self.data.qpos[:], self.data.qvel[:] = t, q, v

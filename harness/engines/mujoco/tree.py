@@ -6,12 +6,13 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from screwgauge.engines.mujoco.softness import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
@@ -22,7 +23,6 @@ from screwgauge.reference.rotations import Array, cross
 _BODY = mujoco.mjtObj.mjOBJ_XBODY
 _INERTIAL = mujoco.mjtObj.mjOBJ_BODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
-_EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
@@ -46,7 +46,7 @@ class MujocoTree:
         names = {model.body(b).name: b for b in range(1, model.nbody)}
         self.ids = [b for name, b in names.items() if name != "ground"]
         self.bodies = tuple(name for name in names if name != "ground")
-        self.parents = tuple(self._parent(b) for b in self.ids)
+        self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
         self.com = model.body_ipos[self.ids].copy()
         self.closures = self._closures(file)
         self._check_motors(file)
@@ -68,28 +68,19 @@ class MujocoTree:
                     "correct it or leave the actuators out",
                 )
 
-    def _parent(self, body: int) -> str:
-        parent = self.model.body_parentid[body]
-        return self.model.body(parent).name if parent and self.model.body(parent).name else "ground"
-
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
         """Closures as the equality constraints of the file have them, from its sites."""
         found: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
-        disabled = bool(self.model.opt.disableflags & (_EQUALITY | _CONSTRAINT))
+        disabled = bool(self.model.opt.disableflags & (EQUALITY | _CONSTRAINT))
         for e in range(self.model.neq):
             if disabled or not self.model.eq_active0[e]:
                 raise ModelFileError(
-                    f"its equality constraint {e} is switched off",
-                    f"MJCF of {file.mechanism}",
-                    "switch it on",
+                    f"its equality constraint {e} is switched off", f"MJCF of {file.mechanism}", "switch it on"
                 )
             if self.model.eq_objtype[e] != _SITE:
-                raise ModelFileError(
-                    "an equality constraint joins no sites",
-                    f"constraint {e} of {file.mechanism}",
-                    "use site1, site2",
-                )
+                where = f"constraint {e} of {file.mechanism}"
+                raise ModelFileError("an equality constraint joins no sites", where, "use site1, site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
             found.setdefault(joint, []).append(sites)
@@ -108,14 +99,18 @@ class MujocoTree:
         return Closure(joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames)
 
     def _name(self, body: int) -> str:
-        return str(self.model.body(body).name) if body and self.model.body(body).name else "ground"
+        return (self.model.body(body).name if body else "") or "ground"
 
-    def _set(self, q: Array, v: Array, a: Array) -> None:
-        """Positions, velocities and accelerations with all constraints out."""
-        self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q, v, a
-
-    def _rigid(self) -> None:
-        self.model.opt.disableflags |= _EQUALITY
+    def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
+        """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`."""
+        flags = self.model.opt.disableflags
+        self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        for i in range(len(q)):
+            self.data.xfrc_applied[:] = 0.0
+            self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q[i], v[i], a[i]
+            mujoco.mj_inverse(self.model, self.data)
+            yield i
+        self.model.opt.disableflags |= EQUALITY
 
     def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
         n, b, nv = len(q), len(self.ids) + 1, self.model.nv
@@ -131,63 +126,41 @@ class MujocoTree:
                 mujoco.mj_jacBody(model, data, J[i, k, 3:], J[i, k, :3], body)
         return BodyPoses(R, p, J)
 
-    def _bodies(self, q: Array, v: Array, a: Array, look: Callable[[int], None]) -> None:
-        """Looks at all samples with velocities and accelerations of the bodies filled, gravity not among them."""
+    def _bodies(self, q: Array, v: Array, a: Array) -> Iterator[int]:
+        """Goes through the samples with accelerations of the bodies filled, gravity not among them."""
         gravity = self.model.opt.gravity.copy()
         self.model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
-        self.data.xfrc_applied[:] = 0.0
-        self._rigid()
-        for i in range(len(q)):
-            self._set(q[i], v[i], a[i])
-            mujoco.mj_inverse(self.model, self.data)
+        for i in self._inverse(q, v, a):
             mujoco.mj_rnePostConstraint(self.model, self.data)
-            look(i)
+            yield i
         self.model.opt.gravity[:] = gravity
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.ids) + 1, 6))
-
-        def look(i: int) -> None:
+        for i in self._bodies(q, v, a):
             for k, body in enumerate(self.ids, 1):
                 mujoco.mj_objectVelocity(self.model, self.data, _BODY, body, V[i, k], 0)
                 mujoco.mj_objectAcceleration(self.model, self.data, _BODY, body, A[i, k], 0)
-
-        self._bodies(q, v, a, look)
         return V, A
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         out, acceleration = np.empty((len(q), len(self.ids), 3)), np.empty(6)
-
-        def look(i: int) -> None:
+        for i in self._bodies(q, v, a):
             for k, body in enumerate(self.ids):
                 # the inertial frame of the body, whose origin is its centre of mass
                 mujoco.mj_objectAcceleration(self.model, self.data, _INERTIAL, body, acceleration, 0)
                 out[i, k] = acceleration[3:]
-
-        self._bodies(q, v, a, look)
         return out
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        self._rigid()
-        out = np.empty_like(q)
-        self.data.xfrc_applied[:] = 0.0
-        for i in range(len(q)):
-            self._set(q[i], v[i], a[i])
-            mujoco.mj_inverse(self.model, self.data)
-            out[i] = self.data.qfrc_inverse
-        return out
+        return np.array([self.data.qfrc_inverse.copy() for _ in self._inverse(q, v, a)])
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""
-        self.model.opt.disableflags &= ~_EQUALITY
         out, tolerance = np.empty_like(q), 0.0
-        self.data.xfrc_applied[:] = 0.0
-        for i in range(len(q)):
-            self._set(q[i], v[i], a[i])
-            mujoco.mj_inverse(self.model, self.data)
+        for i in self._inverse(q, v, a, soft=True):
             out[i] = self.data.qfrc_inverse
             tolerance = max(tolerance, self._soft_tolerance(residuals))
-        self._rigid()
         return out, tolerance
 
     def _soft_tolerance(self, residuals: Array) -> float:
@@ -202,12 +175,8 @@ class MujocoTree:
         model, data, ids = self.model, self.data, self.ids
         moments, forces, arms = np.empty((3, n, b, 3))
         out = np.zeros((n, b + 1, 6))
-        self._rigid()
         about = model.body_rootid[ids]
-        for i in range(n):
-            self._set(q[i], v[i], a[i])
-            data.xfrc_applied[:] = 0.0
-            mujoco.mj_inverse(model, data)
+        for i in self._inverse(q, v, a):
             origins, force = data.xpos[ids], wrench[i, 1:, :3]
             data.xfrc_applied[ids, :3] = force  # applied at the centre of mass
             data.xfrc_applied[ids, 3:] = wrench[i, 1:, 3:] - cross(data.xipos[ids] - origins, force)
@@ -215,5 +184,4 @@ class MujocoTree:
             moments[i], forces[i] = data.cfrc_int[ids, :3], data.cfrc_int[ids, 3:]
             arms[i] = data.subtree_com[about] - origins
         out[:, 1:, :3], out[:, 1:, 3:] = forces, moments + cross(arms, forces)
-        data.xfrc_applied[:] = 0.0
         return out

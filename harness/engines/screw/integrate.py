@@ -9,15 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
-from screwgauge.engines.methods import MOST, SIZES, check_method
+from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.branch import Branch
-from screwgauge.reference.errors import (
-    ClosureError,
-    DescriptionError,
-    ScrewgaugeError,
-    SingularPoseError,
-)
+from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.pose import Layout, Pose, pose
@@ -70,12 +65,19 @@ class _Near(Exception):
 
 
 class _Run:
-    """The motion while it is integrated; the state is (y, yd, work)."""
+    """The motion while it is integrated; the state is (y, yd, work).
 
-    def __init__(self, lay: Layout, forces: Callable[[float], Forces], q: Array, near: float) -> None:
-        self.lay, self.forces, self.near = lay, forces, near
-        self.branch = Branch(lay, q)
-        self.evaluations = 0
+    Attributes:
+        kept, work: Closed poses with rates at the times wanted, as far as it came, and the work until then [J].
+        taken, stepped_over: Steps taken, and those whose size was changed.
+    """
+
+    def __init__(self, lay: Layout, forces: Callable[[float], Forces], times: Array, near: float) -> None:
+        self.lay, self.forces, self.times, self.near = lay, forces, times, near
+        self.branch = Branch(lay, lay.mechanism.home)
+        self.evaluations = self.taken = self.stepped_over = 0
+        self.kept: list[Velocities] = []
+        self.work: list[float] = []
 
     def rates(self, states: Array) -> Velocities:
         """Closed poses and rates of states, shape (n, 2 k + 1)."""
@@ -101,12 +103,46 @@ class _Run:
         slopes = self.slope(t, around)
         return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
+    def keep(self, t: float, state: Array) -> None:
+        """Keeps a wanted state."""
+        self.kept.append(self.rates(state[None]))
+        self.work.append(float(state[-1]))
+
+    def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
+        """Steps through all times and keeps the motion there; returns why it stopped."""
+        times, tries = self.times, 0
+        size: float | None = None
+        try:
+            solver = method(self.slope, times[0], state, times[-1], **options)
+        except (_Near, ScrewgaugeError) as error:
+            return f"the start cannot be: {error}"
+        while len(self.work) < len(times):
+            try:
+                if size is not None:
+                    solver = method(self.slope, solver.t, solver.y, times[-1], first_step=size, **options)
+                    size = None
+                message = solver.step()
+            except (_Near, ClosureError, SingularPoseError) as error:
+                if tries == len(SIZES) or self.stepped_over == MOST:
+                    return f"t = {solver.t:.6g} s: no step leads on; {error}"
+                size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - solver.t)
+                tries, self.stepped_over = tries + 1, self.stepped_over + 1
+                continue
+            if solver.status == "failed":
+                return f"t = {solver.t:.6g} s: {message}"
+            self.taken, tries = self.taken + 1, 0
+            progress(float((solver.t - times[0]) / (times[-1] - times[0])))
+            try:
+                if times[len(self.work)] <= solver.t:
+                    keep_passed(solver, solver.dense_output(), times, self.work, self.keep)
+                    self.branch.move(solver.y[: len(solver.y) // 2])
+            except (_Near, ScrewgaugeError) as error:
+                return f"t = {solver.t:.6g} s: {error}"
+        return ""
+
 
 def integrate(
-    lay: Layout,
-    task: InitialValue,
-    forces: Forces | Callable[[float], Forces],
-    progress: Progress = quiet,
+    lay: Layout, task: InitialValue, forces: Forces | Callable[[float], Forces], progress: Progress = quiet
 ) -> Trajectory:
     """Integrates a mechanism under given forces; the start is reached from home on one branch.
 
@@ -117,93 +153,27 @@ def integrate(
     Raises:
         ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
     """
-    solver, settings = check_method(task.integration.name), task.integration
+    method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
     at_any_time = forces if callable(forces) else lambda _: forces
-    near = settings.near
-    run = _Run(lay, at_any_time, lay.mechanism.home, near)
-    kept = _Kept([run.rates(state[None])], [0.0])
+    run = _Run(lay, at_any_time, times, settings.near)
+    run.keep(float(times[0]), state)
     options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol, "vectorized": True}
-    if solver is not DOP853:
+    if method is not DOP853:
         options["jac"] = run.jacobian
-    counts, stopped = _steps(run, solver, times, state, kept, options, progress)
-    n, parts = len(kept.rates), kept.rates
-    q, w = np.concatenate([r.pose.q for r in parts]), np.concatenate([r.w for r in parts])
+    stopped = run.steps(method, state, options, progress)
+    q, w = np.concatenate([r.pose.q for r in run.kept]), np.concatenate([r.w for r in run.kept])
     whole = velocities(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
     return Trajectory(
-        t=times[:n],
+        t=times[: len(run.work)],
         rates=whole,
         energy=energy(lay, whole, at_any_time(float(times[0]))),
-        work=np.array(kept.work),
-        steps=counts[0],
+        work=np.array(run.work),
+        steps=run.taken,
         evaluations=run.evaluations,
-        stepped_over=counts[1],
+        stepped_over=run.stepped_over,
         stopped=stopped,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """The motion at the times wanted, as far as it came: closed poses with rates, and the work until then [J]."""
-
-    rates: list[Velocities]
-    work: list[float]
-
-    def __len__(self) -> int:
-        return len(self.work)
-
-
-def _steps(
-    run: _Run,
-    method: type[OdeSolver],
-    times: Array,
-    state: Array,
-    kept: _Kept,
-    options: dict[str, Any],
-    progress: Progress,
-) -> tuple[tuple[int, int], str]:
-    """Steps through all times and keeps the motion there. Returns (steps, stepped over) and why it stopped."""
-    taken = stepped_over = tries = 0
-    size: float | None = None
-    try:
-        solver = method(run.slope, times[0], state, times[-1], **options)
-    except (_Near, ScrewgaugeError) as error:
-        return (0, 0), f"the start cannot be: {error}"
-    while len(kept) < len(times):
-        try:
-            if size is not None:
-                solver = method(run.slope, solver.t, solver.y, times[-1], first_step=size, **options)
-                size = None
-            message = solver.step()
-        except (_Near, ClosureError, SingularPoseError) as error:
-            if tries == len(SIZES) or stepped_over == MOST:
-                return (taken, stepped_over), f"t = {solver.t:.6g} s: no step leads on; {error}"
-            usual = solver.step_size or solver.h_abs
-            size = min(usual * SIZES[tries], times[-1] - solver.t)
-            tries, stepped_over = tries + 1, stepped_over + 1
-            continue
-        if solver.status == "failed":
-            return (taken, stepped_over), f"t = {solver.t:.6g} s: {message}"
-        taken, tries = taken + 1, 0
-        progress(float((solver.t - times[0]) / (times[-1] - times[0])))
-        try:
-            _keep(run, solver, times, kept)
-        except (_Near, ScrewgaugeError) as error:
-            return (taken, stepped_over), f"t = {solver.t:.6g} s: {error}"
-    return (taken, stepped_over), ""
-
-
-def _keep(run: _Run, solver: OdeSolver, times: Array, kept: _Kept) -> None:
-    """Keeps the motion at all times that the last step passed."""
-    if times[len(kept)] > solver.t:
-        return
-    between = solver.dense_output()
-    while len(kept) < len(times) and times[len(kept)] <= solver.t:
-        t = times[len(kept)]
-        state = solver.y if t == solver.t else between(t)
-        kept.rates.append(run.rates(state[None]))
-        kept.work.append(float(state[-1]))
-    run.branch.move(solver.y[: len(solver.y) // 2])
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:

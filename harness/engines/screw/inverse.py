@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
+from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
@@ -23,14 +23,10 @@ from screwgauge.solution import Clock, Solution
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
 
 
-def solve_motion(lay: Layout, problem: Problem, progress: Progress) -> Solution:
+def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
-    if not isinstance(problem.task, GivenMotion):
-        raise TypeError("the task is no given motion")
-    work = _Work(problem, problem.task, lay)
-    labels = ("screw", __version__, f"rule {problem.rule}")
-    length = work.system.length
-    return assemble(labels, len(problem.task), work.part, work.names, work.clock, progress, length=length)
+    work, labels = _Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
+    return assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
 
 
 class _Work:
@@ -52,18 +48,12 @@ class _Work:
             at = positions(self.lay, motion.y, motion.t)
         values, trust, A = self._beyond(at, motion)
 
-        def again(doubtful: Rows) -> list[dict[str, Array]]:
-            own, self.clock = self.clock, Clock()
-            z = at.q[doubtful] / self.system.size
-            found = []
-            for shake in shakes(A[doubtful], motion.y.shape[1]):
-                there = self.system.fill(z[:, self.system.unknown] + shake, at.q[doubtful])
-                found.append(self._beyond(there, motion.part(doubtful))[0])
-            self.clock = own
-            return found
+        def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
+            q = at.q[doubtful]
+            there = self.system.fill((q / self.system.size)[:, self.system.unknown] + shake, q)
+            return self._beyond(there, motion.part(doubtful))[0]
 
-        with self.clock.stage("error estimate"):
-            return examined(values, trust, again)
+        return examined(values, trust, A, motion.y.shape[1], again, self.clock)
 
     def _beyond(self, at: Pose, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """All that is wanted from closed poses: values, what they rest on, and the closing system."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.parts import Simulated, joint_units
+from screwgauge.engines.parts import Reading, Simulated, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.variants import Variant, load_variant
@@ -64,7 +64,7 @@ class ScrewModel:
         if isinstance(problem.task, GivenMotion):
             if self.settings.whole_system:
                 return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
-            return solve_motion(self.lay, problem, progress)
+            return solve_motion(self.lay, problem, problem.task, progress)
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
         return self._accelerate(problem, problem.task)
@@ -78,11 +78,8 @@ class ScrewModel:
         elif isinstance(task, InitialValue):
             what, given = "start", len(task.start)
         if given != k:
-            raise ModelFileError(
-                f"has {k} independent coordinates, the {what} {given}",
-                self.where,
-                "name a description of the same mechanism",
-            )
+            said = f"has {k} independent coordinates, the {what} {given}"
+            raise ModelFileError(said, self.where, "name a description of the same mechanism")
         for load in problem.applied.loads:
             if load.body not in mechanism.body_index:
                 raise ModelFileError(f"has no body '{load.body}'", self.where, "keep the names of the scene")
@@ -91,19 +88,15 @@ class ScrewModel:
         mechanism, method, clock = self.lay.mechanism, task.integration, Stopwatch()
         path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress)
         cost = clock.cost(path.steps, path.evaluations)
-        a, condition = self._joint_accelerations(problem, path)
         reactions = self._reactions(problem, path) if "reaction" in problem.wanted else None
         over = f", {path.stepped_over} steps resized near singular poses" if path.stepped_over else ""
         simulated = Simulated(
-            q=path.rates.pose.q,
-            v=path.rates.w,
-            a=a,
-            work=path.work,
-            condition=condition,
-            cost=cost,
-            stopped=path.stopped,
-            notes=(f"independent coordinates integrated, poses followed on one branch{over}",),
-            reactions=reactions,
+            Reading(path.rates.pose.q, path.rates.w, *self._joint_accelerations(problem, path)),
+            path.work,
+            cost,
+            path.stopped,
+            (f"independent coordinates integrated, poses followed on one branch{over}",),
+            reactions,
         )
         setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
         return simulated.solution(("screw", __version__, setting), mechanism.joints, task)

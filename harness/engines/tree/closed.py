@@ -6,15 +6,50 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
-from screwgauge.engines.tree.sizes import Sizes, make_sizes
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.mechanism import Joint, actuator_names
+from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
 from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """What each number is divided by.
+
+    Attributes:
+        length: Largest distance between bodies and closing points at home [m].
+        q: Unit of each tree coordinate, 1 rad or that length. Shape (n_v,).
+        turning: Which of them are angles. Shape (n_v,).
+        y: Unit of each independent coordinate. Shape (k,).
+        rows: Unit of each closing row, those of y last. Shape (m + k,).
+    """
+
+    length: float
+    q: Array
+    turning: NDArray[np.bool_]
+    y: Array
+    rows: Array
+
+
+def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
+    """Units for a tree whose home pose is known. `home`: its coordinates there, shape (n_v,)."""
+    at = tree.poses(home[None])
+    sides = [side for anchor in loops.anchors if not anchor.angular for side in anchor.sides]
+    cloud = np.array([*at.p[0], *(at.p[0, body] + at.R[0, body] @ where for body, where in sides)])
+    length = float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
+    turns = {name: turn for j in file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+    unit = {name: 1.0 if turn else length for name, turn in turns.items()}
+    y = np.array([unit[name] for name in file.independent.values()])
+    anchors = [1.0 if anchor.angular else length for anchor in loops.anchors for _ in range(3)]
+    q = np.array([unit[name] for name in tree.coordinates])
+    turning = np.array([turns[name] for name in tree.coordinates])
+    return Sizes(length, q, turning, y, np.array([*anchors, *y]))
+
 
 Charts = dict[str, Chart]
 """Cut joint -> its coordinates at some poses."""
@@ -28,17 +63,19 @@ class ClosedTree:
     file: LoopsFile
     loops: Loops
 
+    @property
+    def _at_home(self) -> dict[str, float]:
+        return {name: x for joint in self.file.joints for name, x in zip(joint.coordinates, joint.home, strict=True)}
+
     @cached_property
     def home(self) -> Array:
         """Tree coordinates at home [rad or m]. Shape (n_v,)."""
-        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
-        return np.array([values[name] for name in self.tree.coordinates])
+        return np.array([self._at_home[name] for name in self.tree.coordinates])
 
     @cached_property
     def y_home(self) -> Array:
         """Independent coordinates at home [rad or m]. Shape (k,)."""
-        values = dict(zip(self.names, np.concatenate([joint.home for joint in self.file.joints]), strict=True))
-        return np.array([values[name] for name in self.file.independent.values()])
+        return np.array([self._at_home[name] for name in self.file.independent.values()])
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -47,7 +84,7 @@ class ClosedTree:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """All joint coordinates, in the order of the description."""
-        return tuple(name for joint in self.file.joints for name in joint.coordinates)
+        return tuple(self._at_home)
 
     @cached_property
     def tree_names(self) -> tuple[str, ...]:
@@ -85,9 +122,9 @@ class ClosedTree:
     @cached_property
     def closing(self) -> frozenset[int]:
         """Bodies that the closing rows look at."""
-        index, cut = self.loops.index, [self.cut_joint(name) for name in self.given]
-        sides = [side for anchor in self.loops.anchors for side in (anchor.parent, anchor.child)]
-        return frozenset((*sides, *(index[name] for joint in cut for name in (joint.parent, joint.child))))
+        cut = [self.cut_joint(name) for name in self.given]
+        anchored = [body for anchor in self.loops.anchors for body, _ in anchor.sides]
+        return frozenset((*anchored, *(self.loops.index[name] for j in cut for name in (j.parent, j.child))))
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
         """All joint coordinates, or their derivatives, in the order of the description.
@@ -99,14 +136,10 @@ class ClosedTree:
         Returns:
             Shape (n, n_q).
         """
-        columns = [
-            cut_values[joint.name][:, i]
-            if joint.name in cut_values
-            else tree_values[:, self.tree.coordinates.index(name)]
-            for joint in self.file.joints
-            for i, name in enumerate(joint.coordinates)
-        ]
-        return np.stack(columns, axis=1)
+        columns = dict(zip(self.tree.coordinates, tree_values.T, strict=True))
+        for joint in self.loops.cut:
+            columns |= zip(joint.coordinates, cut_values[joint.name].T, strict=True)
+        return np.stack([columns[name] for name in self.names], axis=1)
 
     def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
         """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""

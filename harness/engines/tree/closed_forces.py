@@ -1,4 +1,7 @@
-"""Forces of the closed mechanism by projection of an engine's tree forces, multipliers from what is left."""
+"""Forces of the closed mechanism by projection of an engine's tree forces, multipliers from what is left.
+
+Reactions of all joints come from the wrenches that the engine transmits through its tree and from the multipliers.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
+from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.engines.tree.transmission import joint_reactions, joint_sides
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.dynamics import across_direction, min_norm
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import GROUND, Joint
+from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State, applied_wrenches
 
@@ -95,9 +100,8 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array) -> tuple[Array,
     columns = [k for k, anchor in enumerate(loops.anchors) if anchor.joint == name and not anchor.angular]
     joint = next((joint for joint in loops.cut if joint.name == name), None)
     if joint is None or len(columns) != 1:
-        raise ModelFileError(
-            f"joint '{name}' is not cut in the {file.cut} cut", "rule spherical_axial", "use the minimal cut"
-        )
+        what = f"joint '{name}' is not cut in the {file.cut} cut"
+        raise ModelFileError(what, "rule spherical_axial", "use the minimal cut")
     G = loops.jacobian(at)
     n, m, nv = G.shape
     system = np.zeros((n, nv + 2, len(driven) + m))
@@ -114,7 +118,57 @@ def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) 
     wrench = closed.load_wrenches(at, applied)
     if applied.springs or applied.motors:
         sides = {joint.name: joint_sides(joint, closed.loops) for joint in closed.file.joints}
-        wrench += applied_wrenches(
-            closed.file.joints, applied, state, closed.loops.index, lambda joint: sides[joint.name]
-        )
+        index = closed.loops.index
+        wrench += applied_wrenches(closed.file.joints, applied, state, index, lambda joint: sides[joint.name])
     return wrench
+
+
+def joint_reactions(
+    closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array
+) -> tuple[Reactions, Array]:
+    """Reaction components of every joint of the description, tree and cut ones alike.
+
+    Args:
+        transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).
+        multipliers: Forces of the anchors on their child side. Shape (n, 3 n_anchor).
+
+    Returns:
+        The components, and their values [N or N m], shape (n, m).
+    """
+    file, tree, loops, n = closed.file, closed.tree, closed.loops, len(at.p)
+    force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
+    sides = [joint_sides(joint, loops) for joint in file.joints]
+    for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):
+        if joint in loops.cut:
+            wrench, body = _closing(joint, loops, at, multipliers), child
+        elif loops.index[tree.parents[child - 1] if child else GROUND] == parent:
+            wrench, body = transmitted[:, child], child
+        else:  # declared against the direction of the tree
+            wrench, body = -transmitted[:, parent], parent
+        point = joint_point(joint, at.R[:, child], at.p[:, child])
+        force[:, j] = wrench[:, :3]
+        moment[:, j] = wrench[:, 3:] - np.cross(point - at.p[:, body], wrench[:, :3])
+    reactions = reaction_components(
+        file.joints,
+        [at.R[:, parent] for parent, _ in sides],
+        [at.R[:, child] for _, child in sides],
+        [at.p[:, child] for _, child in sides],
+    )
+    return reactions, reactions.read(force, moment)
+
+
+def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:
+    """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
+    parent, child = (loops.index.get(f"{x}@{joint.name}", loops.index[x]) for x in (joint.parent, joint.child))
+    return parent, child
+
+
+def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> Array:
+    """Wrench of a cut joint on its child, about the child's origin, from its anchors. Shape (n, 6)."""
+    out = np.zeros((len(at.p), 6))
+    for k, anchor in enumerate(loops.anchors):
+        if anchor.joint == joint.name:
+            f = multipliers[:, 3 * k : 3 * k + 3]
+            out[:, :3] += f
+            out[:, 3:] += np.cross(at.R[:, anchor.child] @ anchor.at_child, f)
+    return out

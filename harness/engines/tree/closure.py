@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,11 @@ class Anchor:
     at_parent: Array  # point (3,) or attitude (3, 3) in the body
     at_child: Array
 
+    @property
+    def sides(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
+        """Body and point or attitude in it, of the child and of the parent."""
+        return (self.child, self.at_child), (self.parent, self.at_parent)
+
 
 @dataclass(frozen=True, eq=False)
 class Loops:
@@ -39,45 +44,41 @@ class Loops:
 
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        rows = []
+        rows = [np.zeros((len(at.p), 0))]
         for anchor in self.anchors:
-            Rp, Rc = at.R[:, anchor.parent], at.R[:, anchor.child]
+            child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
             if anchor.angular:
-                rows.append(vee((Rc @ anchor.at_child) @ (Rp @ anchor.at_parent).swapaxes(1, 2)))
+                rows.append(vee(child @ parent.swapaxes(1, 2)))
             else:
-                rows.append(
-                    (at.p[:, anchor.child] + Rc @ anchor.at_child) - (at.p[:, anchor.parent] + Rp @ anchor.at_parent)
-                )
-        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
+                rows.append((at.p[:, anchor.child] + child) - (at.p[:, anchor.parent] + parent))
+        return np.concatenate(rows, axis=1)
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
-        rows = []
-        for anchor in self.anchors:
-            sides = []
-            for body, where in ((anchor.child, anchor.at_child), (anchor.parent, anchor.at_parent)):
-                J = at.J[:, body]
-                if anchor.angular:
-                    sides.append(J[:, :3])
-                else:
-                    arm = at.R[:, body] @ where
-                    sides.append(J[:, 3:] - np.cross(arm[:, :, None], J[:, :3], axis=1))
-            rows.append(sides[0] - sides[1])
-        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0, at.J.shape[3]))
+
+        def side(angular: bool, body: int, where: Array) -> Array:
+            J = at.J[:, body]
+            if angular:
+                return J[:, :3]
+            return J[:, 3:] - np.cross((at.R[:, body] @ where)[:, :, None], J[:, :3], axis=1)
+
+        return self._differences(side, np.zeros((len(at.p), 0, at.J.shape[3])))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
-        rows = []
-        for anchor in self.anchors:
-            sides = []
-            for body, where in ((anchor.child, anchor.at_child), (anchor.parent, anchor.at_parent)):
-                if anchor.angular:
-                    sides.append(A[:, body, :3])
-                else:
-                    arm, w = at.R[:, body] @ where, V[:, body, :3]
-                    sides.append(A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm)))
-            rows.append(sides[0] - sides[1])
-        return np.concatenate(rows, axis=1) if rows else np.zeros((len(at.p), 0))
+
+        def side(angular: bool, body: int, where: Array) -> Array:
+            if angular:
+                return A[:, body, :3]
+            arm, w = at.R[:, body] @ where, V[:, body, :3]
+            return A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm))
+
+        return self._differences(side, np.zeros((len(at.p), 0)))
+
+    def _differences(self, side: Callable[[bool, int, Array], Array], none: Array) -> Array:
+        """What `side` gives for the child side of each anchor less the same for its parent side, below `none`."""
+        sides = [[side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors]
+        return np.concatenate([none, *(child - parent for child, parent in sides)], axis=1)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""
@@ -111,13 +112,10 @@ class Loops:
         out = np.zeros((*at.p.shape[:2], 6))
         for k, anchor in enumerate(self.anchors):
             f = forces[:, 3 * k : 3 * k + 3]
-            sides = ((anchor.child, anchor.at_child, 1.0), (anchor.parent, anchor.at_parent, -1.0))
-            for body, where, sign in sides:
-                if anchor.angular:
-                    out[:, body, 3:] += sign * f
-                else:
+            for sign, (body, where) in zip((1.0, -1.0), anchor.sides, strict=True):
+                if not anchor.angular:
                     out[:, body, :3] += sign * f
-                    out[:, body, 3:] += sign * np.cross(at.R[:, body] @ where, f)
+                out[:, body, 3:] += sign * (f if anchor.angular else np.cross(at.R[:, body] @ where, f))
         return out
 
 
@@ -162,11 +160,7 @@ def _anchors(closure: Closure, index: dict[str, int]) -> list[Anchor]:
     parent, child = index[closure.parent], index[closure.child]
     if closure.type == "weld":
         here, there = closure.parent_frame, closure.child_frame
-        return [
-            Anchor(closure.joint, False, parent, child, here.p, there.p),
-            Anchor(closure.joint, True, parent, child, here.R, there.R),
-        ]
-    return [
-        Anchor(closure.joint, False, parent, child, here, there)
-        for here, there in zip(closure.parent_points, closure.child_points, strict=True)
-    ]
+        sides = [(False, here.p, there.p), (True, here.R, there.R)]
+    else:
+        sides = [(False, *points) for points in zip(closure.parent_points, closure.child_points, strict=True)]
+    return [Anchor(closure.joint, angular, parent, child, *points) for angular, *points in sides]

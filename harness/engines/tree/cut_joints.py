@@ -95,9 +95,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """
     if joint.kind not in "RUS":
         raise ModelFileError(
-            f"a {joint.kind} joint cannot be read when it is cut",
-            f"joint '{joint.name}'",
-            "cut another joint",
+            f"a {joint.kind} joint cannot be read when it is cut", f"joint '{joint.name}'", "cut another joint"
         )
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
@@ -127,10 +125,7 @@ def _two_axes(M: Array, R: Array, axes: Array) -> Chart:
         R: As in `Chart`.
         axes: Right-handed triad, first the joint's own axes. Shape (3, 3).
     """
-    second, turned = (
-        M @ axes[1],
-        M @ axes[0],
-    )  # as the first angle turns the second axis; the second angle, the first
+    second, turned = (M @ axes[1], M @ axes[0])  # as the first angle turns the second axis; the second angle, the first
     first = np.arctan2(second @ axes[2], second @ axes[1])
     own = np.stack([np.broadcast_to(axes[0], second.shape), rotation(axes[0], first) @ axes[1]], axis=1)
     across = np.cross(own[:, 0], own[:, 1])

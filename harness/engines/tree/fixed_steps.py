@@ -15,7 +15,7 @@ from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import InitialValue, Problem, Progress
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution, Stopwatch
+from screwgauge.solution import Solution, Stopwatch, empty
 
 #: Angles of cut joints are followed at least this often [s].
 OFTEN = 0.01
@@ -68,17 +68,13 @@ def step_through(
             break
     cost = clock.cost(steps, steps * (KNOWN if stepper.order == KNOWN else 1))
     wanted = "reaction" in problem.wanted and bool(stepper.closing)
-    read = read_path(closed, path, task.start)
     simulated = Simulated(
-        q=read.q,
-        v=read.v,
-        a=read.a,
-        work=_work(stepper, forces, path) if known else np.full(len(read.q), np.nan),
-        condition=read.condition,
-        cost=cost,
-        stopped=stopped,
-        notes=stepper.notes(),
-        reactions=(stepper.closing, ("N",) * len(stepper.closing), np.array(closing)) if wanted else None,
+        read_path(closed, path, task.start),
+        _work(stepper, forces, path) if known else empty(len(path.wanted)),
+        cost,
+        stopped,
+        stepper.notes(),
+        (stepper.closing, ("N",) * len(stepper.closing), np.array(closing)) if wanted else None,
     )
     labels = (closed.tree.engine, closed.tree.version, stepper.setting)
     return simulated.solution(labels, closed.file.joints, task)
@@ -88,7 +84,7 @@ def _work(stepper: Stepper, forces: Exerted, path: Path) -> Array:
     """Work put in up to each wanted state [J], from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))
-    tau = np.zeros(len(stepper.tree.coordinates))
+    tau = np.zeros_like(path.q[0])
     power = np.array(
         [forces.act(t, q, v, stepper.look(q, v), tau) for t, q, v in zip(path.t, path.q, path.v, strict=True)]
     )

@@ -22,6 +22,9 @@ from screwgauge.reference.rotations import Array
 Element = Callable[[float, Array, Array, BodyAt, Array], float]
 """Adds what it exerts at (t, q, v) to a force along the coordinates; returns the power put in that is not stored."""
 
+Reader = Callable[[float, Array, BodyAt], tuple[float, Array]]
+"""Reads a coordinate or length at (t, q), and its derivative by the tree's coordinates (n_v,)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Exerted:
@@ -46,10 +49,16 @@ def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
         UnknownNameError: There is no such body or coordinate.
     """
     tree, loops = closed.tree, closed.loops
+
+    def reader(acting: Motor | Spring) -> Reader:
+        if isinstance(acting, PointSpring):
+            return _line_reader(acting, loops)
+        return _reader(acting.coordinate, tree, loops, start)
+
     elements = [
-        *(_motor(motor, tree, loops, start) for motor in applied.motors),
+        *(_motor(motor, reader(motor)) for motor in applied.motors),
         *(_load(load, tree, loops) for load in applied.loads),
-        *(_spring(spring, tree, loops, start) for spring in applied.springs),
+        *(_spring(spring, reader(spring)) for spring in applied.springs),
     ]
     damped = any(spring.damping for spring in applied.springs)
     return Exerted(tuple(elements), not (damped or applied.motors or applied.loads))
@@ -68,117 +77,42 @@ def _body(name: str, loops: Loops) -> int:
     return loops.index[name]
 
 
-def _cut(coordinate: str, tree: Tree, loops: Loops) -> tuple[Joint, int]:
-    """The cut joint that has a coordinate, and which of its coordinates that is."""
+def _reader(coordinate: str, tree: Tree, loops: Loops, start: Array) -> Reader:
+    """Reads a joint coordinate, of the tree or of a cut joint."""
+    if coordinate in tree.coordinates:
+        column = tree.coordinates.index(coordinate)
+        row = np.eye(len(tree.coordinates))[column]
+        return lambda t, q, body: (float(q[column]), row)
     for joint in loops.cut:
         if coordinate in joint.coordinates:
-            return joint, joint.coordinates.index(coordinate)
+            return _cut_reader(joint, joint.coordinates.index(coordinate), loops, start)
     known = [*tree.coordinates, *(name for joint in loops.cut for name in joint.coordinates)]
     raise UnknownNameError("coordinate", coordinate, known, "motor or spring")
 
 
-def _cut_reader(joint: Joint, i: int, loops: Loops, start: Array) -> Callable[[BodyAt], tuple[float, Array]]:
-    """Reads a coordinate of a cut joint and its derivative (n_v,).
+def _cut_reader(joint: Joint, i: int, loops: Loops, start: Array) -> Reader:
+    """Reads a coordinate of a cut joint.
 
     It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
     """
     last = loops.begin(joint, start)
 
-    def read(body: BodyAt) -> tuple[float, Array]:
+    def read(t: float, q: Array, body: BodyAt) -> tuple[float, Array]:
         nonlocal last
-        sides = [body(loops.index[name]) for name in (joint.parent, joint.child)]
-        chart = read_chart(joint, sides[0][0][None], sides[1][0][None]).near(last[None])
+        (R_parent, _, J_parent), (R_child, _, J_child) = (body(loops.index[x]) for x in (joint.parent, joint.child))
+        chart = read_chart(joint, R_parent[None], R_child[None]).near(last[None])
         if chart.condition[0] < SURE:
             last = chart.q[0]
-        return float(chart.q[0, i]), chart.rates((sides[1][2][:3] - sides[0][2][:3])[None])[0, i]
+        return float(chart.q[0, i]), chart.rates((J_child[:3] - J_parent[:3])[None])[0, i]
 
     return read
 
 
-def _amount(motor: Motor) -> Callable[[float], float]:
-    """The motor's force over time; a constant one costs nothing."""
-    if motor.constant:
-        value = motor.force(0.0)
-        return lambda t: value
-    return motor.force
-
-
-def _motor(motor: Motor, tree: Tree, loops: Loops, start: Array) -> Element:
-    amount = _amount(motor)
-    if motor.coordinate in tree.coordinates:
-        column = tree.coordinates.index(motor.coordinate)
-
-        def in_tree(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-            f = amount(t)
-            tau[column] += f
-            return f * float(v[column])
-
-        return in_tree
-    read = _cut_reader(*_cut(motor.coordinate, tree, loops), loops, start)
-
-    def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        f, row = amount(t), read(body)[1]
-        tau += f * row
-        return f * float(row @ v)
-
-    return at_cut
-
-
-def _load(load: Load, tree: Tree, loops: Loops) -> Element:
-    index = _body(load.body, loops)
-    point = (tree.com[index - 1] if index else np.zeros(3)) if load.point is None else load.point
-    force, torque = load.force, load.torque
-
-    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        R, _, J = body(index)
-        pull = force @ J[3:] + (torque + _cross(R @ point, force)) @ J[:3]
-        tau += pull
-        return float(pull @ v)
-
-    return element
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """`numpy.cross` for two vectors of three, at a tenth of its cost."""
-    x, y, z = a.tolist()
-    u, v, w = b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
-def _spring(spring: Spring, tree: Tree, loops: Loops, start: Array) -> Element:
-    if isinstance(spring, PointSpring):
-        return _point_spring(spring, loops)
-    if spring.coordinate not in tree.coordinates:
-        return _cut_spring(spring, _cut_reader(*_cut(spring.coordinate, tree, loops), loops, start))
-    column, k, rest, c = (
-        tree.coordinates.index(spring.coordinate),
-        spring.stiffness,
-        spring.rest,
-        spring.damping,
-    )
-
-    def in_tree(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        speed = float(v[column])
-        tau[column] -= k * (float(q[column]) - rest) + c * speed
-        return -c * speed * speed
-
-    return in_tree
-
-
-def _cut_spring(spring: JointSpring, read: Callable[[BodyAt], tuple[float, Array]]) -> Element:
-    def at_cut(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        value, row = read(body)
-        speed = float(row @ v)
-        tau -= (spring.stiffness * (value - spring.rest) + spring.damping * speed) * row
-        return -spring.damping * speed * speed
-
-    return at_cut
-
-
-def _point_spring(spring: PointSpring, loops: Loops) -> Element:
+def _line_reader(spring: PointSpring, loops: Loops) -> Reader:
+    """Reads the distance between the points of a spring."""
     first, second = _body(spring.first, loops), _body(spring.second, loops)
 
-    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+    def read(t: float, q: Array, body: BodyAt) -> tuple[float, Array]:
         Ra, pa, Ja = body(first)
         Rb, pb, Jb = body(second)
         arm_a, arm_b = Ra @ spring.first_point, Rb @ spring.second_point
@@ -192,9 +126,47 @@ def _point_spring(spring: PointSpring, loops: Loops) -> Element:
             )
         along = line / length
         # derivative of the length: along . (velocity of second point - velocity of first)
-        row = along @ (Jb[3:] - Ja[3:]) + _cross(arm_b, along) @ Jb[:3] - _cross(arm_a, along) @ Ja[:3]
+        return length, along @ (Jb[3:] - Ja[3:]) + _cross(arm_b, along) @ Jb[:3] - _cross(arm_a, along) @ Ja[:3]
+
+    return read
+
+
+def _motor(motor: Motor, read: Reader) -> Element:
+    constant = motor.force(0.0) if motor.constant else None
+
+    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        f, row = motor.force(t) if constant is None else constant, read(t, q, body)[1]
+        tau += f * row
+        return f * float(row @ v)
+
+    return element
+
+
+def _spring(spring: Spring, read: Reader) -> Element:
+    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        value, row = read(t, q, body)
         speed = float(row @ v)
-        tau -= (spring.stiffness * (length - spring.rest) + spring.damping * speed) * row
+        tau -= (spring.stiffness * (value - spring.rest) + spring.damping * speed) * row
         return -spring.damping * speed * speed
 
     return element
+
+
+def _load(load: Load, tree: Tree, loops: Loops) -> Element:
+    index = _body(load.body, loops)
+    point = (tree.com[index - 1] if index else np.zeros(3)) if load.point is None else load.point
+
+    def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        R, _, J = body(index)
+        pull = load.force @ J[3:] + (load.torque + _cross(R @ point, load.force)) @ J[:3]
+        tau += pull
+        return float(pull @ v)
+
+    return element
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """`numpy.cross` for two vectors of three, at a tenth of its cost."""
+    x, y, z = a.tolist()
+    u, v, w = b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

@@ -12,9 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DenseOutput, OdeSolver
 
-from screwgauge.engines.methods import METHODS, MOST, SIZES, check_method
+from screwgauge.engines.methods import METHODS, MOST, SIZES, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.forces import Exerted, tree_forces
@@ -49,6 +48,7 @@ class _Run:
         self.evaluations = 0
         self.drift = [0.0, 0.0]
         self.path = Path()
+        self.work: list[float] = []
 
     def slope(self, t: float, state: Array) -> Array:
         """Derivative of a state, with the accelerations that it has on the closed loops. Shape (2 n_v + 1,).
@@ -89,20 +89,18 @@ class _Run:
         found = project(self.mover, state[: self.n], state[self.n : -1])
         if not found.left < OPEN:
             raise ClosureError(
-                f"the loops stay open by {found.left:.3g}",
-                self.mover.tree.engine,
-                "integrate with a smaller tolerance",
+                f"the loops stay open by {found.left:.3g}", self.mover.tree.engine, "integrate with a smaller tolerance"
             )
         self.drift = [max(self.drift[0], found.gap), max(self.drift[1], found.rate)]
         return np.concatenate([found.q, found.v, state[-1:]])
 
-    def keep(self, t: float, state: Array) -> float:
-        """Keeps a wanted state, with its accelerations; returns its work."""
+    def keep(self, t: float, state: Array) -> None:
+        """Keeps a wanted state, with its accelerations and work."""
         state = self.back(state)
         q, v = state[: self.n].copy(), state[self.n : -1].copy()
         self.forces.act(t, q, v, self.mover.body, self.tau)
         self.path.add(t, q, v, self.mover.accelerate(self.tau))
-        return float(state[-1])
+        self.work.append(float(state[-1]))
 
 
 def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
@@ -116,10 +114,9 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     q, v = start_state(closed, task)
     run = _Run(mover, tree_forces(closed, problem.applied, task.start))
     state = np.concatenate([q, v, [0.0]])
-    work = [run.keep(float(task.grid[0]), state)]
+    run.keep(float(task.grid[0]), state)
     steps = _Steps(run, task, progress)
-    stopped = steps.all(state, work) if len(task.grid) > 1 else ""
-    path = read_path(closed, run.path, task.start)
+    stopped = steps.all(state) if len(task.grid) > 1 else ""
     notes = list(mover.notes())
     if run.closed:
         residual, rate = run.drift
@@ -127,14 +124,11 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     if steps.over:
         notes.append(f"{steps.over} steps were made anew with another size, as they met unsafe accelerations")
     simulated = Simulated(
-        q=path.q,
-        v=path.v,
-        a=path.a,
-        work=np.array(work),
-        condition=path.condition,
-        cost=replace(steps.cost, evaluations=run.evaluations),
-        stopped=stopped,
-        notes=tuple(notes),
+        read_path(closed, run.path, task.start),
+        np.array(run.work),
+        replace(steps.cost, evaluations=run.evaluations),
+        stopped,
+        tuple(notes),
     )
     tree = closed.tree
     setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"
@@ -158,9 +152,9 @@ class _Steps:
         # a multistep method remembers states that no correction reaches
         self.back = run.closed and task.integration.name != "BDF"
 
-    def all(self, state: Array, work: list[float]) -> str:
-        """Adds to `work` at every wanted time; returns why it stopped."""
-        run, times = self.run, self.times
+    def all(self, state: Array) -> str:
+        """Keeps the motion at every wanted time; returns why it stopped."""
+        run, times, work = self.run, self.times, self.run.work
         taken = tries = 0
         recent: deque[float] = deque(maxlen=RECENT)
         clock, message = Stopwatch(), ""
@@ -189,7 +183,8 @@ class _Steps:
                     solver.y = run.back(solver.y)
                     solver.f = run.slope(solver.t, solver.y)
                 with clock.aside():
-                    self._keep(solver, between, work)
+                    if between is not None:
+                        keep_passed(solver, between, times, run.work, run.keep)
             except SingularPoseError as error:
                 if tries == len(SIZES) or self.over == MOST:
                     message = f"no step leads on; {error}"
@@ -210,13 +205,6 @@ class _Steps:
         self.cost = clock.cost(steps=taken)
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
 
-    def _keep(self, solver: OdeSolver, between: DenseOutput | None, work: list[float]) -> None:
-        """Keeps the motion at all wanted times that the last step passed."""
-        times = self.times
-        while between is not None and len(work) < len(times) and times[len(work)] <= solver.t:
-            t = float(times[len(work)])
-            work.append(self.run.keep(t, solver.y if t == solver.t else between(t)))
-
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
     """Closed pose and velocities at the start, reached from home on the engine's own poses. Shape (n_v,) each.
@@ -234,8 +222,8 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
             )
     y, yd = task.start[None].astype(float), task.rates[None].astype(float)
     wanted = frozenset(("joint_position", "joint_velocity"))
-    at_start = Problem(Applied(), GivenMotion(task.grid[:1].astype(float), y, yd, np.zeros_like(y)), wanted)
-    solution = solve_motion(closed, at_start, quiet)
+    motion = GivenMotion(task.grid[:1].astype(float), y, yd, np.zeros_like(y))
+    solution = solve_motion(closed, Problem(Applied(), motion, wanted), motion, quiet)
     q, v = (solution.values[name].pick(closed.tree.coordinates).array[0] for name in sorted(wanted))
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
         raise SingularPoseError(

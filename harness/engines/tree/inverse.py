@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, Trust, examined, gain, shakes
+from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
@@ -24,14 +24,11 @@ from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
 
 
-def solve_motion(closed: ClosedTree, problem: Problem, progress: Progress) -> Solution:
+def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Solves a given motion with an engine's open tree."""
-    if not isinstance(problem.task, GivenMotion):
-        raise TypeError("the task is no given motion")
-    work, tree = _Work(closed, problem, problem.task), closed.tree
+    work, tree, length = _Work(closed, problem, motion), closed.tree, closed.sizes.length
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
-    n, length = len(problem.task), closed.sizes.length
-    solution = assemble(labels, n, work.part, work.names, work.clock, progress, length=length)
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=length)
     return replace(solution, tolerances=work.tolerances)
 
 
@@ -71,36 +68,31 @@ class _Work:
             charts = {name: c.near(cut[name]) for name, c in charts.items()}
         values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
 
-        def again(doubtful: Rows) -> list[dict[str, Array]]:
-            clock, self.clock = self.clock, Clock()
-            some, sizes, answers = motion.part(doubtful), self.closed.sizes, []
-            for shake in shakes(A[doubtful], motion.y.shape[1]):
-                there = q[doubtful] + shake * sizes.q
-                moved = tree.poses(there)
-                read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(moved).items()}
-                angles = {name: c.q for name, c in read.items()}
-                matrix = self._scaled(there / sizes.q, some.y / sizes.y)[1]
-                answers.append(_Pass(self, _Poses(some, there, moved, read, angles, matrix)).all()[0])
-            self.clock = clock
-            return answers
+        def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
+            some, sizes = motion.part(doubtful), self.closed.sizes
+            there = q[doubtful] + shake * sizes.q
+            moved = tree.poses(there)
+            read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(moved).items()}
+            angles = {name: c.q for name, c in read.items()}
+            matrix = self._scaled(there / sizes.q, some.y / sizes.y)[1]
+            return _Pass(self, _Poses(some, there, moved, read, angles, matrix)).all()[0]
 
-        with self.clock.stage("error estimate"):
-            return examined(values, trust, again)
+        return examined(values, trust, A, motion.y.shape[1], again, self.clock)
 
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
         at = closed.tree.poses(q, closed.closing)
         charts = loops.charts(at, closed.given)
-        for k, (_, name, i) in enumerate(loops.independent):
+        for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
-                charts[name] = charts[name].agreeing(i, y[:, k])
+                charts[name] = charts[name].agreeing(i, value)
         errors = [loops.gaps(at)]
-        for k, (column, name, i) in enumerate(loops.independent):
+        for value, (column, name, i) in zip(y.T, loops.independent, strict=True):
             if column is None:  # an angle, read within a turn
-                difference = np.remainder(charts[name].q[:, i] - y[:, k] + np.pi, 2 * np.pi) - np.pi
+                difference = np.remainder(charts[name].q[:, i] - value + np.pi, 2 * np.pi) - np.pi
             else:
-                difference = q[:, column] - y[:, k]
+                difference = q[:, column] - value
             errors.append(difference[:, None])
         return np.concatenate(errors, axis=1), closed.closing_rows(at, charts)
 
@@ -123,15 +115,8 @@ class _Work:
         return q, A
 
     def names(self) -> Names:
-        file = self.closed.file
-        return component_names(
-            file.joints,
-            file.bodies,
-            file.independent,
-            self.closed.tree_names,
-            self.closed.actuators,
-            self.reaction_names,
-        )
+        file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
+        return component_names(file.joints, file.bodies, file.independent, tree, actuators, self.reaction_names)
 
 
 class _Pass:

@@ -1,18 +1,28 @@
-"""A loaded model of an engine with an open tree, to which every kind of task can be put."""
+"""A loaded model of an engine with an open tree, to which every kind of task can be put.
+
+States of the tree are taken as they are: forces for a motion, or accelerations for forces.
+"""
 
 from __future__ import annotations
 
-from screwgauge.engines.tree.closed import ClosedTree
+import numpy as np
+
+from screwgauge.engines.parts import FORCE, joint_units
+from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.fixed_steps import step_through
 from screwgauge.engines.tree.integrate import simulate
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import Dynamics
-from screwgauge.engines.tree.states import solve_states
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, quiet
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied, JointSpring
+from screwgauge.reference.continuation import velocity_map
+from screwgauge.reference.dynamics import min_norm
+from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.solution import Solution
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Values, empty
 
 
 def loops_file(files: ModelFiles) -> LoopsFile:
@@ -41,14 +51,92 @@ class TreeModel:
         closed, dynamics, task = self.closed, self.dynamics, problem.task
         for load in problem.applied.loads:
             if load.body not in closed.loops.index and load.body != GROUND:
-                raise ModelFileError(
-                    f"has no body '{load.body}'", f"model of {closed.tree.engine}", "keep the names of the loops file"
-                )
+                where = f"model of {closed.tree.engine}"
+                raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the loops file")
         closed.tree.under(problem.applied.gravity)
         if isinstance(task, GivenMotion):
-            return solve_motion(closed, problem, progress)
+            return solve_motion(closed, problem, task, progress)
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
         return step_through(closed, dynamics.stepper(closed, problem, task), problem, task, dynamics.dt, progress)
+
+
+def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
+    """Answers for states of the tree.
+
+    Args:
+        task: With `tau`, accelerations are given; otherwise ``tree_force`` for its accelerations and, if wanted,
+            ``tree_force_soft`` and the smallest ``actuator_force`` on the closed loops.
+
+    Raises:
+        ModelFileError: The states are not those of the tree.
+        DescriptionError: More acts besides the forces given than gravity and springs along the tree's coordinates.
+    """
+    tree = closed.tree
+    if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
+        what = "takes states of its own tree coordinates, with either accelerations or forces"
+        raise ModelFileError(what, f"model of {tree.engine}", "give q, v and one of a, tau")
+    into = [task.coordinates.index(name) for name in tree.coordinates]
+    out = [tree.coordinates.index(name) for name in task.coordinates]
+    q, v = task.q[:, into], task.v[:, into]
+    unit = joint_units(closed.file.joints)
+    force_units, nothing = tuple(FORCE[unit[name]] for name in task.coordinates), empty(len(q))
+    if task.tau is not None:
+        answer = dynamics.accelerate(q, v, task.tau[:, into], _springs(closed, problem.applied))
+        units = tuple(f"{unit[name]}/s^2" for name in task.coordinates)
+        return Solution(
+            tree.engine,
+            tree.version,
+            {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
+            nothing if answer.condition is None else answer.condition,
+            setting=dynamics.setting,
+            tolerances=answer.tolerances,
+            notes=answer.notes,
+            cost=answer.cost,
+        )
+    assert task.a is not None
+    a, wanted, condition = task.a[:, into], problem.wanted, nothing
+    values: dict[str, Values] = {}
+    if "tree_force_soft" in wanted:
+        soft = tree.soft_force(q, v, a, np.zeros(3))[0]
+        values["tree_force_soft"] = Values(task.coordinates, force_units, soft[:, out])
+    if wanted & {"tree_force", "actuator_force"}:
+        tau = tree.soft_force(q, v, a, np.zeros(3))[0] if dynamics.naive else tree.tree_force(q, v, a)
+        if "tree_force" in wanted:
+            values["tree_force"] = Values(task.coordinates, force_units, tau[:, out])
+        if "actuator_force" in wanted:
+            f, condition = _actuator_forces(closed, dynamics, problem, q, tau)
+            units = tuple(FORCE[unit[tree.coordinates[i]]] for i in closed.driven)
+            values["actuator_force"] = Values(closed.actuators, units, f)
+    return Solution(tree.engine, tree.version, values, condition, setting=dynamics.setting)
+
+
+def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
+    springs = [s for s in applied.springs if isinstance(s, JointSpring) and s.coordinate in closed.tree.coordinates]
+    if len(springs) < len(applied.springs) or applied.loads or applied.motors:
+        raise DescriptionError(
+            "states take only gravity and springs along joints of the tree besides their forces",
+            f"model of {closed.tree.engine}",
+            "add all else to the forces along the coordinates",
+        )
+    return springs
+
+
+def _actuator_forces(
+    closed: ClosedTree, dynamics: Dynamics, problem: Problem, q: Array, tau: Array
+) -> tuple[Array, Array]:
+    """Smallest actuator forces that, with the loads, make the joint forces `tau` of the open tree.
+
+    Returns:
+        Shape (n, n_actuator), and the condition number of the closing rows, (n,).
+    """
+    at = closed.tree.poses(q)
+    need = tau - along_coordinates(at, closed.load_wrenches(at, problem.applied))
+    if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
+        return need[:, closed.driven], empty(len(q))
+    A = closed.closing_rows(at, closed.loops.charts(at))
+    K = velocity_map(A, len(closed.loops.independent))
+    Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
+    return min_norm(K[:, closed.driven], Q), linear.condition(A)

@@ -1,8 +1,12 @@
-"""What a tree engine (Pinocchio, MuJoCo) has to say about its open tree, and how it moves."""
+"""What a tree engine (Pinocchio, MuJoCo) has to say about its open tree, and how it moves.
+
+Arrays are in the engine's own coordinate order, in world axes; ground is body 0. For n states, q, v, a and tau have
+shape (n, n_v), and for the one state of a mover or stepper (n_v,).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -31,7 +35,7 @@ class BodyPoses:
 
 
 class Tree(Protocol):
-    """An engine's open tree. All arrays are in the engine's own coordinate order; world axes; ground is body 0."""
+    """An engine's open tree."""
 
     engine: str
     version: str
@@ -43,16 +47,9 @@ class Tree(Protocol):
 
     def under(self, gravity: Array | None) -> None:
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
-        ...
 
     def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
-        """Poses and Jacobians at some coordinates.
-
-        Args:
-            q: Shape (n, n_v).
-            only: Bodies that are looked at, the others being left where they are not; all by default.
-        """
-        ...
+        """Poses and Jacobians; those of other bodies than `only` may be left out."""
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Velocity and acceleration of each body: angular, then of its origin; gravity not included.
@@ -60,23 +57,19 @@ class Tree(Protocol):
         Returns:
             Shape (n, n_body + 1, 6) each.
         """
-        ...
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         """The engine's own acceleration of each centre of mass. Shape (n, n_body, 3)."""
-        ...
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
-        ...
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """The same with soft constraints on, if the engine has them, and the absolute tolerance that follows.
 
         Args:
-            residuals: Largest closure residual of position, rate and acceleration. Shape (3,).
+            residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
         """
-        ...
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Wrench on each body from its tree parent: force, then moment about the body's origin.
@@ -88,7 +81,6 @@ class Tree(Protocol):
         Returns:
             Shape (n, n_body + 1, 6); ground's is zero.
         """
-        ...
 
 
 BodyAt = Callable[[int], tuple[Array, Array, Array]]
@@ -103,35 +95,29 @@ class Mover(Protocol):
     @property
     def tree(self) -> Tree:
         """The open tree of its model."""
-        ...
 
     def place(self, q: Array, v: Array) -> None:
-        """Goes to a state. Shape (n_v,)."""
-        ...
+        """Goes to a state."""
 
     def closure(self) -> tuple[Array, Array]:
         """Closure residuals there [m or rad], shape (m,), and their derivative G, shape (m, n_v)."""
-        ...
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
         """R, p and Jacobian of a body there, see `BodyAt`."""
-        ...
 
     def accelerate(self, tau: Array) -> Array:
-        """Accelerations there for forces along the coordinates, an array that stays as it is. Shape (n_v,).
+        """Accelerations there for forces along the coordinates, an array that stays as it is.
 
         Raises:
             SingularPoseError: They are not safe.
         """
-        ...
 
     def notes(self) -> tuple[str, ...]:
         """What is worth saying after a motion."""
-        ...
 
 
 class Stepper(Protocol):
-    """An engine's own integrator at a fixed step.
+    """An engine's own integrator at a fixed step. The arrays that it returns stay as they are.
 
     Attributes:
         setting: In words.
@@ -145,14 +131,8 @@ class Stepper(Protocol):
     work: bool
     closing: tuple[str, ...]
 
-    @property
-    def tree(self) -> Tree:
-        """The open tree of its model."""
-        ...
-
     def begin(self, t: float, q: Array, v: Array) -> None:
         """Goes to the start."""
-        ...
 
     def walk(self, t: float, h: float, n: int) -> None:
         """Makes n steps of size h from time t on.
@@ -160,27 +140,21 @@ class Stepper(Protocol):
         Raises:
             SingularPoseError: It cannot go on.
         """
-        ...
 
     def state(self) -> tuple[Array, Array]:
-        """Coordinates and velocities now, arrays that stay as they are. Shape (n_v,) each."""
-        ...
+        """Coordinates and velocities now."""
 
     def accelerations(self, t: float) -> Array:
-        """Accelerations now, an array that stays as it is. Shape (n_v,)."""
-        ...
+        """Accelerations now."""
 
     def closing_forces(self) -> Array:
         """Forces behind the last `accelerations`, on the child sides, in the order of `closing` [N]. Shape (k,)."""
-        ...
 
     def look(self, q: Array, v: Array) -> BodyAt:
         """Poses of bodies at a state, on another copy of the engine's data."""
-        ...
 
     def notes(self) -> tuple[str, ...]:
         """What is worth saying after a motion."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,16 +190,13 @@ class Dynamics(Protocol):
 
     def mover(self) -> Mover:
         """Its accelerations, made as exact as it can."""
-        ...
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper:
         """Its own integrator for a problem."""
-        ...
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
-        """Accelerations of states as they are, for forces along the coordinates. Shape (n, n_v) each.
+        """Accelerations of states as they are, for forces along the coordinates.
 
         Args:
             springs: Further springs and dampers, along coordinates of the tree.
         """
-        ...

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from screwgauge.engines.parts import Reading
 from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
 from screwgauge.reference import linear
@@ -39,26 +40,10 @@ class Path:
         self.q.append(q)
         self.v.append(v)
 
-
     def cut(self, t: float) -> None:
         """Forgets the states after a time, of which none may be wanted."""
         n = sum(time <= t for time in self.t)
         del self.t[n:], self.q[n:], self.v[n:]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Reading:
-    """Joint coordinates of the description at the wanted states, with rates, accelerations and condition.
-
-    Attributes:
-        q, v, a: Unwrapped. Shape (m, n_q).
-        condition: Of the closing rows with the selection of the independent coordinates. Shape (m,).
-    """
-
-    q: Array
-    v: Array
-    a: Array
-    condition: Array
 
 
 def read_path(closed: ClosedTree, path: Path, start: Array) -> Reading:
