@@ -28,7 +28,7 @@ from screwgauge.scene.preflight import check_actuation, check_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution, Values
-from screwgauge.study.ask import Expected, Report, ask, generated, model_files, silent
+from screwgauge.study.ask import Expected, Report, ask_engines, generated, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 
@@ -72,7 +72,7 @@ def run(
     for sentence in checked.warnings:
         warn(sentence)
     with generated(scene) as folder:
-        answers, failures = ask(scene, names, wanted, checked.expected, folder, progress)
+        answers, failures = ask_engines(scene, names, wanted, folder, progress, checked.expected)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
