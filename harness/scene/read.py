@@ -18,7 +18,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load, read_motor, read_spring
-from screwgauge.scene.entries import positive, read_figure, read_grid, read_list, read_models, read_names
+from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_list, read_models, read_names
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
 from screwgauge.scene.scene import RULES, Scene, check_order
@@ -93,9 +93,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
             raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
     drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
-    rule = data.get("rule", RULES[0])
-    if rule not in RULES:
-        raise UnknownNameError("rule", rule, RULES, where)
+    rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         raise DescriptionError(
             f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
@@ -106,11 +104,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, GIVEN),
         "drive": drive,
-        "text": {
-            "motion": motion,
-            "gravity": data.get("gravity", _GRAVITY),
-            "loads": read_list(data, "loads", where),
-        },
+        "text": {"motion": motion, "gravity": data.get("gravity", _GRAVITY), "loads": data.get("loads", [])},
     }
 
 
@@ -162,9 +156,7 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
     """Reads ``[forward]``."""
     check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
     home, usual = mechanism.home[mechanism.independent_columns], Integration()
-    name = read_text(table, "method", where, usual.name)
-    if name not in METHODS:
-        raise UnknownNameError("method", name, METHODS, where)
+    name = check_name("method", read_text(table, "method", where, usual.name), METHODS, where)
     amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
     for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
         if not least < amounts[key] < most:
@@ -182,14 +174,11 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
 
 def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
     """Label -> value, the usual one where a label is not named. Shape (k,)."""
-    labels, given = list(mechanism.independent), table.get(key, {})
-    check_keys(given, labels, f"{where}.{key}")
-    return np.array(
-        [
-            number(given[label], f"{where}.{key}.{label}") if label in given else value
-            for label, value in zip(labels, usual.tolist(), strict=True)
-        ]
-    )
+    values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
+    given = table.get(key, {})
+    check_keys(given, values, f"{where}.{key}")
+    values |= {label: number(value, f"{where}.{key}.{label}") for label, value in given.items()}
+    return np.array(list(values.values()))
 
 
 def _mechanism_file(name: str, folder: Path, where: str) -> Path:

@@ -13,7 +13,7 @@ from screwgauge.reference.forward import Forces, forces_at, forward
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import FARTHEST, check_home, check_regular
+from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene
 
 EXPLICIT = ("DOP853",)
@@ -49,16 +49,9 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
     since = np.array([task.since])
     at = positions(lay, task.start[None], since)
     check_regular(lay, at, since, task.start[None], None)
-    low, high = mechanism.limits.T
-    beyond = np.flatnonzero((at.q[0] < low) | (at.q[0] > high))
-    if beyond.size:
-        i = beyond[0]
-        raise JointLimitError(
-            f"joint coordinate '{mechanism.coordinates[i]}' = {at.q[0, i]:.6g} "
-            f"is beyond its limits [{low[i]:g}, {high[i]:g}]",
-            "start of the scene",
-            "start elsewhere or widen the limits",
-        )
+    if beyond := beyond_limits(mechanism, at.q):
+        where, remedy = "start of the scene", "start elsewhere or widen the limits"
+        raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)
     forces = forces_at(mechanism, scene.applied, task.since)
     forward(lay, velocities(lay, at, task.rates[None]), forces)
     warning = stiff_warning(stiffness(lay, forces, task), task)
@@ -92,10 +85,9 @@ def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
 def stiffness(lay: Layout, forces: Forces, task: InitialValue) -> Stiffness:
     """The fastest eigenvalue at the start; none where poses beside the start do not exist."""
     try:
-        values = eigenvalues(lay, forces, task.start, task.rates)
+        fastest = complex(max(eigenvalues(lay, forces, task.start, task.rates), key=abs))
     except ScrewgaugeError:
-        return Stiffness(0j, float("inf"))
-    fastest = complex(values[np.argmax(np.abs(values))])
+        fastest = 0j
     if not fastest or not np.isfinite(fastest):
         return Stiffness(0j, float("inf"))
     return Stiffness(fastest, REACH / abs(fastest))
