@@ -16,7 +16,7 @@ _AMOUNTS = ("stiffness", "rest", "damping")
 _ENDS = ("first", "first_point", "second", "second_point")
 
 
-def read_load(table: Any, mechanism: Mechanism, where: str) -> Load:
+def read_load(mechanism: Mechanism, table: Any, where: str) -> Load:
     """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment."""
     check_keys(table, {"on", "by", "point", "force", "torque"}, where)
     on, by = (read_text(table, key, where) for key in ("on", "by"))
@@ -33,7 +33,7 @@ def read_load(table: Any, mechanism: Mechanism, where: str) -> Load:
     )
 
 
-def read_spring(table: Any, mechanism: Mechanism, where: str) -> Spring:
+def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     """A spring and damper along a joint coordinate, or on the line between points of two bodies.
 
     Raises:
@@ -76,7 +76,7 @@ def _ends(table: dict[str, Any], where: str, amounts: dict[str, float]) -> Sprin
     )
 
 
-def read_motor(table: Any, mechanism: Mechanism, where: str) -> Motor:
+def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     """A force along a joint coordinate over time, in the terms of a motion."""
     check_keys(table, {"coordinate", "offset", "polynomial", "harmonics"}, where)
     coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.coordinates, where)

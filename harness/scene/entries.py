@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.figures import Figure
 
+T = TypeVar("T")
 MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
 
 
@@ -23,6 +24,11 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
     if not isinstance(items, list):
         raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
     return items
+
+
+def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
+    """The entries of a list, each read by `read`, which is also told where it stands."""
+    return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 
 def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:

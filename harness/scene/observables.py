@@ -77,7 +77,7 @@ class Published:
     remark: str
 
 
-def read_observable(table: Any, mechanism: Mechanism, where: str) -> Observable:
+def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
     """Reads one of ``[[observables]]``."""
     check_keys(table, {"name", "coordinate", "body", "point", "axis"}, where)
     name = read_text(table, "name", where)

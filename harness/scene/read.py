@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load, read_motor, read_spring
-from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_list, read_models, read_names
+from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_items, read_models, read_names
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
 from screwgauge.scene.scene import RULES, Scene, check_order
@@ -67,21 +67,18 @@ def load_scene(name: str | Path) -> Scene:
         engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), where),
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
-        figures=tuple(read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)),
+        figures=read_items(data, "figures", where, read_figure),
         file=path,
         **read(data, path, mechanism),
     )
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
-    def items(key: str, read: Callable[[Any, Mechanism, str], Any]) -> tuple[Any, ...]:
-        return tuple(read(item, mechanism, f"{where}, {key}") for item in read_list(data, key, where))
-
     return Applied(
         gravity=vector(data.get("gravity", _GRAVITY), f"{where}, gravity"),
-        loads=items("loads", read_load),
-        springs=items("springs", read_spring),
-        motors=items("motors", read_motor),
+        loads=read_items(data, "loads", where, partial(read_load, mechanism)),
+        springs=read_items(data, "springs", where, partial(read_spring, mechanism)),
+        motors=read_items(data, "motors", where, partial(read_motor, mechanism)),
     )
 
 
@@ -114,8 +111,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     for key in ("motion", "rule"):
         if key in data:
             raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
-    tables = read_list(data, "observables", where)
-    observables = tuple(read_observable(item, mechanism, f"{where}, observables") for item in tables)
+    observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):
         raise DescriptionError("two observables share a name", f"{where}, observables", "name them apart")
@@ -130,7 +126,6 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
         raise DescriptionError(
             "nothing exerts a force in this forward scene", where, "add gravity, [[loads]], [[springs]] or [[motors]]"
         )
-    published = read_list(data, "published", where)
     return {
         "applied": applied,
         "task": task,
@@ -138,7 +133,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
         "quantities": check_quantities(data.get("quantities", list(SIMULATED)), where, SIMULATED),
         "observables": observables,
         "known": known,
-        "published": tuple(read_published(item, f"{where}, published") for item in published),
+        "published": read_items(data, "published", where, read_published),
     }
 
 

@@ -177,9 +177,9 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
         has = observe(lay, scene.observables, q)
         array[:m] = has.array
         values = {"observable": Values(has.components, has.units, array), **values}
-    way = passed(lay, q, scene.t[:m], scene.start.integration.near)
-    estimate = np.pad(way.estimate, (0, n - m), constant_values=np.inf)  # there is no number
-    met = np.pad(way.condition, (0, n - m), mode="edge")
+    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(met, (0, n - m), mode="edge")
     stopped = (f"stopped: {answer.stopped}",) if answer.stopped else ()
     beyond = beyond_limits(scene.mechanism, q)  # which are no stops
     left = (f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s",) if beyond else ()
@@ -191,7 +191,7 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
         values=values,
         estimate=dict.fromkeys(values, estimate),
         conditions=dict.fromkeys(values, met),
-        notes=(*stopped, *counts, *answer.notes, *filter(None, [way.note]), *left),
+        notes=(*stopped, *counts, *answer.notes, *filter(None, [note]), *left),
     )
 
 

@@ -62,8 +62,8 @@ def tabulated(measured: Mapping[int, Sequence[Values]]) -> tuple[Erratum, ...]:
     errata = []
     for row, values in zip(rows, (value for number in numbers for value in measured[number]), strict=True):
         number, kind, equation, *texts, unit = row
-        forms = (text.format(**values.words) for text in texts)
+        measure, printed_form, right_form = (text.format(**values.words) for text in texts)
         printed, right = float(values.printed), float(values.right)
         effect = abs(printed - right) if values.effect is None else float(values.effect)
-        errata.append(Erratum(number, kind, equation, *forms, printed, right, effect, unit))
+        errata.append(Erratum(number, kind, equation, measure, printed_form, right_form, printed, right, effect, unit))
     return tuple(errata)
