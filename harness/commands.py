@@ -9,10 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from screwgauge.scene.scene import Scene
+from typing import Any
 
 OUT = Path("screwgauge-out")
 
@@ -72,35 +69,28 @@ def run(options: argparse.Namespace) -> int:
 
 def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
-    from screwgauge.report.pages import bench as page
+    from screwgauge.report.pages import bench, bench_simulation
     from screwgauge.scene.read import load_scene
-    from screwgauge.study.bench import run as study
+    from screwgauge.study.bench import forward_run
+    from screwgauge.study.bench import run as given_run
     from screwgauge.study.bench.journal import NAME
 
-    plan = study.QUICK if options.quick else study.FULL
-    if options.budget is not None:
-        plan = replace(plan, budget=study.check_budget(options.budget))
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
+    study = forward_run if scene.simulated else given_run
+    plan = study.QUICK if options.quick else study.FULL
+    if options.budget is not None:
+        plan = replace(plan, budget=given_run.check_budget(options.budget))
+    more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
     if scene.simulated:
-        return _bench_simulation(options, scene, out)
-    more: dict[str, Any] = {"contestants": _names(options.contestants), "journal": out / NAME}
+        _study(bench_simulation, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
+        return 0
+    more["journal"] = out / NAME
     try:
-        _study(page, out, lambda progress: study.bench(scene, plan=plan, progress=progress, **more))
+        _study(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more))
     except KeyboardInterrupt:
         _complain(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.")
         return 130
-    return 0
-
-
-def _bench_simulation(options: argparse.Namespace, scene: Scene, out: Path) -> int:
-    from screwgauge.report.pages import bench_simulation as page
-    from screwgauge.study.bench import forward_run as study
-
-    plan, names = study.QUICK if options.quick else study.FULL, _names(options.contestants)
-    if options.budget is not None:
-        plan = replace(plan, budget=options.budget)
-    _study(page, out, lambda progress: study.contest(scene, plan=plan, contestants=names, progress=progress))
     return 0
 
 

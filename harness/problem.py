@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,17 @@ def quiet(share: float) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GivenMotion:
+class _ReadOnly:
+    """Data whose arrays cannot be written to."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if isinstance(array := getattr(self, field.name), np.ndarray):
+                array.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GivenMotion(_ReadOnly):
     """Inverse dynamics: the independent coordinates over time.
 
     Attributes:
@@ -37,10 +47,6 @@ class GivenMotion:
     y: Array
     yd: Array
     ydd: Array
-
-    def __post_init__(self) -> None:
-        for array in (self.t, self.y, self.yd, self.ydd):
-            array.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -66,7 +72,7 @@ class Integration:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class InitialValue:
+class InitialValue(_ReadOnly):
     """Simulation: a start, from which the motion is integrated.
 
     Attributes:
@@ -82,10 +88,6 @@ class InitialValue:
     t: Array
     integration: Integration = Integration()
 
-    def __post_init__(self) -> None:
-        for array in (self.start, self.rates, self.t):
-            array.setflags(write=False)
-
     def __len__(self) -> int:
         return len(self.t)
 
@@ -96,7 +98,7 @@ class InitialValue:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class States:
+class States(_ReadOnly):
     """Sampled states of an open tree, taken as they are: nothing is closed first.
 
     Attributes:
@@ -112,11 +114,6 @@ class States:
     v: Array
     a: Array | None = None
     tau: Array | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.q, self.v, self.a, self.tau):
-            if array is not None:
-                array.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.q)

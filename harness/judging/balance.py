@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from screwgauge.judging.answer import Answer, Row, largest
-from screwgauge.judging.kinetics import walk
+from screwgauge.judging.kinetics import unit_motions
 from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.rotations import Array, cross
@@ -164,12 +164,10 @@ def allowed_motions(answer: Answer) -> tuple[Array, Array]:
         Per velocity of y, the velocities of the joints, shape (n, n_q, k), and those of the centres of mass over the
         angular velocities, shape (n, n_body, 6, k).
     """
-    q, residuals, moved = answer["joint_position"], [], []
-    for unit in np.eye(q.shape[1]):
-        motions = walk(answer.mechanism, answer.tree, q, np.broadcast_to(unit, q.shape), np.zeros_like(q))
-        residuals.append(motions.closure_residual(1).reshape(len(q), -1))
-        moved.append(motions.velocities)
-    chosen = np.eye(q.shape[1])[answer.mechanism.independent_columns]
-    system = np.concatenate([np.stack(residuals, axis=2), np.tile(chosen, (len(q), 1, 1))], axis=1)
-    joints = velocity_map(system, len(chosen))
-    return joints, np.einsum("inbx,nij->nbxj", np.stack(moved), joints)
+    q = answer["joint_position"]
+    n, n_q = q.shape
+    motions = list(unit_motions(answer.mechanism, answer.tree, q, range(n_q)))
+    residuals = np.stack([each.closure_residual(1).reshape(n, -1) for each in motions], axis=2)
+    chosen = np.eye(n_q)[answer.mechanism.independent_columns]
+    joints = velocity_map(np.concatenate([residuals, np.tile(chosen, (n, 1, 1))], axis=1), len(chosen))
+    return joints, np.einsum("inbx,nij->nbxj", np.stack([each.velocities for each in motions]), joints)

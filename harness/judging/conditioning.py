@@ -59,29 +59,19 @@ def guarded(solution: Solution, t: Array) -> list[Guarded]:
     return rows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Passed:
-    """The poses of a motion.
-
-    Attributes:
-        condition: Largest condition number of the closed loops over y met up to each sample. Shape (m,).
-        estimate: What rounding may have made of it: accelerations next to a singular pose are off by about eps times
-            the square, and every later sample has that behind it; infinite where no digit is left. Shape (m,).
-        note: Where the motion passed singular poses, if it did.
-    """
-
-    condition: Array
-    estimate: Array
-    note: str
-
-
-def passed(lay: Layout, q: Array, t: Array, near: float) -> Passed:
+def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:
     """Looks at all samples of a motion, and between them for changes of the determinant's sign.
 
     Args:
         q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
         t: Times [s]. Shape (m,).
         near: Condition number assumed of a singular pose that lies between two samples: those above are stepped over.
+
+    Returns:
+        Largest condition number of the closed loops over y met up to each sample, shape (m,). What rounding may have
+        made of it: accelerations next to a singular pose are off by about eps times the square, and every later sample
+        has that behind it; infinite where no digit is left, shape (m,). Where the motion passed singular poses, if it
+        did.
     """
     at = pose(lay, q)
     A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
@@ -101,7 +91,7 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> Passed:
             f"passes a singular pose {count}between t = {t[i]:.6g} and {t[i + 1]:.6g} s: "
             f"{near_singularity(lay, at.rows([nearest]))}"
         )
-    return Passed(met, np.where(estimate < linear.DIGIT, estimate, np.inf), note)
+    return met, np.where(estimate < linear.DIGIT, estimate, np.inf), note
 
 
 def _crossed(A: Array) -> Rows:

@@ -5,7 +5,7 @@ Deliberately not the screw formulas of `screwgauge.reference`: moving points, ``
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,3 +126,11 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
     com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
     cuts = [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts]
     return Motions(beside(bodies), beside(com), cuts)
+
+
+def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:
+    """Motions at joint coordinates, shape (n, n_q), while each of some columns in turn has the velocity 1."""
+    for column in columns:
+        qd = np.zeros_like(q)
+        qd[:, column] = 1.0
+        yield walk(mechanism, tree, q, qd, np.zeros_like(q))

@@ -6,46 +6,34 @@ from typing import Any
 
 from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.description import check_keys, read_text
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import GROUND, Mechanism
+from screwgauge.scene.entries import check_name, read_vector
 from screwgauge.scene.motion import read_terms
 
 _AMOUNTS = ("stiffness", "rest", "damping")
 _ENDS = ("first", "first_point", "second", "second_point")
 
 
-def check_coordinate(name: str, mechanism: Mechanism, where: str) -> str:
-    """The name of a joint coordinate.
-
-    Raises:
-        UnknownNameError: The mechanism has none of that name.
-    """
-    if name not in mechanism.coordinates:
-        raise UnknownNameError("coordinate", name, mechanism.coordinates, where)
-    return name
-
-
-def read_load(table: Any, mechanism: Mechanism, where: str) -> Load:
+def read_load(mechanism: Mechanism, table: Any, where: str) -> Load:
     """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment."""
     check_keys(table, {"on", "by", "point", "force", "torque"}, where)
     on, by = (read_text(table, key, where) for key in ("on", "by"))
-    names = [body.name for body in mechanism.bodies]
     if (on == "environment") == (by == "environment"):
         raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
     body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
-    if body not in names:
-        raise UnknownNameError("body", body, [*names, "environment"], where)
+    check_name("body", body, [*(each.name for each in mechanism.bodies), "environment"], where)
     point = table.get("point", "com")
     return Load(
         body=body,
         point=None if point == "com" else vector(point, f"{where}.point"),
-        force=sign * vector(table.get("force", [0, 0, 0]), f"{where}.force"),
-        torque=sign * vector(table.get("torque", [0, 0, 0]), f"{where}.torque"),
+        force=sign * read_vector(table, "force", where),
+        torque=sign * read_vector(table, "torque", where),
     )
 
 
-def read_spring(table: Any, mechanism: Mechanism, where: str) -> Spring:
+def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     """A spring and damper along a joint coordinate, or on the line between points of two bodies.
 
     Raises:
@@ -66,11 +54,10 @@ def read_spring(table: Any, mechanism: Mechanism, where: str) -> Spring:
     if not (spring.stiffness or spring.damping):
         raise DescriptionError("the spring exerts nothing", where, "give a stiffness or a damping")
     if isinstance(spring, JointSpring):
-        check_coordinate(spring.coordinate, mechanism, where)
+        check_name("coordinate", spring.coordinate, mechanism.coordinates, where)
     else:
         for body in (spring.first, spring.second):
-            if body not in mechanism.body_index:
-                raise UnknownNameError("body", body, mechanism.body_index, where)
+            check_name("body", body, mechanism.body_index, where)
     return spring
 
 
@@ -82,17 +69,17 @@ def _ends(table: dict[str, Any], where: str, amounts: dict[str, float]) -> Sprin
         return JointSpring(read_text(table, "coordinate", where), **amounts)
     return PointSpring(
         first=read_text(table, "first", where),
-        first_point=vector(table.get("first_point", [0, 0, 0]), f"{where}.first_point"),
+        first_point=read_vector(table, "first_point", where),
         second=read_text(table, "second", where, GROUND),
-        second_point=vector(table.get("second_point", [0, 0, 0]), f"{where}.second_point"),
+        second_point=read_vector(table, "second_point", where),
         **amounts,
     )
 
 
-def read_motor(table: Any, mechanism: Mechanism, where: str) -> Motor:
+def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     """A force along a joint coordinate over time, in the terms of a motion."""
     check_keys(table, {"coordinate", "offset", "polynomial", "harmonics"}, where)
-    coordinate = check_coordinate(read_text(table, "coordinate", where), mechanism, where)
+    coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.coordinates, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
         raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.description import check_keys, read_text, required
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.expressions import number
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.figures import Figure
 
+T = TypeVar("T")
 MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
 
 
@@ -22,6 +24,27 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
     if not isinstance(items, list):
         raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
     return items
+
+
+def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
+    """The entries of a list, each read by `read`, which is also told where it stands."""
+    return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
+
+
+def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
+    """The name, if it is one of those known.
+
+    Raises:
+        UnknownNameError: It is not.
+    """
+    if name not in known:
+        raise UnknownNameError(kind, name, known, where)
+    return name
+
+
+def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
+    """Three numbers, zeros where there are none. Shape (3,)."""
+    return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
 def positive(value: Any, where: str) -> float:

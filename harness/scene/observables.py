@@ -11,18 +11,18 @@ import numpy as np
 
 from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import number
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.elements import check_coordinate
+from screwgauge.scene.entries import check_name, read_vector
 from screwgauge.scene.motion import read_columns
 from screwgauge.solution import Values
 
 #: What a published accuracy is one of.
 MEASURES = ("observable", "energy")
-_AXES = {"x": 0, "y": 1, "z": 2}
+_AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,7 @@ class Published:
     remark: str
 
 
-def read_observable(table: Any, mechanism: Mechanism, where: str) -> Observable:
+def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
     """Reads one of ``[[observables]]``."""
     check_keys(table, {"name", "coordinate", "body", "point", "axis"}, where)
     name = read_text(table, "name", where)
@@ -91,16 +91,13 @@ def read_observable(table: Any, mechanism: Mechanism, where: str) -> Observable:
         )
     if "coordinate" in table:
         check_keys(table, {"name", "coordinate"}, where)
-        coordinate = check_coordinate(read_text(table, "coordinate", where), mechanism, where)
+        coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.coordinates, where)
         unit = mechanism.units[mechanism.coordinates.index(coordinate)]
         return Observable(name, unit, coordinate=coordinate)
     body, axis = read_text(table, "body", where), read_text(table, "axis", where)
-    if body not in mechanism.body_index:
-        raise UnknownNameError("body", body, mechanism.body_index, where)
-    if axis not in _AXES:
-        raise UnknownNameError("axis", axis, _AXES, where)
-    point = vector(table.get("point", [0, 0, 0]), f"{where}.point")
-    return Observable(name, "m", body=body, point=point, axis=_AXES[axis])
+    check_name("body", body, mechanism.body_index, where)
+    check_name("axis", axis, _AXES, where)
+    return Observable(name, "m", body=body, point=read_vector(table, "point", where), axis=_AXES.index(axis))
 
 
 def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
@@ -119,9 +116,6 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
 def read_published(table: Any, where: str) -> Published:
     """Reads one of ``[[published]]``."""
     check_keys(table, {"who", "source", "of", "accuracy", "cpu_s", "remark"}, where)
-    measure = read_text(table, "of", where, MEASURES[0])
-    if measure not in MEASURES:
-        raise UnknownNameError("measure", measure, MEASURES, where)
     stated = {}
     for key in ("accuracy", "cpu_s"):
         stated[key] = number(table[key], f"{where}.{key}") if key in table else float("nan")
@@ -130,7 +124,7 @@ def read_published(table: Any, where: str) -> Published:
     return Published(
         who=read_text(table, "who", where),
         source=read_text(table, "source", where),
-        measure=measure,
+        measure=check_name("measure", read_text(table, "of", where, MEASURES[0]), MEASURES, where),
         remark=read_text(table, "remark", where, ""),
         **stated,
     )

@@ -60,7 +60,13 @@ def check_scene(scene: Scene) -> Mobility:
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
         at = positions(lay, motion.y, motion.t)
-        _check_limits(scene, at, motion.t, motion.y)
+        if beyond := beyond_limits(lay.mechanism, at.q, unit=True):
+            i, sentence = beyond
+            raise JointLimitError(
+                f"joint coordinate {sentence} at {lay.mechanism.described(motion.y[i])}",
+                f"t = {motion.t[i]:g} s",
+                "shorten the motion or widen the limits",
+            )
         before = check_regular(lay, at, motion.t, motion.y, before)
     _check_side(lay, scene.motion)
     return _mobility(lay, scene)
@@ -106,18 +112,15 @@ def _check_jumps(scene: Scene) -> None:
         )
 
 
-def _check_limits(scene: Scene, at: Pose, t: Array, y: Array) -> None:
-    low, high = scene.mechanism.limits.T
-    beyond = (at.q < low) | (at.q > high)
-    if beyond.any():
-        i, k = np.argwhere(beyond)[0]
-        name, unit = scene.mechanism.coordinates[k], scene.mechanism.units[k]
-        raise JointLimitError(
-            f"joint coordinate '{name}' = {at.q[i, k]:.6g} {unit} is beyond its limits [{low[k]:g}, {high[k]:g}] "
-            f"at {scene.mechanism.described(y[i])}",
-            f"t = {t[i]:g} s",
-            "shorten the motion or widen the limits",
-        )
+def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tuple[int, str] | None:
+    """The first sample of joint coordinates, shape (n, n_q), that is beyond a limit, and a sentence on it."""
+    low, high = mechanism.limits.T
+    beyond = np.argwhere((q < low) | (q > high))
+    if not len(beyond):
+        return None
+    i, k = beyond[0]
+    value = f"{q[i, k]:.6g}{f' {mechanism.units[k]}' if unit else ''}"
+    return i, f"'{mechanism.coordinates[k]}' = {value} is beyond its limits [{low[k]:g}, {high[k]:g}]"
 
 
 def _check_side(lay: Layout, motion: GivenMotion) -> None:

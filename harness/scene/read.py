@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load, read_motor, read_spring
-from screwgauge.scene.entries import positive, read_figure, read_grid, read_list, read_models, read_names
+from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_items, read_models, read_names
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
 from screwgauge.scene.scene import RULES, Scene, check_order
@@ -67,21 +67,18 @@ def load_scene(name: str | Path) -> Scene:
         engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), where),
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
-        figures=tuple(read_figure(item, f"{where}, figures") for item in read_list(data, "figures", where)),
+        figures=read_items(data, "figures", where, read_figure),
         file=path,
         **read(data, path, mechanism),
     )
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
-    def items(key: str, read: Callable[[Any, Mechanism, str], Any]) -> tuple[Any, ...]:
-        return tuple(read(item, mechanism, f"{where}, {key}") for item in read_list(data, key, where))
-
     return Applied(
         gravity=vector(data.get("gravity", _GRAVITY), f"{where}, gravity"),
-        loads=items("loads", read_load),
-        springs=items("springs", read_spring),
-        motors=items("motors", read_motor),
+        loads=read_items(data, "loads", where, partial(read_load, mechanism)),
+        springs=read_items(data, "springs", where, partial(read_spring, mechanism)),
+        motors=read_items(data, "motors", where, partial(read_motor, mechanism)),
     )
 
 
@@ -93,9 +90,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
             raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
     drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
-    rule = data.get("rule", RULES[0])
-    if rule not in RULES:
-        raise UnknownNameError("rule", rule, RULES, where)
+    rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         raise DescriptionError(
             f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
@@ -106,11 +101,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, GIVEN),
         "drive": drive,
-        "text": {
-            "motion": motion,
-            "gravity": data.get("gravity", _GRAVITY),
-            "loads": read_list(data, "loads", where),
-        },
+        "text": {"motion": motion, "gravity": data.get("gravity", _GRAVITY), "loads": data.get("loads", [])},
     }
 
 
@@ -120,8 +111,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     for key in ("motion", "rule"):
         if key in data:
             raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
-    tables = read_list(data, "observables", where)
-    observables = tuple(read_observable(item, mechanism, f"{where}, observables") for item in tables)
+    observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):
         raise DescriptionError("two observables share a name", f"{where}, observables", "name them apart")
@@ -136,7 +126,6 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
         raise DescriptionError(
             "nothing exerts a force in this forward scene", where, "add gravity, [[loads]], [[springs]] or [[motors]]"
         )
-    published = read_list(data, "published", where)
     return {
         "applied": applied,
         "task": task,
@@ -144,7 +133,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
         "quantities": check_quantities(data.get("quantities", list(SIMULATED)), where, SIMULATED),
         "observables": observables,
         "known": known,
-        "published": tuple(read_published(item, f"{where}, published") for item in published),
+        "published": read_items(data, "published", where, read_published),
     }
 
 
@@ -162,9 +151,7 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
     """Reads ``[forward]``."""
     check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
     home, usual = mechanism.home[mechanism.independent_columns], Integration()
-    name = read_text(table, "method", where, usual.name)
-    if name not in METHODS:
-        raise UnknownNameError("method", name, METHODS, where)
+    name = check_name("method", read_text(table, "method", where, usual.name), METHODS, where)
     amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
     for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
         if not least < amounts[key] < most:
@@ -182,14 +169,11 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
 
 def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
     """Label -> value, the usual one where a label is not named. Shape (k,)."""
-    labels, given = list(mechanism.independent), table.get(key, {})
-    check_keys(given, labels, f"{where}.{key}")
-    return np.array(
-        [
-            number(given[label], f"{where}.{key}.{label}") if label in given else value
-            for label, value in zip(labels, usual.tolist(), strict=True)
-        ]
-    )
+    values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
+    given = table.get(key, {})
+    check_keys(given, values, f"{where}.{key}")
+    values |= {label: number(value, f"{where}.{key}.{label}") for label, value in given.items()}
+    return np.array(list(values.values()))
 
 
 def _mechanism_file(name: str, folder: Path, where: str) -> Path:

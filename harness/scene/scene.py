@@ -139,7 +139,7 @@ class Scene:
         same_gravity = self.applied.gravity is not None and np.array_equal(
             vector(gravity, "gravity"), self.applied.gravity
         )
-        said = [read_load(table, self.mechanism, "loads") for table in loads]
+        said = [read_load(self.mechanism, table, "loads") for table in loads]
         same_loads = [load.numbers() for load in said] == [load.numbers() for load in self.applied.loads]
         return Wording(
             motion=motion if self._moves_as(motion) else None,

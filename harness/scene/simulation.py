@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from screwgauge.problem import InitialValue
@@ -13,7 +11,7 @@ from screwgauge.reference.forward import Forces, forces_at, forward
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import FARTHEST, check_home, check_regular
+from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene
 
 EXPLICIT = ("DOP853",)
@@ -49,28 +47,13 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
     since = np.array([task.since])
     at = positions(lay, task.start[None], since)
     check_regular(lay, at, since, task.start[None], None)
-    low, high = mechanism.limits.T
-    beyond = np.flatnonzero((at.q[0] < low) | (at.q[0] > high))
-    if beyond.size:
-        i = beyond[0]
-        raise JointLimitError(
-            f"joint coordinate '{mechanism.coordinates[i]}' = {at.q[0, i]:.6g} "
-            f"is beyond its limits [{low[i]:g}, {high[i]:g}]",
-            "start of the scene",
-            "start elsewhere or widen the limits",
-        )
+    if beyond := beyond_limits(mechanism, at.q):
+        where, remedy = "start of the scene", "start elsewhere or widen the limits"
+        raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)
     forces = forces_at(mechanism, scene.applied, task.since)
     forward(lay, velocities(lay, at, task.rates[None]), forces)
     warning = stiff_warning(stiffness(lay, forces, task), task)
     return lay, (warning,) if warning else ()
-
-
-@dataclass(frozen=True, slots=True)
-class Stiffness:
-    """The fastest eigenvalue at the start [1/s], and the largest stable step of an explicit method [s]."""
-
-    eigenvalue: complex
-    step: float
 
 
 def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
@@ -89,32 +72,27 @@ def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
     return np.asarray(np.linalg.eigvals((slopes[: 2 * k] - slopes[2 * k :]).T / (2.0 * size)))
 
 
-def stiffness(lay: Layout, forces: Forces, task: InitialValue) -> Stiffness:
-    """The fastest eigenvalue at the start; none where poses beside the start do not exist."""
+def stiffness(lay: Layout, forces: Forces, task: InitialValue) -> complex:
+    """The fastest eigenvalue at the start [1/s]; 0 where poses beside the start do not exist."""
     try:
-        values = eigenvalues(lay, forces, task.start, task.rates)
+        fastest = complex(max(eigenvalues(lay, forces, task.start, task.rates), key=abs))
     except ScrewgaugeError:
-        return Stiffness(0j, float("inf"))
-    fastest = complex(values[np.argmax(np.abs(values))])
-    if not fastest or not np.isfinite(fastest):
-        return Stiffness(0j, float("inf"))
-    return Stiffness(fastest, REACH / abs(fastest))
+        return 0j
+    return fastest if np.isfinite(fastest) else 0j
 
 
-def stiff_warning(stiff: Stiffness, task: InitialValue) -> str:
-    """A sentence if the method is explicit and stability alone asks for very many steps, else nothing."""
-    method, steps = task.integration.name, (float(task.t[-1]) - task.since) / stiff.step
+def stiff_warning(fastest: complex, task: InitialValue) -> str:
+    """A sentence if the method is explicit and stability alone asks for very many steps, else nothing.
+
+    Args:
+        fastest: The fastest eigenvalue at the start [1/s].
+    """
+    step = REACH / abs(fastest) if fastest else np.inf
+    method, steps = task.integration.name, (float(task.t[-1]) - task.since) / step
     if method not in EXPLICIT or steps < MANY:
         return ""
+    turning = f" +- {abs(fastest.imag):.3g}i" if abs(fastest.imag) > 1e-6 * abs(fastest) else ""
     return (
-        f"The scene is stiff for {method}: its fastest eigenvalue at the start, "
-        f"{_text(stiff.eigenvalue)} 1/s, bounds a stable step to about {stiff.step:.2g} s, "
-        f"{steps:.2g} steps for the whole motion; use Radau or BDF."
+        f"The scene is stiff for {method}: its fastest eigenvalue at the start, {fastest.real:.3g}{turning} 1/s, "
+        f"bounds a stable step to about {step:.2g} s, {steps:.2g} steps for the whole motion; use Radau or BDF."
     )
-
-
-def _text(value: complex) -> str:
-    """``-8117``, ``-20 +- 7.3i``."""
-    if abs(value.imag) <= 1e-6 * abs(value):
-        return f"{value.real:.3g}"
-    return f"{value.real:.3g} +- {abs(value.imag):.3g}i"

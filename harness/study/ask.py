@@ -1,21 +1,23 @@
-"""Puts a scene to engines, each on its own model file; whatever an engine raises becomes a row."""
+"""Puts scenes and problems to engines, each on its own model file; whatever one raises becomes a failure."""
 
 from __future__ import annotations
 
 import tempfile
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 
 from screwgauge.engines.registry import Engine, get_engine
 from screwgauge.models.generate import stem, write_models
-from screwgauge.problem import ModelFiles
+from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.method import Method
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
@@ -37,7 +39,7 @@ def solve(
         What each engine answered, and why the others did not.
     """
     with generated(scene) as folder:
-        return ask(scene, tuple(engines), tuple(quantities), {}, folder, progress)
+        return ask_engines(scene, engines, quantities, folder, progress)
 
 
 @contextmanager
@@ -65,54 +67,77 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
     return f"not installed ({error}); pip install {package}"
 
 
-def ask(
+def failure(error: Exception, method: Method, folder: Path) -> Failure:
+    """What a method raised, in one line and without the folder of generated files, which goes with them."""
+    reason = f"{type(error).__name__}: {' '.join(str(error).split()).replace(f'{folder}/', '')}"
+    if isinstance(error, ImportError):
+        reason = missing(error, get_engine(method.engine))
+    return Failure(method.name, reason, "".join(traceback.format_exception(error)))
+
+
+class TooLongError(Exception):
+    """A method that was stopped, as it took too long."""
+
+
+def within(seconds: float) -> Progress:
+    """A progress that raises `TooLongError` when it is called later than so many seconds from now."""
+    begin = perf_counter()
+
+    def progress(share: float) -> None:
+        if perf_counter() - begin > seconds:
+            raise TooLongError(f"stopped after {seconds:.3g} s, {share:.0%} of the way")
+
+    return progress
+
+
+def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
+    """Loads a model and puts a problem to it; only being stopped is raised."""
+    try:
+        return method.load(files).solve(problem, progress)
+    except TooLongError:
+        raise
+    except Exception as error:
+        return failure(error, method, files.model.parent)
+
+
+def ask_engines(
     scene: Scene,
-    names: Sequence[str],
-    wanted: Sequence[str],
-    expected: Expected,
+    names: Iterable[str],
+    wanted: Iterable[str],
     folder: Path,
     progress: Report,
+    expected: Expected | None = None,
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
     """Asks engines one after the other.
 
     Args:
-        expected: What an answer must have.
         folder: Where the generated models are.
+        expected: What an answer must have.
 
     Returns:
         What each engine answered, and why the others did not.
+
+    Raises:
+        ScrewgaugeError: A model file of the user's own is bad input.
     """
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
+    wanted = frozenset(wanted)
     for name in names:
         progress(name, 0.0)
-        engine = get_engine(name)
+        method, own = Method(name), name in scene.models
         try:
-            files = model_files(scene, name, folder)
             # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-            problem = scene.problem(wanted, own_gravity=name in scene.models and engine.reads == ".xml")
-            answer = engine.load(files).solve(problem, partial(progress, name))
-            answer = replace(answer, engine=name)
-            _check_answer(answer, len(scene.t), expected)
-            solutions[name] = answer
+            problem = scene.problem(wanted, own_gravity=own and get_engine(name).reads == ".xml")
+            answer = method.load(model_files(scene, name, folder)).solve(problem, partial(progress, name))
+            solutions[name] = answer = replace(answer, engine=name)
+            _check_answer(answer, len(scene.t), expected or {})
         except Exception as error:  # whatever an engine raises becomes a row, so that the others go on
-            failures[name] = _failed(scene, engine, error, folder)
+            if own and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
+                raise
+            solutions.pop(name, None)
+            failures[name] = failure(error, method, folder)
     return solutions, failures
-
-
-def _failed(scene: Scene, engine: Engine, error: Exception, folder: Path) -> Failure:
-    """The row of an engine that raised.
-
-    Raises:
-        ScrewgaugeError: The error itself, if the user's own model file is bad input.
-    """
-    where = "".join(traceback.format_exception(error))
-    if isinstance(error, ImportError):
-        return Failure(engine.name, missing(error, engine), where)
-    if engine.name in scene.models and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
-        raise error
-    text = " ".join(str(error).split()).replace(f"{folder}/", "")  # generated files go with the folder
-    return Failure(engine.name, f"{type(error).__name__}: {text}", where)
 
 
 def _check_answer(answer: Solution, n: int, expected: Expected) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.judging.kinetics import walk
+from screwgauge.judging.kinetics import unit_motions
 from screwgauge.models.generate import write_models
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task
 from screwgauge.reference.applied import Applied
@@ -77,12 +77,10 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     Returns:
         Shape (n, n_coordinate).
     """
-    tree, zero = spanning_tree(mechanism), np.zeros_like(q)
     out = np.zeros((len(q), len(coordinates)))
-    for k, name in enumerate(coordinates if applied.loads else ()):
-        unit = zero.copy()
-        unit[:, mechanism.coordinates.index(name)] = 1.0
-        bodies = walk(mechanism, tree, q, unit, zero).bodies
+    columns = [mechanism.coordinates.index(name) for name in coordinates if applied.loads]
+    for k, motions in enumerate(unit_motions(mechanism, spanning_tree(mechanism), q, columns)):
+        bodies = motions.bodies
         for load in applied.loads:
             i = mechanism.body_index[load.body]
             point = mechanism.body(load.body).com if load.point is None else load.point

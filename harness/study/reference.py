@@ -17,6 +17,11 @@ from screwgauge.solution import Failure, Values
 from screwgauge.study.run import run
 
 TRUTH, STANDIN = "truth", "screw"
+_NOTES = {
+    TRUTH: "Errors are against the engine `truth`: ball arithmetic with a rigorous radius.",
+    STANDIN: f"Errors are against the engine `{STANDIN}` in double precision, **not against a truth** ({{reason}}): "
+    "errors below 1e-12 mean nothing, and contestants that share its code look better than they are.",
+}
 MOST = 200  # times that the truth solves at once
 
 
@@ -87,21 +92,13 @@ def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> R
     Raises:
         ScrewgaugeError: The scene cannot be computed at all.
     """
-    names = tuple(quantities)
-    values, note = (
-        _solve(scene, times, names, TRUTH),
-        "Errors are against the engine `truth`: ball arithmetic with a rigorous radius.",
-    )
-    if not isinstance(values, Failure):
-        return Reference(TRUTH, values, note, scales_of(scene.mechanism, values))
-    reason, values = values.reason, _solve(scene, times, names, STANDIN)
-    if isinstance(values, Failure):
-        raise RuntimeError(f"no reference values: {values.reason}")
-    note = (
-        f"Errors are against the engine `{STANDIN}` in double precision, **not against a truth** ({reason}): "
-        "errors below 1e-12 mean nothing, and contestants that share its code look better than they are."
-    )
-    return Reference(STANDIN, values, note, scales_of(scene.mechanism, values))
+    names, reason = tuple(quantities), ""
+    for engine, note in _NOTES.items():
+        values = _solve(scene, times, names, engine)
+        if not isinstance(values, Failure):
+            return Reference(engine, values, note.format(reason=reason), scales_of(scene.mechanism, values))
+        reason = values.reason
+    raise RuntimeError(f"no reference values: {reason}")
 
 
 def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str) -> dict[str, Values] | Failure:

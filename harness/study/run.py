@@ -23,12 +23,12 @@ from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
-from screwgauge.scene.observables import known_values, observe
-from screwgauge.scene.preflight import check_actuation, check_scene
+from screwgauge.scene.observables import Known, known_values, observe
+from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution, Values
-from screwgauge.study.ask import Expected, Report, ask, generated, model_files, silent
+from screwgauge.study.ask import Expected, Report, ask_engines, generated, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 
@@ -72,7 +72,7 @@ def run(
     for sentence in checked.warnings:
         warn(sentence)
     with generated(scene) as folder:
-        answers, failures = ask(scene, names, wanted, checked.expected, folder, progress)
+        answers, failures = ask_engines(scene, names, wanted, folder, progress, checked.expected)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
@@ -85,7 +85,7 @@ def run(
     if checked.lay is not None:
         solutions = {name: _observed(scene, checked.lay, answer, wanted) for name, answer in answers.items()}
         if scene.known is not None and "observable" in wanted:
-            solutions[REFERENCE] = _known(scene)
+            solutions[REFERENCE] = _reference(scene, scene.known)
         lost = list(_lost(scene, wanted, answers, failures, list(solutions)))
     compared_failures = {} if scene.simulated else failures
     errors, pairs = compare(
@@ -177,10 +177,12 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
         has = observe(lay, scene.observables, q)
         array[:m] = has.array
         values = {"observable": Values(has.components, has.units, array), **values}
-    way = passed(lay, q, scene.t[:m], scene.start.integration.near)
-    estimate = np.pad(way.estimate, (0, n - m), constant_values=np.inf)  # there is no number
-    met = np.pad(way.condition, (0, n - m), mode="edge")
+    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(met, (0, n - m), mode="edge")
     stopped = (f"stopped: {answer.stopped}",) if answer.stopped else ()
+    beyond = beyond_limits(scene.mechanism, q)  # which are no stops
+    left = (f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s",) if beyond else ()
     counts: tuple[str, ...] = ()
     if (cost := answer.cost) is not None:
         counts = (f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations",)
@@ -189,35 +191,16 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
         values=values,
         estimate=dict.fromkeys(values, estimate),
         conditions=dict.fromkeys(values, met),
-        notes=(*stopped, *counts, *answer.notes, *filter(None, [way.note]), *_beyond(scene, q)),
+        notes=(*stopped, *counts, *answer.notes, *filter(None, [note]), *left),
     )
 
 
-def _beyond(scene: Scene, q: np.ndarray[Any, np.dtype[np.float64]]) -> tuple[str, ...]:
-    """A sentence if the motion leaves the limits of a joint, which are no stops."""
-    low, high = scene.mechanism.limits.T
-    beyond = (q < low) | (q > high)
-    if not beyond.any():
-        return ()
-    i, k = np.argwhere(beyond)[0]
-    name, t = scene.mechanism.coordinates[k], scene.t[i]
-    return (f"'{name}' = {q[i, k]:.6g} is beyond its limits [{low[k]:g}, {high[k]:g}] at t = {t:g} s",)
-
-
-def _known(scene: Scene) -> Solution:
+def _reference(scene: Scene, known: Known) -> Solution:
     """The reference of the scene, at those of its times that the scene has."""
-    if scene.known is None:
-        raise ValueError("the scene has no reference")
-    values, rows = known_values(scene.known, scene.observables, scene.t, scene.name)
+    values, rows = known_values(known, scene.observables, scene.t, scene.name)
     n = len(scene.t)
-    return Solution(
-        engine=REFERENCE,
-        version="",
-        values={"observable": values},
-        condition=np.full(n, np.nan),
-        notes=(scene.known.source,),
-        rows=None if len(rows) == n else rows,
-    )
+    solved = None if len(rows) == n else rows
+    return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
 
 
 def _lost(

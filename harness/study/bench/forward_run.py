@@ -16,14 +16,13 @@ from screwgauge.reference.pose import Layout
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
 from screwgauge.solution import REFERENCE, Failure
-from screwgauge.study.ask import Report, generated, silent
+from screwgauge.study.ask import Report, TooLongError, ask, generated, silent, within
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.forward_contestants import contestants as all_contestants
 from screwgauge.study.bench.forward_score import Outcome, outcome, simulated
 from screwgauge.study.bench.rows import CUT, FAILED, Row
 from screwgauge.study.bench.slopes import Fit, Rule, fits
 from screwgauge.study.bench.threads import one_thread
-from screwgauge.study.loop import TooLongError, ask, within
 from screwgauge.study.posed import Posed, compared_rows
 from screwgauge.study.provenance import provenance
 

@@ -20,7 +20,7 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, silent
+from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.journal import Journal, stamp
@@ -29,7 +29,6 @@ from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
-from screwgauge.study.loop import failure_text
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
@@ -189,7 +188,7 @@ class _Work:
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
         except Exception as error:  # a contestant that fails is a row
-            reason = failure_text(error, contestant.method, self.posed.folder)
+            reason = failure(error, contestant.method, self.posed.folder).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
     def _loaded(self, method: Method, files: ModelFiles) -> Model:

@@ -16,9 +16,8 @@ from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFile
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
-from screwgauge.study.ask import model_files
+from screwgauge.study.ask import ask, model_files
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
-from screwgauge.study.loop import ask
 from screwgauge.study.method import Method
 from screwgauge.study.reference import Reference, scales_of
 

@@ -59,13 +59,11 @@ def tabulated(measured: Mapping[int, Sequence[Values]]) -> tuple[Erratum, ...]:
     rows, numbers = TABLE["rows"], sorted(measured)
     if [number for number, *_ in rows] != [number for number in numbers for _ in measured[number]]:
         raise ValueError("the measurements are not those of the table of the errata")
-    values = [value for number in numbers for value in measured[number]]
-    return tuple(_erratum(row, value) for row, value in zip(rows, values, strict=True))
-
-
-def _erratum(row: Sequence[Any], values: Values) -> Erratum:
-    number, kind, equation, *texts, unit = row
-    measure, printed_form, right_form = (text.format(**values.words) for text in texts)
-    printed, right = float(values.printed), float(values.right)
-    effect = abs(printed - right) if values.effect is None else float(values.effect)
-    return Erratum(number, kind, equation, measure, printed_form, right_form, printed, right, effect, unit)
+    errata = []
+    for row, values in zip(rows, (value for number in numbers for value in measured[number]), strict=True):
+        number, kind, equation, *texts, unit = row
+        measure, printed_form, right_form = (text.format(**values.words) for text in texts)
+        printed, right = float(values.printed), float(values.right)
+        effect = abs(printed - right) if values.effect is None else float(values.effect)
+        errata.append(Erratum(number, kind, equation, measure, printed_form, right_form, printed, right, effect, unit))
+    return tuple(errata)
