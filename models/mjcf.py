@@ -72,9 +72,9 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
     # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would be.
-    exact = {name: "false" for name in ("inertiafromgeom", "balanceinertia")}
+    exact = {"angle": "radian", "inertiafromgeom": "false", "balanceinertia": "false"}
     exact |= {"boundmass": "0", "boundinertia": "0", "fusestatic": "false"}
-    ET.SubElement(root, "compiler", {"angle": "radian", **exact})
+    ET.SubElement(root, "compiler", exact)
     option = ET.SubElement(root, "option", gravity=vector_text(gravity), jacobian="dense")
     stages = {"contact": "contacts", "limit": "limits", "sensor": "sensors"}
     off = {stage: "disable" for stage, part in stages.items() if part not in include}
