@@ -46,27 +46,17 @@ class Comparison:
     rows: list[CheckRow] = field(default_factory=list)
 
     def names(self, item: str, what: str, expected: object, found: object) -> None:
-        same = expected == found
-        self._add(item, what, str(expected), str(found), math.nan, 0.0, same)
+        self._add(item, what, (str(expected), str(found)), math.nan, 0.0, expected == found)
 
     def numbers(
-        self,
-        item: str,
-        what: str,
-        expected: Array,
-        found: Array,
-        scale: float = 1.0,
-        tolerance: float = TOLERANCE,
+        self, item: str, what: str, expected: Array, found: Array, scale: float = 1.0, tolerance: float = TOLERANCE
     ) -> None:
         # written so that NaN is a difference, not agreement
         difference = float(np.abs(expected - found).max()) / scale
-        ok = difference <= tolerance
-        self._add(item, what, _short(expected), _short(found), difference, tolerance, ok)
+        self._add(item, what, (_short(expected), _short(found)), difference, tolerance, difference <= tolerance)
 
-    def _add(
-        self, item: str, what: str, expected: str, found: str, difference: float, tolerance: float, ok: bool
-    ) -> None:
-        self.rows.append(CheckRow(self.file, self.reading, item, what, expected, found, difference, tolerance, ok))
+    def _add(self, item: str, what: str, said: tuple[str, str], difference: float, tolerance: float, ok: bool) -> None:
+        self.rows.append(CheckRow(self.file, self.reading, item, what, *said, difference, tolerance, ok))
 
 
 def _short(values: Array) -> str:
@@ -127,12 +117,8 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
         if have := joints.get(want.name):
             out.names(want.name, "joint", _joint_says(want), _joint_says(have))
             if want.kind == have.kind:
-                out.numbers(
-                    want.name,
-                    "joint axes and frames",
-                    _joint_values(want, length),
-                    _joint_values(have, length),
-                )
+                values = _joint_values(want, length), _joint_values(have, length)
+                out.numbers(want.name, "joint axes and frames", *values)
     closures = {closure.joint: closure for closure in found.closures}
     out.names("", "closure names", [closure.joint for closure in expected.closures], list(closures))
     for shut in expected.closures:

@@ -22,14 +22,12 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     poses = home_poses(mechanism)
     bodies, screws = {}, {}
     for link in tree.links:
-        names = tuple(freedom.coordinate for freedom in link.freedoms)
-        body = link.body
+        names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
         pose = poses[link.original]
         bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, pose)
         screws.update(_screws(link, poses))
-    actuators = {
-        name: joint.coordinates[0] for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True)
-    }
+    driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+    actuators = {name: joint.coordinates[0] for name, joint in driven}
     closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
     return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))
 

@@ -42,22 +42,11 @@ _CHILD = "child_frame = { position = [1, 0, 0] }"
 
 def _link(name: str, com: str, moments: tuple[str, str, str]) -> list[str]:
     xx, yy, zz = (f'"{moment}"' for moment in moments)
-    return [
-        "",
-        f"[bodies.{name}]",
-        "mass = 1",
-        f"com = {com}",
-        f"inertia = {{ xx = {xx}, yy = {yy}, zz = {zz} }}",
-    ]
+    inertia = f"inertia = {{ xx = {xx}, yy = {yy}, zz = {zz} }}"
+    return ["", f"[bodies.{name}]", "mass = 1", f"com = {com}", inertia]
 
 
 def _joint(name: str, parent: str, child: str, position: str) -> list[str]:
-    return [
-        "",
-        f"[joints.{name}]",
-        'kind = "R"',
-        f'parent = "{parent}"',
-        f'child = "{child}"',
-        "axes = [[0, 0, 1]]",
-        f"parent_frame = {{ position = {position} }}",
-    ]
+    bodies = [f'parent = "{parent}"', f'child = "{child}"']
+    frame = f"parent_frame = {{ position = {position} }}"
+    return ["", f"[joints.{name}]", 'kind = "R"', *bodies, "axes = [[0, 0, 1]]", frame]

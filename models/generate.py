@@ -62,9 +62,6 @@ def write_models(
             for name in texts:
                 os.replace(Path(folder) / name, out / name)
     except OSError as error:
-        raise OutputError(
-            f"the model files cannot be written ({error.strerror})",
-            str(out),
-            "name a folder that can be written",
-        ) from None
+        what = f"the model files cannot be written ({error.strerror})"
+        raise OutputError(what, str(out), "name a folder that can be written") from None
     return [out / name for name in texts]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.graph import Edge, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -125,17 +124,16 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     if cut not in CUTS:
         raise UnknownNameError("cut", cut, CUTS)
     spanning = spanning_tree(mechanism)
-    branches = [_Branch(edge.near, edge.far, edge.far, edge.joint, edge.reverse) for edge in spanning.edges]
+    copies = [_copied(joint) for joint in spanning.cuts] if cut == "full" else []
+    edges = [*spanning.edges, *copies]
+    shares = Counter(edge.far for edge in edges)
+    links = [_link(edge, mechanism, shares, edge in copies) for edge in edges]
+    _check_names(links, mechanism)
     if cut == "full":
-        copies = [_copy_branch(joint) for joint in spanning.cuts]
-        branches += copies
-        closures = tuple(_weld(branch) for branch in copies)
+        closures = [_weld(link) for link in links[len(spanning.edges) :]]
     else:
-        closures = tuple(_closure(joint, mechanism) for joint in spanning.cuts)
-    _check_names(branches, mechanism)
-    shares = Counter(branch.original for branch in branches)
-    links = (_link(branch, mechanism, shares) for branch in _depth_first(branches, mechanism))
-    return Tree(mechanism, cut, tuple(links), closures)
+        closures = [_closure(joint, mechanism) for joint in spanning.cuts]
+    return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), tuple(closures))
 
 
 def length_scale(mechanism: Mechanism) -> float:
@@ -147,25 +145,23 @@ def length_scale(mechanism: Mechanism) -> float:
     return max(lengths) if max(lengths) > 1e-300 else 1.0
 
 
-class _Branch(NamedTuple):
-    near: str
-    name: str
-    original: str
-    joint: Joint
-    reverse: bool
-
-
-def _copy_branch(joint: Joint) -> _Branch:
-    """A copy of the far body of a cut joint; ground cannot be copied, so there it is the near one."""
+def _copied(joint: Joint) -> Edge:
+    """The way to a copy of the far body of a cut joint; ground cannot be copied, so there it is the near one."""
     reverse = joint.child == GROUND
     near, far = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
-    return _Branch(near, f"{far}@{joint.name}", far, joint, reverse)
+    return Edge(joint, near, far, reverse)
 
 
-def _weld(branch: _Branch) -> Closure:
-    frame = branch.joint.parent_frame if branch.reverse else branch.joint.child_frame
-    none = np.zeros((0, 3))
-    return Closure(branch.joint.name, "weld", branch.original, branch.name, none, none, frame, frame)
+def _link(edge: Edge, mechanism: Mechanism, shares: Counter[str], copied: bool) -> Link:
+    name = f"{edge.far}@{edge.joint.name}" if copied else edge.far
+    whole, parts = mechanism.body(edge.far), shares[edge.far]
+    share = Body(name, whole.mass / parts, whole.com, whole.inertia / parts, whole.where)
+    return Link(name, edge.far, share, edge.near, edge.joint, edge.reverse)
+
+
+def _weld(link: Link) -> Closure:
+    none, frame = np.zeros((0, 3)), link.far_frame
+    return Closure(link.joint.name, "weld", link.original, link.name, none, none, frame, frame)
 
 
 def _closure(joint: Joint, mechanism: Mechanism) -> Closure:
@@ -186,12 +182,12 @@ def _closure(joint: Joint, mechanism: Mechanism) -> Closure:
     return Closure(joint.name, kind, joint.parent, joint.child, points[0], points[1], near, far)
 
 
-def _depth_first(branches: list[_Branch], mechanism: Mechanism) -> list[_Branch]:
+def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
     """Chain after chain from ground, side branches in the order of the description."""
     order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
-    onward: dict[str, list[_Branch]] = {}
-    for branch in sorted(branches, key=lambda branch: -order[branch.joint.name]):
-        onward.setdefault(branch.near, []).append(branch)
+    onward: dict[str, list[Link]] = {}
+    for link in sorted(links, key=lambda link: -order[link.joint.name]):
+        onward.setdefault(link.near, []).append(link)
     walked, stack = [], list(onward.get(GROUND, []))
     while stack:
         walked.append(stack.pop())
@@ -199,19 +195,9 @@ def _depth_first(branches: list[_Branch], mechanism: Mechanism) -> list[_Branch]
     return walked
 
 
-def _link(branch: _Branch, mechanism: Mechanism, shares: Counter[str]) -> Link:
-    whole, parts = mechanism.body(branch.original), shares[branch.original]
-    share = Body(branch.name, whole.mass / parts, whole.com, whole.inertia / parts, whole.where)
-    return Link(branch.name, branch.original, share, branch.near, branch.joint, branch.reverse)
-
-
-def _check_names(branches: list[_Branch], mechanism: Mechanism) -> None:
-    names = Counter(branch.name for branch in branches)
-    names["world"] += 1  # MuJoCo's own name of its root
-    for name, count in names.items():
-        if count > 1:
-            raise DescriptionError(
-                f"the name '{name}' is needed for the models",
-                mechanism.where or mechanism.name,
-                "rename that body",
-            )
+def _check_names(links: list[Link], mechanism: Mechanism) -> None:
+    names = ["world", *(link.name for link in links)]  # the first is MuJoCo's own name of its root
+    for name in names:
+        if names.count(name) > 1:
+            where = mechanism.where or mechanism.name
+            raise DescriptionError(f"the name '{name}' is needed for the models", where, "rename that body")

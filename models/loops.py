@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from screwgauge.models.layout import CUTS, Closure, lay_out
 from screwgauge.models.placement import number_text
@@ -21,11 +20,9 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
 _TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "closures")
-_CLOSURES = {
-    "point": ("joint", "type", "parent", "parent_points", "child", "child_points"),
-    "points": ("joint", "type", "parent", "parent_points", "child", "child_points"),
-    "weld": ("joint", "type", "parent", "parent_frame", "child", "child_frame"),
-}
+_SIDES = ("parent", "child")
+#: Type of a closure -> what it names on each side, and how many.
+_CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 1)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,98 +52,60 @@ class LoopsFile:
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
     """What the loops file of a cut mechanism says."""
     tree = lay_out(mechanism, cut)
-    return LoopsFile(
-        mechanism=mechanism.name,
-        cut=cut,
-        bodies=tuple(body.name for body in mechanism.bodies),
-        tree=tree.coordinates,
-        joints=mechanism.joints,
-        closures=tree.closures,
-        independent=mechanism.independent,
-        axial=mechanism.axial,
-    )
+    bodies = tuple(body.name for body in mechanism.bodies)
+    named = mechanism.independent, mechanism.axial
+    return LoopsFile(mechanism.name, cut, bodies, tree.coordinates, mechanism.joints, tree.closures, *named)
 
 
 def write_loops(mechanism: Mechanism, cut: str) -> str:
     """The loops file (TOML) of a cut mechanism."""
     file = loops_of(mechanism, cut)
-    lines = [
-        "# What the URDF beside this file cannot say; written by screwgauge models.",
-        f"mechanism = {_text(file.mechanism)}",
-        f"cut = {_text(file.cut)}",
-        f"bodies = {_list(file.bodies)}",
-        f"tree = {_list(file.tree)}",
-        "",
-        "[independent]",
-        *(f"{_key(label)} = {_text(name)}" for label, name in file.independent.items()),
-    ]
+    head = {"mechanism": file.mechanism, "cut": file.cut, "bodies": file.bodies, "tree": file.tree}
+    tables: list[tuple[str, Mapping[str, Any]]] = [("[independent]", file.independent)]
     if file.axial:
-        name, direction = file.axial
-        lines += ["", "[spherical_axial]", f"joint = {_text(name)}", f"direction = {_numbers(direction)}"]
-    for joint in file.joints:
-        lines += ["", *_joint_lines(joint)]
-    for closure in file.closures:
-        lines += ["", *_closure_lines(closure)]
+        tables.append(("[spherical_axial]", {"joint": file.axial[0], "direction": file.axial[1]}))
+    tables += [(f"[joints.{_key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
+    tables += [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
+    lines = ["# What the URDF beside this file cannot say; written by screwgauge models.", *_lines(head)]
+    for title, entries in tables:
+        lines += ["", title, *_lines(entries)]
     return "\n".join(lines) + "\n"
 
 
-def _joint_lines(joint: Joint) -> list[str]:
-    lines = [
-        f"[joints.{_key(joint.name)}]",
-        f"kind = {_text(joint.kind)}",
-        f"parent = {_text(joint.parent)}",
-        f"child = {_text(joint.child)}",
-        f"axes = {_numbers(joint.axes)}",
-        f"coordinates = {_list(joint.coordinates)}",
-        f"home = {_numbers(joint.home)}",
-    ]
+def _joint_entries(joint: Joint) -> dict[str, Any]:
+    names = ["kind", *_SIDES, "axes", "coordinates", "home"]
     if np.isfinite(joint.limits).all():
-        lines.append(f"limits = {_numbers(joint.limits)}")
+        names.append("limits")
     if joint.actuated:
-        lines.append("actuated = true")
-    return [
-        *lines,
-        f"parent_frame = {_frame(joint.parent_frame)}",
-        f"child_frame = {_frame(joint.child_frame)}",
-    ]
+        names.append("actuated")
+    return {name: getattr(joint, name) for name in (*names, "parent_frame", "child_frame")}
 
 
-def _closure_lines(closure: Closure) -> list[str]:
-    lines = ["[[closures]]", f"joint = {_text(closure.joint)}", f"type = {_text(closure.type)}"]
-    sides = (
-        ("parent", closure.parent, closure.parent_points, closure.parent_frame),
-        ("child", closure.child, closure.child_points, closure.child_frame),
-    )
-    for side, body, points, frame in sides:
-        lines.append(f"{side} = {_text(body)}")
-        if closure.type == "weld":
-            lines.append(f"{side}_frame = {_frame(frame)}")
-        else:
-            lines.append(f"{side}_points = {_numbers(points)}")
-    return lines
+def _closure_entries(closure: Closure) -> dict[str, Any]:
+    what, _ = _CLOSURES[closure.type]
+    names = ["joint", "type", *(name for side in _SIDES for name in (side, f"{side}_{what}"))]
+    return {name: getattr(closure, name) for name in names}
 
 
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON strings are TOML strings but for DEL
+def _lines(entries: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {_toml(value)}" for key, value in entries.items()]
+
+
+def _toml(value: Any) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():  # JSON strings are TOML strings but for DEL
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case Frame():
+            return f"{{ position = {_toml(value.p)}, rotation = {{ matrix = {_toml(value.R)} }} }}"
+        case tuple() | np.ndarray():
+            return "[" + ", ".join(map(_toml, value)) + "]"
+    return number_text(value)
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
-
-
-def _list(values: tuple[str, ...]) -> str:
-    return "[" + ", ".join(map(_text, values)) + "]"
-
-
-def _numbers(values: ArrayLike) -> str:
-    array = np.asarray(values, dtype=float)
-    if array.ndim == 0:
-        return number_text(float(array))
-    return "[" + ", ".join(map(_numbers, array)) + "]"
-
-
-def _frame(frame: Frame) -> str:
-    return f"{{ position = {_numbers(frame.p)}, rotation = {{ matrix = {_numbers(frame.R)} }} }}"
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
 def read_loops(path: Path) -> LoopsFile:
@@ -204,30 +163,27 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     kind = _typed(table if isinstance(table, dict) else {}, "type", str, where)
     if kind not in _CLOSURES:
         raise UnknownNameError("closure type", kind, _CLOSURES, where)
-    check_keys(table, _CLOSURES[kind], where)
+    what, count = _CLOSURES[kind]
+    check_keys(table, ["joint", "type", *_SIDES, *(f"{side}_{what}" for side in _SIDES)], where)
     name = _typed(table, "joint", str, where)
     if name not in tables:
         raise UnknownNameError("joint", name, tables, where)
     joint = joints[list(tables).index(name)]
-    parent, child = (_typed(table, side, str, where) for side in ("parent", "child"))
+    parent, child = (_typed(table, side, str, where) for side in _SIDES)
     if kind == "weld":
-        frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in ("parent", "child")]
+        frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in _SIDES]
         return Closure(name, kind, parent, child, np.zeros((0, 3)), np.zeros((0, 3)), frames[0], frames[1])
-    points = [
-        np.array([vector(point, where) for point in _typed(table, f"{side}_points", list, where)])
-        for side in ("parent", "child")
-    ]
-    if len(points[0]) != len(points[1]) or len(points[0]) != (1 if kind == "point" else 2):
+    lists = [_typed(table, f"{side}_points", list, where) for side in _SIDES]
+    points = [np.array([vector(point, where) for point in given]) for given in lists]
+    if [len(given) for given in lists] != [count, count]:
         raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")
     return Closure(name, kind, parent, child, points[0], points[1], joint.parent_frame, joint.child_frame)
 
 
 def _read_frame(table: Any, where: str) -> Frame:
     check_keys(table, ("position", "rotation"), where)
-    return Frame(
-        p=vector(required(table, "position", where), where),
-        R=rotation_matrix(required(table, "rotation", where), where),
-    )
+    position, rotation = (required(table, key, where) for key in ("position", "rotation"))
+    return Frame(vector(position, where), rotation_matrix(rotation, where))
 
 
 def _read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, Array] | None:

@@ -54,8 +54,8 @@ def write_mjcf(
     if "sensors" in include:
         add_sensors(root, tree)
     if tree.links:
-        key = ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="home")
-        key.set("qpos", vector_text([freedom.home for freedom in tree.freedoms]))
+        home = vector_text([freedom.home for freedom in tree.freedoms])
+        ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="home", qpos=home)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -65,26 +65,16 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
     A ``points`` closure has ``@parent`` and ``@child`` sites too, in the joint's frames.
     """
-    if closure.type == "weld":
-        return [(f"{closure.joint}@weld", f"{closure.joint}@copy")]
-    if closure.type == "point":
-        return [(f"{closure.joint}@parent", f"{closure.joint}@child")]
-    count = len(closure.parent_points)
-    return [(f"{closure.joint}@parent{i + 1}", f"{closure.joint}@child{i + 1}") for i in range(count)]
+    near, far = ("weld", "copy") if closure.type == "weld" else ("parent", "child")
+    numbers = ("1", "2") if closure.type == "points" else ("",)
+    return [(f"{closure.joint}@{near}{i}", f"{closure.joint}@{far}{i}") for i in numbers]
 
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
     # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would be.
-    ET.SubElement(
-        root,
-        "compiler",
-        angle="radian",
-        inertiafromgeom="false",
-        balanceinertia="false",
-        boundmass="0",
-        boundinertia="0",
-        fusestatic="false",
-    )
+    exact = {"angle": "radian", "inertiafromgeom": "false", "balanceinertia": "false"}
+    exact |= {"boundmass": "0", "boundinertia": "0", "fusestatic": "false"}
+    ET.SubElement(root, "compiler", exact)
     option = ET.SubElement(root, "option", gravity=vector_text(gravity), jacobian="dense")
     stages = {"contact": "contacts", "limit": "limits", "sensor": "sensors"}
     off = {stage: "disable" for stage, part in stages.items() if part not in include}
@@ -124,8 +114,7 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
     near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, in the body frame.
     """
     frame = link.far_frame
-    joint = ET.SubElement(element, "joint", name=freedom.coordinate)
-    joint.set("type", "hinge" if freedom.turns else "slide")
+    joint = ET.SubElement(element, "joint", name=freedom.coordinate, type="hinge" if freedom.turns else "slide")
     if frame.p.any():
         joint.set("pos", vector_text(frame.p))
     joint.set("axis", vector_text(frame.R @ freedom.axis))
@@ -145,27 +134,19 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
         return
     equality = ET.SubElement(root, "equality")
     for closure in closures:
-        sides = ((closure.parent, closure.parent_frame), (closure.child, closure.child_frame))
-        if closure.type == "weld":
-            for (body, frame), name in zip(sides, site_names(closure)[0], strict=True):
-                _site(bodies[body], name, frame)
-        else:
-            for (body, frame), side in zip(sides, ("parent", "child"), strict=True):
-                _site(bodies[body], f"{closure.joint}@{side}", frame)
-        _equalities(equality, bodies, closure)
-
-
-def _equalities(equality: ET.Element, bodies: dict[str, ET.Element], closure: Closure) -> None:
-    pairs = site_names(closure)
-    for i, (site1, site2) in enumerate(pairs):
-        name = closure.joint if len(pairs) == 1 else f"{closure.joint}.{i + 1}"
-        if closure.type == "points":
-            _site(bodies[closure.parent], site1, Frame(p=closure.parent_points[i]))
-            _site(bodies[closure.child], site2, Frame(p=closure.child_points[i]))
-        kind = "weld" if closure.type == "weld" else "connect"
-        row = ET.SubElement(equality, kind, name=name, site1=site1, site2=site2)
-        if kind == "weld":
-            row.set("torquescale", "1")
+        pairs, weld = site_names(closure), closure.type == "weld"
+        sides = bodies[closure.parent], bodies[closure.child]
+        names = pairs[0] if weld else (f"{closure.joint}@parent", f"{closure.joint}@child")
+        for body, name, frame in zip(sides, names, (closure.parent_frame, closure.child_frame), strict=True):
+            _site(body, name, frame)
+        for i, pair in enumerate(pairs):
+            name = closure.joint if len(pairs) == 1 else f"{closure.joint}.{i + 1}"
+            if closure.type == "points":
+                for body, site, points in zip(sides, pair, (closure.parent_points, closure.child_points), strict=True):
+                    _site(body, site, Frame(p=points[i]))
+            row = ET.SubElement(equality, "weld" if weld else "connect", name=name, site1=pair[0], site2=pair[1])
+            if weld:
+                row.set("torquescale", "1")
 
 
 def _site(body: ET.Element, name: str, frame: Frame) -> None:

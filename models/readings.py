@@ -65,9 +65,7 @@ def matrix(p: Array, R: Array) -> Array:
 
 def screw(turns: bool, axis: Array, point: Array) -> Array:
     """Unit screw of a rotation or translation. Shape (6,)."""
-    if turns:
-        return np.concatenate([axis, np.cross(point, axis)])
-    return np.concatenate([np.zeros(3), axis])
+    return np.concatenate([axis, np.cross(point, axis)] if turns else [np.zeros(3), axis])
 
 
 #: Link -> the link above it and the moving joints between the two, from above downwards.
@@ -92,9 +90,8 @@ def read_yourdfpy(path: Path, home: Mapping[str, float]) -> Reading:
     robot = yourdfpy.URDF.load(str(path), load_meshes=False, load_collision_meshes=False)
     robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
     moving = {"revolute", "prismatic", "continuous"}
-    above = {
-        joint.child: (joint.parent, (joint.name,) if joint.type in moving else ()) for joint in robot.joint_map.values()
-    }
+    joints = robot.joint_map.values()
+    above = {joint.child: (joint.parent, (joint.name,) if joint.type in moving else ()) for joint in joints}
     solid = {name: link for name, link in robot.link_map.items() if link.inertial and link.inertial.mass}
     bodies = {}
     for name, link in solid.items():
@@ -104,7 +101,7 @@ def read_yourdfpy(path: Path, home: Mapping[str, float]) -> Reading:
         pose = robot.get_transform(name, robot.base_link)
         bodies[name] = BodyReading(near, passed, float(link.inertial.mass), origin[:3, 3], inertia, pose)
     screws = {}
-    for joint in robot.joint_map.values():
+    for joint in joints:
         if joint.type in moving:
             T = robot.get_transform(joint.child, robot.base_link)
             screws[joint.name] = screw(joint.type != "prismatic", T[:3, :3] @ joint.axis, T[:3, 3])
@@ -183,18 +180,11 @@ def read_mujoco(path: Path, home: Mapping[str, float]) -> Reading:
     mujoco.mj_kinematics(model, data)
     names = [model.body(i).name for i in range(model.nbody)]
     solid = {names[i]: i for i in range(1, model.nbody) if model.body_mass[i] > 0.0}
-    above = {
-        names[i]: (
-            names[model.body_parentid[i]],
-            tuple(joint for joint, j in joints.items() if model.jnt_bodyid[j] == i),
-        )
-        for i in range(1, model.nbody)
-    }
+    carried = [tuple(joint for joint, j in joints.items() if model.jnt_bodyid[j] == i) for i in range(model.nbody)]
+    above = {names[i]: (names[model.body_parentid[i]], carried[i]) for i in range(1, model.nbody)}
     bodies = {}
     for name, i in solid.items():
-        axes = np.zeros(9)
-        mujoco.mju_quat2Mat(axes, model.body_iquat[i])
-        R = axes.reshape(3, 3)
+        R = _mujoco_rotation(model.body_iquat[i])
         near, passed = _upwards(name, above, {*solid, GROUND})
         bodies[name] = BodyReading(
             GROUND if near == "world" else near,
@@ -208,12 +198,16 @@ def read_mujoco(path: Path, home: Mapping[str, float]) -> Reading:
         name: screw(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE, data.xaxis[i].copy(), data.xanchor[i])
         for name, i in joints.items()
     }
-    actuators = {model.actuator(i).name: _joint_of(model, i) for i in range(model.nu)}
+    actuators = {model.actuator(i).name: model.joint(model.actuator_trnid[i, 0]).name for i in range(model.nu)}
     return Reading(bodies, screws, _mujoco_closures(model), actuators, model.opt.gravity.copy())
 
 
-def _joint_of(model: Any, actuator: int) -> str:
-    return str(model.joint(model.actuator_trnid[actuator, 0]).name)
+def _mujoco_rotation(quaternion: Array) -> Array:
+    import mujoco
+
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, quaternion)
+    return R.reshape(3, 3)
 
 
 def _mujoco_closures(model: Any) -> dict[str, tuple[str, Array, str, Array]]:
@@ -221,9 +215,7 @@ def _mujoco_closures(model: Any) -> dict[str, tuple[str, Array, str, Array]]:
     import mujoco
 
     def frame(site: int) -> Array:
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, model.site_quat[site])
-        return matrix(model.site_pos[site], R.reshape(3, 3))
+        return matrix(model.site_pos[site], _mujoco_rotation(model.site_quat[site]))
 
     closures = {}
     for i in range(model.neq):

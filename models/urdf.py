@@ -65,14 +65,8 @@ def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame:
     _ends(joint, near, far)
     ET.SubElement(joint, "axis", xyz=vector_text(freedom.axis))
     low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
-    ET.SubElement(
-        joint,
-        "limit",
-        lower=number_text(low),
-        upper=number_text(high),
-        effort=number_text(STRONG),
-        velocity=number_text(STRONG),
-    )
+    bounds = {"lower": low, "upper": high, "effort": STRONG, "velocity": STRONG}
+    ET.SubElement(joint, "limit", {key: number_text(value) for key, value in bounds.items()})
 
 
 def _ends(joint: ET.Element, near: str, far: str) -> None:
@@ -89,7 +83,6 @@ def _inertial(link: ET.Element, body: Body) -> None:
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=number_text(body.mass))
-    axes = "xyz"
     entries = [(i, j) for i in range(3) for j in range(i, 3)]  # xx xy xz yy yz zz
-    moments = {f"i{axes[i]}{axes[j]}": number_text(body.inertia[i, j]) for i, j in entries}
+    moments = {f"i{'xyz'[i]}{'xyz'[j]}": number_text(body.inertia[i, j]) for i, j in entries}
     ET.SubElement(inertial, "inertia", moments)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from flint import arb, arb_mat
 
-from screwgauge.truth.certify import NotCertified, independent_rows
-from screwgauge.truth.exact import Vector, cross, dot, solve, unit_vector
+from screwgauge.truth.certify import NotCertified, floats, independent_rows
+from screwgauge.truth.exact import Vector, cross, normalized, solve, unit_vector
 from screwgauge.truth.forces import WORLD, BallLoad, balances, driving, required, unknowns
 from screwgauge.truth.kinematics import State, point
 from screwgauge.truth.linkage import Linkage
@@ -51,7 +50,7 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb]:
     """Solves for the coefficients of the columns; of dependent ones, those that are left out are zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
-        chosen = independent_rows(np.array([[float(x.mid()) for x in column] for column in columns]), len(right))
+        chosen = independent_rows(floats(arb_mat(columns)), len(right))
     system = arb_mat([columns[i] for i in chosen]).transpose()
     try:
         x = solve(system, arb_mat([[value] for value in right])).entries()
@@ -71,9 +70,7 @@ def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict
     joint, direction = axial
     line = unit_vector(direction)
     k = min(range(3), key=lambda i: abs(float(line[i].mid())))
-    first = cross(line, WORLD[k])
-    size = dot(first, first).sqrt()
-    first = [x / size for x in first]
+    first = normalized(cross(line, WORLD[k]))
     child = now.bodies[linkage.mechanism.body_index[linkage.mechanism.joint(joint).child]][0]
     columns = [names.index(f"{joint}.f{axis}") for axis in "xyz"]
     return [dict(zip(columns, point(child, across, 0), strict=True)) for across in (first, cross(line, first))]

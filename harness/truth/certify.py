@@ -23,6 +23,10 @@ class NotCertified(ScrewgaugeError):
     """A pose for which no enclosure could be proved."""
 
 
+def _singular() -> NotCertified:
+    return NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+
+
 def independent_rows(J: Array, n: int) -> list[int]:
     """n rows of full rank, the selection (last) rows first; all rows where there are only n.
 
@@ -39,11 +43,17 @@ def independent_rows(J: Array, n: int) -> list[int]:
         size[chosen] = -1.0
         best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
         if size[best] < 1e-9:
-            raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+            raise _singular()
         chosen.append(best)
         unit = left[best] / size[best]
         left = left - np.outer(left @ unit, unit)
     return sorted(chosen)
+
+
+def check_near(G: arb_mat) -> None:
+    """Refuses a loop that is turned by more than a right angle: it is not near closing."""
+    if not G[0, 0] + G[1, 1] + G[2, 2] > 1:
+        raise NotCertified("a loop is far from closed", "", "check the motion")
 
 
 class Certifier:
@@ -66,27 +76,34 @@ class Certifier:
         Raises:
             NotCertified: No box could be verified.
         """
-        J = _floats(self.linkage.jacobian([arb(x) for x in start]))
+        J = floats(self.linkage.jacobian([arb(x) for x in start]))
         rows = independent_rows(J, self.n)
-        for refine in (self._simplified, self._full):  # the second only where the first does not do
+        for J_start in (J, None):  # the second only where the first does not do
             try:
-                return *self._verify(*refine(start, y, rows), y, rows), rows
-            except (NotCertified, np.linalg.LinAlgError, ZeroDivisionError) as error:
+                return *self._verify(*self._newton(start, y, rows, J_start), y, rows), rows
+            except NotCertified as error:
                 reason = error
-        if isinstance(reason, NotCertified):
-            raise reason
-        raise NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+            except (np.linalg.LinAlgError, ZeroDivisionError):
+                reason = _singular()
+        raise reason
 
-    def _simplified(self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
-        """Newton's method with the one Jacobian of the start, in doubles. Returns a pose and an approximate inverse."""
+    def _newton(
+        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int], J: Array | None
+    ) -> tuple[list[arb], arb_mat]:
+        """Newton's method. Returns a pose and an approximate inverse of the Jacobian there.
+
+        Args:
+            J: The one Jacobian of the start, in doubles. None takes one of all digits at every step: near a singular
+                pose doubles have too few.
+        """
         m = [arb(x) for x in start]
-        J = _floats(self.linkage.jacobian(m))
-        Y = arb_mat(np.linalg.inv(J[rows]).tolist())
+        fixed = None if J is None else arb_mat(np.linalg.inv(J[rows]).tolist())
         last = 1e3  # [rad or m] a larger step leads nowhere
         for _ in range(NEWTON):
+            Y = _midpoints(self._square(m, rows).inv()) if fixed is None else fixed
             d = (Y * self._error(m, y, rows)).entries()
             size = max(float(x.abs_upper()) for x in d)
-            if not size < last:  # down to rounding, or lost
+            if fixed is not None and not size < last:  # down to rounding, or lost
                 break
             m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
             last = size / 2
@@ -94,23 +111,9 @@ class Certifier:
                 break
         return m, Y
 
-    def _full(self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
-        """Newton's method with a Jacobian of all digits at every step: near a singular pose doubles have too few."""
-        m = [arb(x) for x in start]
-        for _ in range(NEWTON):
-            Y = _midpoints(self._square(m, rows).inv())
-            d = (Y * self._error(m, y, rows)).entries()
-            m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
-            if max(float(x.abs_upper()) for x in d) < 2.0 ** (40 - ctx.prec):
-                break
-        return m, Y
-
     def _square(self, q: Sequence[arb], rows: Sequence[int]) -> arb_mat:
         """Jacobian of the rows chosen. Shape (n, n)."""
-        J = self.linkage.jacobian(q)
-        if len(rows) == J.nrows():
-            return J
-        table = J.tolist()
+        table = self.linkage.jacobian(q).tolist()
         return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
@@ -118,8 +121,7 @@ class Certifier:
         jets = [[x] for x in q]
         errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
-            if not G[0, 0] + G[1, 1] + G[2, 2] > 1:  # turned by more than a right angle: not near closing
-                raise NotCertified("a loop is far from closed", "", "check the motion")
+            check_near(G)
             errors += error(G)
         chosen = self.linkage.mechanism.independent_columns
         errors += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
@@ -141,7 +143,8 @@ class Certifier:
         raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
 
 
-def _floats(M: arb_mat) -> Array:
+def floats(M: arb_mat) -> Array:
+    """The midpoints as doubles."""
     return np.array([[float(x.mid()) for x in row] for row in M.tolist()])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import operator
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cache
@@ -12,6 +13,10 @@ from flint import arb, arb_mat, ctx, fmpq
 
 Vector = list[arb]
 
+_OPERATIONS: dict[type, Callable[[arb, arb], arb]] = {
+    getattr(ast, name): getattr(operator, function)
+    for name, function in (("Add", "add"), ("Sub", "sub"), ("Mult", "mul"), ("Div", "truediv"), ("Pow", "pow"))
+}
 _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
     name: getattr(arb, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
 }
@@ -42,25 +47,10 @@ def _evaluate(node: ast.expr, text: str) -> arb:
             inner = _evaluate(operand, text)
             return -inner if isinstance(op, ast.USub) else inner
         case ast.BinOp(left=left, op=op, right=right):
-            return _combine(op, _evaluate(left, text), _evaluate(right, text))
+            return _OPERATIONS[type(op)](_evaluate(left, text), _evaluate(right, text))
         case ast.Call(func=ast.Name(id=name), args=[argument]):
             return _FUNCTIONS[name](_evaluate(argument, text))
     raise ValueError(f"'{text}' cannot be read as a number")
-
-
-def _combine(op: ast.operator, a: arb, b: arb) -> arb:
-    match op:
-        case ast.Add():
-            return a + b
-        case ast.Sub():
-            return a - b
-        case ast.Mult():
-            return a * b
-        case ast.Div():
-            return a / b
-        case ast.Pow():
-            return a**b
-    raise ValueError("unknown operation")
 
 
 def vector(values: Any) -> Vector:
@@ -70,7 +60,10 @@ def vector(values: Any) -> Vector:
 
 def unit_vector(values: Any) -> Vector:
     """A vector divided by its norm: the text may give a unit vector in rounded decimals."""
-    v = vector(values)
+    return normalized(vector(values))
+
+
+def normalized(v: Vector) -> Vector:
     norm = dot(v, v).sqrt()
     return [x / norm for x in v]
 
@@ -93,9 +86,7 @@ def _orthonormal(rows: Any) -> arb_mat:
     first = unit_vector(rows[0])
     second = vector(rows[1])
     along = dot(first, second)
-    second = [y - along * x for x, y in zip(first, second, strict=True)]
-    norm = dot(second, second).sqrt()
-    second = [y / norm for y in second]
+    second = normalized(difference(second, [along * x for x in first]))
     return arb_mat([first, second, cross(first, second)])
 
 
@@ -149,6 +140,10 @@ def skew(v: Vector) -> arb_mat:
 
 def dot(a: Vector, b: Vector) -> arb:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def difference(a: Vector, b: Vector) -> Vector:
+    return [x - y for x, y in zip(a, b, strict=True)]
 
 
 def cross(a: Vector, b: Vector) -> Vector:

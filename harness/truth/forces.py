@@ -14,7 +14,7 @@ from flint import arb, arb_mat
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.reactions import by_role
 from screwgauge.truth.certify import NotCertified
-from screwgauge.truth.exact import Vector, cross, dot
+from screwgauge.truth.exact import Vector, cross, difference, dot, normalized
 from screwgauge.truth.kinematics import State, point, spin
 from screwgauge.truth.linkage import Linkage
 
@@ -42,8 +42,8 @@ class Unknown:
     name: str
     unit: str
     joint: Joint
-    force: Vector | None
-    moment: Vector | None
+    is_force: bool
+    direction: Vector
     point: Vector
 
 
@@ -86,36 +86,21 @@ def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
 
 def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
     frames, index = linkage.frames[joint.name], linkage.mechanism.body_index
-    parent, child = (
-        now.bodies[index[joint.parent]][0] * frames.parent,
-        now.bodies[index[joint.child]][0] * frames.child,
-    )
+    parent = now.bodies[index[joint.parent]][0] * frames.parent
+    child = now.bodies[index[joint.child]][0] * frames.child
     at = [child[i, 3] for i in range(3)]
     columns = [point(child, axis, 0) for axis in WORLD]
     world = [(f"f{name}", True, axis) for name, axis in zip("xyz", WORLD, strict=True)]
-    if joint.kind in "SU":
-        parts = world
-    else:
-        across = _across(frames.axes[0], child)
-        parts = [(f"f{name}", True, d) for name, d in across] if joint.kind in "PC" else world
-        if joint.kind in "RC":
-            parts = parts + [(f"m{name}", False, d) for name, d in across]
-        elif joint.kind == "P":
-            parts = parts + [(f"m{name}", False, d) for name, d in zip("xyz", columns, strict=True)]
+    across = [] if joint.kind in "SU" else _across(frames.axes[0], child)
+    parts = [(f"f{name}", True, d) for name, d in across] if joint.kind in "PC" else world
+    turns = across if joint.kind in "RC" else zip("xyz", columns, strict=True) if joint.kind == "P" else []
+    parts = parts + [(f"m{name}", False, d) for name, d in turns]
     if joint.kind == "U":
         normal = cross(point(parent, frames.axes[0], 0), point(child, frames.axes[1], 0))
-        size = dot(normal, normal).sqrt()
-        parts = [*parts, ("m", False, [x / size for x in normal])]
+        parts = [*parts, ("m", False, normalized(normal))]
     return [
-        Unknown(
-            f"{joint.name}.{label}",
-            "N" if force else "N m",
-            joint,
-            d if force else None,
-            None if force else d,
-            at,
-        )
-        for label, force, d in parts
+        Unknown(f"{joint.name}.{label}", "N" if is_force else "N m", joint, is_force, direction, at)
+        for label, is_force, direction in parts
     ]
 
 
@@ -125,9 +110,7 @@ def _across(axis: Vector, child: arb_mat) -> list[tuple[str, Vector]]:
     others = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in others):
         return [("xyz"[i], point(child, WORLD[i], 0)) for i in others]
-    first = cross(axis, WORLD[others[0]])
-    size = dot(first, first).sqrt()
-    first = [x / size for x in first]
+    first = normalized(cross(axis, WORLD[others[0]]))
     return [("1", point(child, first, 0)), ("2", point(child, cross(axis, first), 0))]
 
 
@@ -138,8 +121,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
         frames = linkage.frames[joint.name]
         child = now.bodies[index[joint.child]][0] * frames.child
         axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
-        turns = joint.kind == "R"
-        actuators.append(Unknown(joint.name, "", joint, None if turns else axis, axis if turns else None, at))
+        actuators.append(Unknown(joint.name, "", joint, joint.kind != "R", axis, at))
     return actuators
 
 
@@ -153,11 +135,11 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
         for side, sign in ((index[part.joint.child], 1), (index[part.joint.parent], -1)):
             if not side:
                 continue
-            f, moment = part.force, part.moment
-            if f is not None:
-                moment = cross([p - c for p, c in zip(part.point, com[side - 1], strict=True)], f)
-                column[6 * side - 6 : 6 * side - 3] = [x * sign for x in f]
-            column[6 * side - 3 : 6 * side] = [x * sign for x in moment or WORLD[0]]
+            moment = part.direction
+            if part.is_force:
+                moment = cross(difference(part.point, com[side - 1]), part.direction)
+                column[6 * side - 6 : 6 * side - 3] = [x * sign for x in part.direction]
+            column[6 * side - 3 : 6 * side] = [x * sign for x in moment]
         columns.append(column)
     return columns
 
@@ -170,15 +152,13 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
         R = arb_mat([row[:3] for row in T[0].tolist()[:3]])
         J = R * mass.tensor * R.transpose()
         w, b = spin(T, 1), spin(T, 2)
-        Jw = (J * arb_mat([[x] for x in w])).entries()
-        Jb = (J * arb_mat([[x] for x in b])).entries()
+        Jw, Jb = ((J * arb_mat([[x] for x in v])).entries() for v in (w, b))
         M = [x + y for x, y in zip(Jb, cross(w, Jw), strict=True)]
         for load in loads:
             if load.body == i:
-                F = [x - f for x, f in zip(F, load.force, strict=True)]
-                M = [x - m for x, m in zip(M, load.torque, strict=True)]
+                F, M = difference(F, load.force), difference(M, load.torque)
                 if load.point is not None:
-                    arm = point(T[0], [p - c for p, c in zip(load.point, mass.com, strict=True)], 0)
-                    M = [x - m for x, m in zip(M, cross(arm, load.force), strict=True)]
+                    arm = point(T[0], difference(load.point, mass.com), 0)
+                    M = difference(M, cross(arm, load.force))
         right += [*F, *M]
     return right

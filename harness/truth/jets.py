@@ -6,6 +6,8 @@ truth come from multiplying such series; no formula for a velocity or an acceler
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
 from typing import Any
 
 from flint import arb, arb_mat
@@ -16,12 +18,7 @@ MatrixJet = list[arb_mat]
 
 def mul(a: list[Any], b: list[Any]) -> list[Any]:
     """Product of two series of equal length."""
-    out = [a[0] * b[0]]
-    if len(a) > 1:
-        out.append(a[0] * b[1] + a[1] * b[0])
-    if len(a) > 2:
-        out.append(a[0] * b[2] + a[1] * b[1] + a[2] * b[0])
-    return out
+    return [reduce(add, (a[i] * b[k - i] for i in range(k + 1))) for k in range(len(a))]
 
 
 def sin_cos(q: Jet) -> tuple[Jet, Jet]:
@@ -44,8 +41,7 @@ def inverse(T: MatrixJet) -> MatrixJet:
     turned = [arb_mat([[r[i][j] for i in range(3)] for j in range(3)]) for r in rows]
     origin = [arb_mat([[r[i][3]] for i in range(3)]) for r in rows]
     back = mul(turned, origin)
-    out = []
-    for k, (R, p) in enumerate(zip(turned, back, strict=True)):
-        r = R.tolist()
-        out.append(arb_mat([*([*r[i], -p[i, 0]] for i in range(3)), [0, 0, 0, int(k == 0)]]))
-    return out
+    return [
+        arb_mat([*([*row, -p[i, 0]] for i, row in enumerate(R.tolist())), [0, 0, 0, int(k == 0)]])
+        for k, (R, p) in enumerate(zip(turned, back, strict=True))
+    ]

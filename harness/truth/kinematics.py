@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from flint import arb, arb_mat
 
-from screwgauge.truth.certify import Certifier, NotCertified
+from screwgauge.truth.certify import Certifier, NotCertified, check_near
 from screwgauge.truth.exact import Vector, solve
 from screwgauge.truth.jets import Jet, MatrixJet
 from screwgauge.truth.linkage import Linkage, error
@@ -63,15 +63,10 @@ def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
 def _check(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
     """Every coefficient of every closing error must hold zero, those left out of the solution too."""
     for G in linkage.close(q, bodies):
-        if not G[0][0, 0] + G[0][1, 1] + G[0][2, 2] > 1:
-            raise NotCertified("a loop is far from closed", "", "check the motion")
-        for coefficient in G:
-            if not all(e.contains(0) for e in error(coefficient)):
-                raise NotCertified(
-                    "the redundant loops do not close",
-                    "",
-                    "correct the placements; their text must close exactly",
-                )
+        check_near(G[0])
+        if not all(e.contains(0) for coefficient in G for e in error(coefficient)):
+            remedy = "correct the placements; their text must close exactly"
+            raise NotCertified("the redundant loops do not close", "", remedy)
 
 
 def spin(T: MatrixJet, order: int) -> Vector:

@@ -90,29 +90,15 @@ class Linkage:
         columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
         tree, index = spanning_tree(mechanism), mechanism.body_index
         self.edges = [
-            (
-                index[edge.near],
-                index[edge.far],
-                self._steps(edge.joint, columns[edge.joint.name], edge.reverse),
-            )
+            (index[edge.near], index[edge.far], self._steps(edge.joint, columns[edge.joint.name], edge.reverse))
             for edge in tree.edges
         ]
-        self.cuts = [
-            (
-                index[j.parent],
-                index[j.child],
-                self._steps(j, columns[j.name], False),
-                self.frames[j.name].child,
-            )
-            for j in tree.cuts
-        ]
+        self.cuts = [(index[j.parent], index[j.child], self._steps(j, columns[j.name], False)) for j in tree.cuts]
         path: list[set[int]] = [set() for _ in index]
-        for near, far, steps in self.edges:
-            path[far] = path[near] | {step.column for step in steps if isinstance(step, Move)}
-        self.loops = [
-            _sides(path[parent] | {step.column for step in steps if isinstance(step, Move)}, path[child])
-            for parent, child, steps, _ in self.cuts
-        ]
+        for edge, (near, far, _) in zip(tree.edges, self.edges, strict=True):
+            path[far] = path[near] | {*columns[edge.joint.name]}
+        ways = [(path[index[j.parent]] | {*columns[j.name]}, path[index[j.child]]) for j in tree.cuts]
+        self.loops = [[(column, column in via, column in back) for column in sorted(via | back)] for via, back in ways]
 
     def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
         """Frame, freedoms, frame back: from the parent to the child, or the other way."""
@@ -131,8 +117,7 @@ class Linkage:
         Args:
             spots: Filled, where given, with ``sign P D P^-1`` of each tree freedom, P being its frame.
         """
-        order = len(q[0])
-        ground = [identity(4), *(arb_mat(4, 4) for _ in range(order - 1))]
+        ground = [identity(4), *(arb_mat(4, 4) for _ in q[0][1:])]
         bodies: list[MatrixJet] = [ground] * len(self.mechanism.body_index)
         for near, far, steps in self.edges:
             bodies[far] = _walk(bodies[near], steps, q, spots)
@@ -142,10 +127,10 @@ class Linkage:
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
         """For each loop the matrix ``G = via tree^-1`` of its two ways to one body: the identity where it closes."""
-        ways = []
-        for parent, child, steps, _ in self.cuts:
-            ways.append(mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child])))
-        return ways
+        return [
+            mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child]))
+            for parent, child, steps in self.cuts
+        ]
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
         """Derivative of the closing errors and of the selected coordinates. Shape (6 n_cut + k, n_q)."""
@@ -185,10 +170,6 @@ def _walk(T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int
 def _is_identity(T: arb_mat) -> bool:
     """Whether it surely is; the operator != of balls would say no wherever it only may be."""
     return bool(identity(4) == T)
-
-
-def _sides(via: set[int], tree: set[int]) -> list[tuple[int, bool, bool]]:
-    return [(column, column in via, column in tree) for column in sorted(via | tree)]
 
 
 def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
