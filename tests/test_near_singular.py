@@ -9,17 +9,18 @@ import pytest
 from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
-from screwgauge.engines.screw.inverse import solve_layout
-from screwgauge.problem import OldProblem
+from screwgauge.engines.screw.model import ScrewModel
+from screwgauge.problem import ModelFiles, Problem
 from screwgauge.reference import dynamics
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.resting import home_equations
 from screwgauge.scene.preflight import check_scene
-from screwgauge.scene.scene import load_scene
+from screwgauge.scene.read import load_scene
 from screwgauge.study.ask import solve
-from screwgauge.study.stress.inverse.whole_system import whole_system
+from screwgauge.study.method import Method
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")
@@ -77,10 +78,10 @@ def test_size_does_not_matter(size):
     motion = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]]).motion
 
     def forces(s: float) -> tuple[np.ndarray, np.ndarray]:
-        loads = tuple(replace(x, force=s**4 * x.force, torque=s**5 * x.torque) for x in scene.loads)
+        loads = tuple(replace(x, force=s**4 * x.force, torque=s**5 * x.torque) for x in scene.applied.loads)
         quantities = frozenset({"generalized_force", "actuator_force"})
-        problem = OldProblem(scene.mechanism_file, None, s * scene.gravity, loads, "min_norm", motion, quantities)
-        found = solve_layout(problem, layout(enlarged(scene.mechanism, s))).values
+        problem = Problem(Applied(gravity=s * scene.applied.g, loads=loads), motion, quantities)
+        found = ScrewModel(layout(enlarged(scene.mechanism, s))).solve(problem).values
         return found["generalized_force"].array / s**5, found["actuator_force"].array / s**4
 
     for own, other in zip(forces(size), forces(1.0), strict=True):
@@ -126,7 +127,7 @@ def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
 def test_speed_costs_no_engine_its_digits(speed):
     scene = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]])
     motion = scene.motion
-    scene = replace(scene, motion=replace(motion, yd=speed * motion.yd, ydd=speed**2 * motion.ydd))
+    scene = replace(scene, task=replace(motion, yd=speed * motion.yd, ydd=speed**2 * motion.ydd))
     results = screwgauge.run(scene, engines=ENGINES, quantities=DYNAMICS)
     assert results.pairs["max_scaled"].max() <= THIRTEEN, results.pairs.to_string()
 
@@ -167,7 +168,8 @@ def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide(
     for seed in (0, 1):
         scene = moving_at(before_upu(CLOSE, 8, seed), seed=seed)
         truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array
-        force, _ = whole_system(scene, refined=True)
+        model = Method("screw", {"whole_system": True, "refined": True}).load(ModelFiles(scene.mechanism_file))
+        force = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
         assert np.abs(force - truth).max() / np.abs(truth).max() < THIRTEEN
 
 

@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
-import mujoco
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from asking import model_files
 
-from screwgauge.scene.scene import load_scene
-from screwgauge.study.cases.case import GOOD, SILENT
-from screwgauge.study.stress.driven import refinement, softness
-from screwgauge.study.stress.driven.held import Held, hold
-from screwgauge.study.stress.driven.mujoco_steps import Setting, step
+from screwgauge.engines.mujoco.settings import INTEGRATORS, has_integrator
+from screwgauge.reference.rotations import Array
+from screwgauge.study.cases.case import GOOD, SILENT, Finding
+from screwgauge.study.cases.question import Question, findings
+from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
+from screwgauge.study.method import Method
+from screwgauge.study.stress import climb
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s
 STRAIGHT = 0.1  # of a whole slope: higher orders still act at the largest steps
-INTEGRATORS = [name.removeprefix("mjINT_") for name in mujoco.mjtIntegrator.__members__]
+FILES = model_files("3ups-upu-s", "mujoco")
 
 
 @pytest.fixture(scope="module")
-def held() -> Held:
+def motion() -> Question:
     """The default scene from t = 1 s on; the loops have given way, to a fraction of a percent, after 0.2 s."""
-    return hold(load_scene("3ups-upu-s"), 1.0, np.linspace(0.0, 0.2, 3), 1e-11)
+    return held(0.2, 3, 1e-11)
+
+
+def step(motion: Question, dt: float, **settings: object) -> dict[str, Array]:
+    """What MuJoCo's own steps lead to. Quantity -> shape (n, m)."""
+    solution = Method("mujoco", {"dt": dt, "work": False, **settings}).load(FILES).solve(motion.problem)
+    assert not solution.stopped
+    return {name: values.array for name, values in motion.read(motion, solution).items()}
 
 
 def slope(x, y) -> float:
@@ -29,52 +42,57 @@ def slope(x, y) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_the_loop_opens_by_seven_millimetres_whatever_step_and_integrator(held: Held, integrator: str) -> None:
-    gaps = [step(held, Setting(integrator), dt).gap.max() for dt in STEPS]
+@pytest.mark.parametrize("integrator", list(filter(has_integrator, INTEGRATORS)))
+def test_the_loop_opens_by_seven_millimetres_whatever_step_and_integrator(motion: Question, integrator: str) -> None:
+    gaps = [step(motion, dt, integrator=integrator)["loop_gap"].max() for dt in STEPS]
     assert abs(slope(STEPS, gaps)) < FLAT
     assert min(gaps) > 6.5e-3
     assert max(gaps) < 7.5e-3
 
 
-def test_a_stiffer_loop_opens_less_as_impedance_and_time_constant_say(held: Held) -> None:
+def test_a_stiffer_loop_opens_less_as_impedance_and_time_constant_say(motion: Question) -> None:
     impedances = np.array([0.99, 0.999, 0.9999])
-    gaps = [step(held, Setting(impedance=d), 1e-4).gap.max() for d in impedances]
+    gaps = [step(motion, 1e-4, solimp=d)["loop_gap"].max() for d in impedances.tolist()]
     assert slope((1 - impedances) / impedances, gaps) == pytest.approx(1.0, abs=STRAIGHT)
     constants = (0.0025, 0.005, 0.01)
-    gaps = [step(held, Setting(impedance=0.95, constant=c), 1e-4).gap.max() for c in constants]
+    gaps = [step(motion, 1e-4, solimp=0.95, solref=c)["loop_gap"].max() for c in constants]
     assert slope(constants, gaps) == pytest.approx(2.0, abs=STRAIGHT)
 
 
-def test_refined_steps_have_no_floor_but_an_error_of_first_order(held: Held) -> None:
-    found = [step(held, Setting(impedance=0.9999, passes=4), dt) for dt in STEPS]
-    assert slope(STEPS, [steps.gap[1:].max() for steps in found]) == pytest.approx(1.0, abs=STRAIGHT)
-    columns = [held.names.index(name) for name in found[0].names]
-    right = held.reactions[:, columns]
-    errors = [np.abs(steps.force - right).max() / np.abs(right).max() for steps in found]
-    assert slope(STEPS, errors) == pytest.approx(1.0, abs=STRAIGHT)
-    energies = [np.abs(steps.energy - held.path.energy).max() for steps in found]
-    assert slope(STEPS, energies) == pytest.approx(1.0, abs=STRAIGHT)
+def test_refined_steps_have_no_floor_but_an_error_of_first_order(motion: Question) -> None:
+    stepped, right = [step(motion, dt, solimp=0.9999, passes=4) for dt in STEPS], in_tree(motion).values
+    assert slope(STEPS, [one["loop_gap"][1:].max() for one in stepped]) == pytest.approx(1.0, abs=STRAIGHT)
+    for quantity in ("constraint_force", "energy"):
+        errors = [np.abs(one[quantity] - right[quantity].array).max() for one in stepped]
+        assert slope(STEPS, errors) == pytest.approx(1.0, abs=STRAIGHT)
+
+
+def refined(softness: float) -> list[Finding]:
+    """The findings of each number of passes."""
+    return [one for one in climb(load("refinement"), softness) if one.engine.startswith("mujoco")]
 
 
 def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
     softnesses = np.array([1e-2, 3e-3, 1e-3])
-    for passes in (0, 1, 2):
-        errors = [refinement.mujoco(1.0 - s, passes, np.nan).error for s in softnesses]
+    found = [refined(softness) for softness in softnesses.tolist()]
+    for k, passes in enumerate(list(PASSES)[:3]):
+        errors = [rows[k].error for rows in found]
         assert slope(softnesses / (1 - softnesses), errors) == pytest.approx(passes + 1, abs=STRAIGHT)
 
 
-def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_loop() -> None:
-    errors = [refinement.mujoco(0.9999, passes, np.nan).error for passes in range(5)]
+def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_loop(tmp_path: Path) -> None:
+    question = list(load("refinement").ask(1e-4, True, tmp_path))[1]
+    methods = tuple(Method("mujoco", {"solimp": 0.9999, "passes": passes}) for passes in range(5))
+    errors = [finding.error for finding in findings(replace(question, methods=methods))]
     # each pass but the last, which ends in rounding, is worth more than three digits
     assert np.diff(np.log10(errors[:4])).max() < -3.0
     assert errors[4] < GOOD
 
 
 def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
-    found = list(softness.climb(1e-3, 0.05))
+    found = climb(load("softness"), 1e-3, quick=True)
     labels = dict.fromkeys(finding.engine for finding in found)
-    assert list(labels) == ["screw", *softness.settings()]
+    assert list(labels) == ["screw", *(f"mujoco {label}" for label in SETTINGS)]
     assert {finding.quantity for finding in found} == {*("loop_gap", "constraint_force", "energy", "joint_position")}
     assert all(finding.error < GOOD for finding in found if finding.engine == "screw")
     silent = [finding for finding in found if finding.verdict == SILENT]

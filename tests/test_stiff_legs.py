@@ -3,77 +3,99 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import Integration
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
-from screwgauge.study.stress.stiff import accelerations as stiff_accelerations
-from screwgauge.study.stress.stiff import motion as stiff_motion
-from screwgauge.study.stress.stiff.springs import leg_springs
+from screwgauge.study.cases.pushed import SCREW, loaded, push, tree_coordinates
+from screwgauge.study.cases.question import Question, findings
+from screwgauge.study.cases.stiff import RADAU, STIFF_LEGS, accelerations, explicit, leg_springs, motion, tolerant
+from screwgauge.study.method import Method
+from screwgauge.study.stress import climb
+
+SPRUNG = load_mechanism("3ups-upu-s")
 
 
-def right(stiffness: float) -> stiff_motion.Right:
-    return stiff_motion.right_motion(leg_springs(load_mechanism("3ups-upu-s"), stiffness))
+def right(stiffness: float, folder: Path) -> tuple[Question, float]:
+    return motion(leg_springs(SPRUNG, stiffness), folder)
 
 
-def integrated(stiffness: float, method: stiff_motion.Method) -> list[Finding]:
+def integrated(stiffness: float, integration: Integration, folder: Path) -> list[Finding]:
     """`screw` on its own acceleration, by one of scipy's methods."""
-    found = right(stiffness)
-    problem = stiff_motion.make_problem(leg_springs(load_mechanism("3ups-upu-s"), stiffness), found.times)
-    return list(stiff_motion.integrated("screw Radau", replace(problem, method=method), found))
+    return list(findings(tolerant(right(stiffness, folder)[0], integration, SCREW)))
 
 
-def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs() -> None:
+def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs(tmp_path: Path) -> None:
     stiffness = np.array([1e6, 1e10])
-    fastest = [right(k).fastest for k in stiffness]
+    fastest = [right(k, tmp_path)[1] for k in stiffness.tolist()]
     assert fastest[1] == pytest.approx(1e5, rel=0.05)
     assert np.diff(np.log(fastest)) / np.diff(np.log(stiffness)) == pytest.approx(0.5, abs=0.01)
 
 
-def test_the_reference_and_an_explicit_method_agree() -> None:
+def test_the_reference_and_an_explicit_method_agree(tmp_path: Path) -> None:
     """Two integrators that share nothing but the accelerations; DOP853 at 1e-9 leaves some 1e-10."""
-    for finding in integrated(1e4, stiff_motion.Method("DOP853", 1e-9, 1e-11)):
+    for finding in integrated(1e4, Integration("DOP853", 1e-9, 1e-11), tmp_path):
         assert finding.error < GOOD, finding
 
 
-def test_a_looser_tolerance_is_admitted_to_lose_digits() -> None:
-    for finding in integrated(1e4, stiff_motion.RADAU):
+def test_a_looser_tolerance_is_admitted_to_lose_digits(tmp_path: Path) -> None:
+    for finding in integrated(1e4, RADAU, tmp_path):
         assert finding.verdict == DEGRADED
         assert "the tolerance, 1e-05, admits" in finding.reason
 
 
-def test_an_explicit_method_is_refused_with_its_stable_step() -> None:
-    found = right(1e10)
-    problem = stiff_motion.make_problem((), found.times)
-    motion, energy = stiff_motion.explicit(problem, found)
-    assert motion.verdict == energy.verdict == REFUSED
-    assert "eigenvalue of 9.9e+04 1/s bounds its step to 6.1e-05 s" in motion.reason
+def test_an_explicit_method_is_refused_with_its_stable_step(tmp_path: Path) -> None:
+    position, energy = findings(explicit(*right(1e10, tmp_path)))
+    assert position.verdict == energy.verdict == REFUSED
+    assert "eigenvalue of 9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
 
 
-def test_the_error_of_accelerations_grows_with_stiffness_as_the_guard_admits() -> None:
+def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path: Path) -> None:
     stiffness = np.array([1e7, 1e8, 1e9, 1e10])
-    found = {k: list(stiff_accelerations.climb(k)) for k in (1e2, *stiffness)}
+    found = {k: [one for q in accelerations(k, tmp_path) for one in findings(q)] for k in (1e2, *stiffness.tolist())}
     assert {finding.verdict for finding in found[1e2]} == {OK}
     for i, engine in enumerate(("screw", "pinocchio", "mujoco")):
-        rows = [found[k][i] for k in stiffness]
+        rows = [found[k][i] for k in stiffness.tolist()]
         assert {row.engine for row in rows} == {engine}
         slope = np.polyfit(np.log(stiffness), np.log([row.error for row in rows]), 1)[0]
         assert slope == pytest.approx(1.0, abs=0.3)  # rounding errors scatter
         assert all(row.verdict in (OK, DEGRADED) for row in rows)
-    admitted = [found[k][0].admitted for k in stiffness]
+    admitted = [found[k][0].admitted for k in stiffness.tolist()]
     assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(1.0, abs=1e-3)  # dampers: root
 
 
 def test_a_rung_holds_every_engine_and_only_fixed_steps_are_silent() -> None:
-    found = list(stiff_motion.climb(1e2))
+    found = climb(STIFF_LEGS, 1e2)
+    assert {finding.quantity for finding in found} == {"joint_acceleration", "motion", "energy"}
+    found = [finding for finding in found if finding.quantity != "joint_acceleration"]
     assert list(dict.fromkeys(finding.engine for finding in found)) == [
         *("screw DOP853", "screw Radau", "pinocchio Radau", "mujoco Radau"),
         *("pinocchio Euler", "mujoco Euler", "mujoco implicitfast"),
     ]
-    assert {finding.quantity for finding in found} == {"motion", "energy"}
     for finding in found:
         own = finding.engine in ("pinocchio Euler", "mujoco Euler", "mujoco implicitfast")
         assert (finding.verdict == SILENT) == own, finding
         assert finding.reason
+
+
+def test_engines_agree_on_springs_beside_given_forces_and_take_no_other_ones(tmp_path: Path) -> None:
+    posed = loaded(tmp_path)
+    mechanism, names = posed.scene.mechanism, tree_coordinates(SPRUNG)
+    springs, found = leg_springs(mechanism, 1e4), []
+    for method in (SCREW, Method("pinocchio"), Method("mujoco", {"solimp": 0.9999, "passes": 6})):
+        question = push(posed, method)
+        sprung = replace(question.problem, applied=replace(question.problem.applied, springs=springs))
+        model = method.load(question.files[method.engine])
+        found.append(model.solve(sprung).values["joint_acceleration"].pick(names).array)
+        if method is not SCREW:
+            with pytest.raises(ScrewgaugeError, match="states take only gravity and springs along joints of the tree"):
+                model.solve(replace(sprung, applied=posed.scene.applied))
+            plain = model.solve(question.problem).values["joint_acceleration"].pick(names).array
+            assert np.abs(plain - found[0]).max() > 1e-3 * np.abs(found[0]).max()  # springs matter, and only when asked
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=0, atol=1e-9 * np.abs(found[0]).max())

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from screwgauge.study.cases.case import OK, SILENT, Finding
-from screwgauge.study.stress.inverse.open_states import FORWARD, HARD
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.open_states import CLOSURE_VIOLATION, FORWARD, HARD
+from screwgauge.study.stress import climb
 
 GAPS = (1e-9, 1e-7, 1e-5)
 #: Rounding times the condition of the default scene's poses, after a refinement of soft constraints.
@@ -16,8 +16,8 @@ CLOSED = 1e-13
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[float, str, str], Finding]:
-    rungs = load("closure-violation").rungs(quick=True, severities=GAPS)
-    return {(rung.severity, one.engine, one.quantity): one for rung in rungs for one in rung.measure()}
+    case = CLOSURE_VIOLATION
+    return {(gap, one.engine, one.quantity): one for gap in GAPS for one in climb(case, gap, quick=True)}
 
 
 @pytest.mark.parametrize("engine", ["screw", "pinocchio projected", "mujoco projected"])

@@ -10,28 +10,19 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, SILENT, Case, Finding
-from screwgauge.study.stress.driven import long_run, proximal, redundant
-from screwgauge.study.stress.driven.refinement import refinement
-from screwgauge.study.stress.driven.softness import softness
-from screwgauge.study.stress.stiff.legs import stiff_legs
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, SILENT, Finding
+from screwgauge.study.cases.loops import ITERATIONS
+from screwgauge.study.cases.registry import load
+from screwgauge.study.stress import climb
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 
 
 @pytest.mark.parametrize(
-    "make",
-    [
-        softness,
-        refinement,
-        proximal.proximal,
-        redundant.redundant_constraints,
-        long_run.long_run,
-        stiff_legs,
-    ],
+    "name", ["softness", "refinement", "proximal", "redundant-constraints", "long-run", "stiff-legs"]
 )
-def test_ladders_have_six_rungs_and_three_when_quick(make) -> None:
-    case: Case = make()
+def test_ladders_have_six_rungs_and_three_when_quick(name: str) -> None:
+    case = load(name)
     assert len(set(case.full)) >= 6
     assert len(set(case.quick)) >= 3
     assert case.low <= min(*case.full, *case.quick)
@@ -44,8 +35,8 @@ def labelled(found: list[Finding], engine: str) -> Finding:
 
 
 def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() -> None:
-    found = list(proximal.climb(0.0))
-    for iterations in proximal.ITERATIONS:
+    found = climb(load("proximal"), 0.0)
+    for iterations in ITERATIONS:
         assert labelled(found, f"pinocchio full rank {iterations}x").verdict == OK
         assert labelled(found, "pinocchio deficient safe").error < 1e-13  # a hundred roundings
         lost = labelled(found, f"pinocchio deficient {iterations}x")
@@ -56,7 +47,7 @@ def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() ->
 
 def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
     mus = np.array([1e-6, 1e-5, 1e-4])
-    found = [list(proximal.climb(mu)) for mu in mus]
+    found = [climb(load("proximal"), mu) for mu in mus]
     for loop in ("full rank", "deficient"):
         for iterations in (1, 2):
             errors = [labelled(rows, f"pinocchio {loop} {iterations}x").error for rows in found]
@@ -68,7 +59,7 @@ def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
 
 
 def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_the_loop() -> None:
-    found = list(redundant.climb(2))
+    found = climb(load("redundant-constraints"), 2.0)
     for finding in found:
         if finding.quantity == "reaction":
             assert "compared: fx, fy; not unique, left out: fz, mx, my (6 redundant" in finding.reason
@@ -81,11 +72,11 @@ def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_
 
 
 def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
-    found = list(long_run.climb(1000))
+    found = climb(load("long-run"), 1000.0)
     for finding in found:
         if finding.engine == "screw":
             assert finding.error < 1e-13  # a hundred times the rounding of angles of 1 rad
-    short = list(long_run.climb(100))
+    short = climb(load("long-run"), 100.0)
     drift = [labelled(rows, "paper Euler").error for rows in (short, found)]
     assert drift[1] > 5 * drift[0] > 1e-4
     assert labelled(found, "paper Euler").verdict == SILENT
@@ -98,7 +89,7 @@ def test_memory_does_not_grow_with_the_samples() -> None:
 import re
 from pathlib import Path
 from screwgauge import load_scene, stream
-from screwgauge.streaming import times
+from screwgauge.study.stream import times
 
 def peak():
     # ru_maxrss of a fresh process starts at what its parent, the whole run of tests, held when it forked

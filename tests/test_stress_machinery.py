@@ -3,49 +3,83 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from screwgauge.cli import main
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.stress import registry
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, Rung
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.errors import ClosureError, ScrewgaugeError
+from screwgauge.solution import Cost, Solution, Values
+from screwgauge.study.cases import registry
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
+from screwgauge.study.cases.question import Question, findings
+from screwgauge.study.method import Method
+from screwgauge.study.reference import Reference
 from screwgauge.study.stress import COLUMNS, stress
 
+NOWHERE = ModelFiles(Path("nowhere"))
 
-def toy() -> Case:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fake(Method):
+    """Answers zero with an error, and admits so much; if that is no number, it raises."""
+
+    error: float = 0.0
+    admitted: float = 0.0
+    stopped: str = ""
+    notes: tuple[str, ...] = ()
+
+    def load(self, files: ModelFiles) -> Fake:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        if math.isnan(self.admitted):
+            raise ClosureError("it does not close", "the fake", "start elsewhere")
+        values = {"force": Values(("f", "unasked"), ("N", "N"), np.array([[self.error, 7.0]]))}
+        estimate = {"force": np.array([self.admitted])}
+        answer = Solution(self.engine, "", values, np.array([3.0]), estimate=estimate, notes=self.notes)
+        return replace(answer, stopped=self.stopped, cost=Cost(0.1))
+
+
+def question(*methods: Method, **more: object) -> Question:
+    """What is the force? It is zero."""
+    right = Reference("truth", {"force": Values(("f",), ("N",), np.zeros((1, 1)))}, "", {"force": {"N": 1.0}})
+    problem = Problem(Applied(), States((), np.zeros((1, 0)), np.zeros((1, 0))), frozenset(("force",)))
+    files = dict.fromkeys(("screw", "pinocchio", "mujoco"), NOWHERE)
+    asked = Question(load_mechanism("a01-pendulum"), files, problem, methods, ("force",), right)
+    return replace(asked, **more)
+
+
+def ask_toy(severity: float, quick: bool, folder: Path) -> Iterator[Question]:
     """screw keeps all digits; mujoco loses one a rung and says so; pinocchio loses them silently, then NaN."""
-
-    def rung(severity: float, quick: bool) -> Rung:
-        def measure() -> Iterator[Finding]:
-            if severity == 1e3:
-                raise ValueError("the third rung\nbreaks")
-            yield Finding("screw", "force", 1e-15, condition=3.0, time_s=0.1)
-            yield Finding("mujoco", "force", severity * 1e-12, admitted=severity * 1e-11)
-            yield Finding("pinocchio", "force", severity * 1e-10 if severity < 1e5 else math.nan)
-
-        return Rung(severity, measure)
-
-    rungs = (0.0, 1.0, 1e3, 1e4, 1e5)
-    return Case("toy", "A toy", "severity [1]", "What is seen.", "force", 0.0, 1e6, rungs, (1.0, 1e4), rung)
+    if severity == 1e3:
+        raise ValueError("the third rung\nbreaks")
+    yield question(Fake("screw", error=1e-15))
+    yield question(Fake("mujoco", error=severity * 1e-12, admitted=severity * 1e-11))
+    yield question(Fake("pinocchio", error=severity * 1e-10 if severity < 1e5 else math.nan))
 
 
-def broken() -> Case:
+def ask_broken(severity: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Our own solver is wrong without a word."""
-    return Case(
-        "broken", "Broken", "severity [1]", "", "force", 0.0, 1.0, (1.0,), (1.0,),
-        lambda severity, quick: Rung(severity, lambda: [Finding("screw", "force", 1.0)]),
-    )  # fmt: skip
+    yield question(Fake("screw", error=1.0))
+
+
+RUNGS = (0.0, 1.0, 1e3, 1e4, 1e5)
+TOY = Case("toy", "A toy", "severity [1]", "What is seen.", "force", 0.0, 1e6, RUNGS, (1.0, 1e4), ask_toy)
+BROKEN = Case("broken", "Broken", "severity [1]", "", "force", 0.0, 1.0, (1.0,), (1.0,), ask_broken)
 
 
 @pytest.fixture(autouse=True)
 def _toys(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "CASES", {"toy": f"{__name__}:toy", "broken": f"{__name__}:broken"})
-    toys = {"toy": toy, "broken": broken}
-    monkeypatch.setattr(registry, "load", lambda name: toys[name]())
+    monkeypatch.setattr(registry, "CASES", {"toy": TOY, "broken": BROKEN})
 
 
 @pytest.mark.parametrize(
@@ -63,9 +97,53 @@ def test_a_verdict_follows_from_error_and_warning(finding: Finding, verdict: str
     assert finding.verdict == verdict
 
 
+def only(asked: Question) -> Finding:
+    (finding,) = findings(asked)
+    return finding
+
+
+def test_a_finding_has_name_error_condition_and_time_and_leaves_other_components_alone() -> None:
+    finding = only(question(Fake("mujoco", error=1e-12, label="mujoco RK4")))
+    assert finding == Finding("mujoco RK4", "force", 1e-12, GOOD, 3.0, 0.1)
+    assert only(question(Fake("screw", label="screw otherwise"))).own
+
+
+def test_a_cause_is_said_where_another_engine_is_wrong_and_nothing_says_so() -> None:
+    caused = {"cause": "too soft: {notes}", "remarks": {"force": "one of many"}}
+    silent = only(question(Fake("mujoco", error=1.0, notes=("rank 2",)), **caused))
+    assert (silent.verdict, silent.reason) == (SILENT, "too soft: rank 2; one of many")
+    for fine in (Fake("mujoco", error=1e-10), Fake("screw", error=1.0)):
+        assert only(question(fine, **caused)).reason == "one of many"
+    assert only(question(Fake("mujoco", error=math.inf), **caused)).verdict == SILENT
+
+
+@pytest.mark.parametrize(
+    ("fake", "more", "verdict", "reason"),
+    [
+        (Fake("mujoco", error=1e-8, admitted=2e-8), {}, DEGRADED, "its error estimate admits 2.0e-08"),
+        (Fake("mujoco", error=1, admitted=math.inf), {}, DEGRADED, "by its error estimate not one digit may be right"),
+        (Fake("mujoco", error=1e-8, admitted=1.0), {"admitted": {"force": 0.0}}, SILENT, ""),
+        (Fake("mujoco", error=1e-8), {"admitted": {"force": 1e-7}, "by": "eps"}, DEGRADED, "eps admits 1.0e-07"),
+        (Fake("mujoco", stopped="t = 1 s: lost"), {}, REFUSED, "t = 1 s: lost"),
+        (Fake("mujoco", admitted=math.nan), {}, REFUSED, "ClosureError: the fake: it does not close; start elsewhere."),
+        (Fake("mujoco"), {"refused": "too long"}, REFUSED, "too long"),
+        (Fake("mujoco", error=math.nan, notes=("noted",)), {"cause": "soft"}, SILENT, ""),
+    ],
+)
+def test_what_is_admitted_and_what_is_refused(fake: Fake, more: dict, verdict: str, reason: str) -> None:
+    finding = only(question(fake, **more))
+    assert (finding.verdict, finding.reason) == (verdict, reason)
+
+
+def test_a_question_pickles_and_is_answered_alike() -> None:
+    asked = question(Fake("mujoco", error=1e-8, admitted=2e-8), cause="why")
+    assert only(pickle.loads(pickle.dumps(asked))) == only(asked)
+    assert pickle.loads(pickle.dumps(TOY)) == TOY
+
+
 def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
     table = stress(["toy"]).table
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(COLUMNS)
     assert sorted(set(table["severity"])) == [0.0, 1.0, 1e3, 1e4, 1e5]
     (row,) = table[table["severity"] == 1e3].to_dict("records")
     assert (row["verdict"], row["reason"]) == (REFUSED, "ValueError: the third rung breaks")
@@ -88,7 +166,7 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert names == {"stress.csv", "report.md", "report.html", "environment.json", "plots/01-digits.svg"}
     table = pd.read_csv(tmp_path / "stress.csv")
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == list(COLUMNS)
     assert sorted(set(table["severity"])) == [1.0, 1e4]
     assert "| toy | pinocchio |" in (tmp_path / "report.md").read_text()
 
@@ -118,7 +196,7 @@ def test_severities_replace_the_rungs_of_one_case() -> None:
 
 
 def test_counts_are_whole_and_rungs_are_climbed_once() -> None:
-    case = replace(toy(), whole=True)
+    case = replace(TOY, whole=True)
     with pytest.raises(ScrewgaugeError, match="no count"):
         case.rungs(severities=[2.5])
-    assert [rung.severity for rung in case.rungs(severities=[2.0, 2.0])] == [2.0]
+    assert case.rungs(severities=[2.0, 2.0]) == [2.0]

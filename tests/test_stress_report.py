@@ -11,7 +11,7 @@ from screwgauge.report.figures.looks import MARKERS
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import headline, report
 from screwgauge.report.stress.drawing import inks, make_plots
-from screwgauge.study.cases.case import GOOD, Case, Finding, Rung
+from screwgauge.study.cases.case import GOOD, Case, Finding
 from screwgauge.study.stress import Row, Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
@@ -20,7 +20,7 @@ ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 def case(name: str, *, falling: bool = False) -> Case:
     return Case(
         name, f"Title of {name}", "severity [m]", "About it.", "force", 0.0, 1e9, (), (),
-        lambda severity, quick: Rung(severity, list), falling=falling,
+        lambda severity, quick, folder: [], falling=falling,
     )  # fmt: skip
 
 
@@ -32,7 +32,8 @@ def found() -> Stress:
         kind = ENGINES.index(engine)
         error = (1e-15, severity * 1e-10, math.nan, severity * 1e-9, severity * 1e-8)[kind]
         admitted = 1.0 if kind == 1 else GOOD
-        return Row(name, severity, Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else ""))
+        finding = Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else "", own=engine == "screw")
+        return Row(name, severity, finding)
 
     rows = [
         row(name, severity, engine, quantity)
