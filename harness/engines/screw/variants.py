@@ -53,18 +53,18 @@ class Variant:
         return Solution("screw", __version__, values, empty(len(problem.task)))
 
 
-def load_variant(lay: Layout, variant: str, *, dtype: str = "float64", **settings: Any) -> Variant:
+def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: Any) -> Variant:
     """Makes a model of a variant.
 
     Args:
-        variant: One of `VARIANTS`.
+        name: One of `VARIANTS`.
         dtype: Precision from the first operation to the last.
         settings: Of that variant, see its function.
     """
-    check_choice("variant", [variant], VARIANTS, "settings of screw")
+    check_choice("variant", [name], VARIANTS, "settings of screw")
     if dtype != "float64":
         lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
-    return Variant(lay, partial(VARIANTS[variant], **settings))
+    return Variant(lay, partial(VARIANTS[name], **settings))
 
 
 def nothing(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:

@@ -26,8 +26,8 @@ TWISTS = {
 }
 
 
-def _variant(variant: str, **settings: Any) -> Method:
-    return Method("screw", {"variant": variant, **settings})
+def _variant(name: str, **settings: Any) -> Method:
+    return Method("screw", {"variant": {"name": name, **settings}})
 
 
 def solver(quick: bool) -> Iterator[Contestant]:
