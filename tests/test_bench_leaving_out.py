@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.engines.screw import inverse as screw
-from screwgauge.engines.tree import closed_forces, closed_tree
+from screwgauge.engines.tree import closed_forces, inverse
 from screwgauge.reference import dynamics
 from screwgauge.study.bench.run import Plan, bench
 
@@ -27,13 +27,13 @@ def calls(monkeypatch) -> Counter[str]:
 
         monkeypatch.setattr(owner, name, counted)
 
-    for name in ("positions", "rates", "accelerations"):
-        count(screw, name, name)
+    for name, stage in (("positions", "positions"), ("velocities", "rates"), ("accelerations", "accelerations")):
+        count(screw, name, stage)
     for name in ("body_motion", "required_wrench", "generalized_force", "min_norm"):
         count(dynamics, name, name)
     for name in ("joint_reactions", "force_matrix", "solve_newton_euler"):
         count(dynamics, name, "reactions")
-    count(closed_tree, "velocity_map", "rates")
+    count(inverse, "velocity_map", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
     from screwgauge.engines.mujoco.tree import MujocoTree
@@ -75,9 +75,7 @@ FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench
     ],
 )
 def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
-    monkeypatch.setattr(
-        "screwgauge.study.run.judge", lambda scene, solution, **_: __import__("pandas").DataFrame({"ok": []})
-    )
+    monkeypatch.setattr("screwgauge.study.run.judge", lambda *_, **__: __import__("pandas").DataFrame({"ok": []}))
     run("screw", *asked)
     assert executed(calls) == stages
     assert all(n == 1 for stage, n in calls.items() if stage != "reactions")

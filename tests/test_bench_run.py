@@ -120,18 +120,33 @@ def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     assert not (tmp_path / NAME).exists()
 
 
+def test_a_budget_too_small_leaves_no_contestant_out(scene):
+    clock = iter(range(0, 10**15, 10**9))  # every look at the clock costs a second: one contestant takes six of them
+    plan = Plan(samples=5, rounds=3, budget=6.0 * len(FEW) + 1.0, quick=True)
+    found = bench(scene, plan=plan, contestants=FEW, clock=lambda: next(clock))
+    timed = [row for row in found.rows if row.seconds]
+    assert {row.contestant.name for row in timed} == set(FEW)
+    assert len({row.contestant.key for row in timed}) == len(FEW)
+    assert {row.rounds for row in timed} == {1}
+    assert len(reach(found.rows))
+
+
 def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch):
-    def interrupt(*args, **kwargs):
-        raise KeyboardInterrupt
+    original = run_module.timing.measure
+
+    def interrupt(calls, *rest):
+        if len(calls) > 1:  # the rounds that follow errors and first times
+            raise KeyboardInterrupt
+        return original(calls, *rest)
 
     with monkeypatch.context() as patch:
         patch.setattr(run_module.timing, "measure", interrupt)
         with pytest.raises(KeyboardInterrupt):
             bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     scored: list[str] = []
-    original = run_module._Work._scores
+    scores = run_module._Work._scored
     monkeypatch.setattr(
-        run_module._Work, "_scores", lambda self, c, task: scored.append(c.key) or original(self, c, task)
+        run_module._Work, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
     )
     found = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     assert not scored

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pandas as pd
@@ -10,14 +12,20 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.engines.screw.forward import integrate
+from screwgauge.engines.registry import ENGINES, Engine
+from screwgauge.engines.screw import model as screw
+from screwgauge.models.generate import write_models
+from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.bench.forward_drawing import make_plots
-from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, bench_table, write
+from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
 from screwgauge.study.bench import forward_run as module
-from screwgauge.study.bench.forward_entrants import Entrant, entrants
+from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.forward_contestants import STEPPERS, contestants, simulation
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest
-from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK
+from screwgauge.study.bench.forward_score import simulated
+from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK, bench_table
+from screwgauge.study.method import Method
 
 PLAN = replace(QUICK, share=0.05, samples=5)
 
@@ -34,7 +42,7 @@ def found(scene):
 
 def test_tighter_tolerances_make_smaller_errors(found):
     assert {o.status for o in found.outcomes} == {OK}
-    errors = [o.scaled for o in found.outcomes if o.entrant.family == "screw-DOP853"]
+    errors = [o.scaled for o in found.outcomes if o.contestant.family == "screw-DOP853"]
     assert errors[0] < 1e-2
     assert errors[-1] < 1e-2 * errors[0]  # tolerances are 1e-4 and 1e-7, errors go with them
     for o in found.outcomes:
@@ -77,25 +85,36 @@ def test_nothing_begins_when_the_budget_is_spent(scene):
     assert not found.complete
     assert {o.reason for o in found.outcomes} == {"the budget was spent before its turn"}
     assert make_plots(found) == []
-    assert len(bench_table(found.outcomes)) == 2 * len(found.outcomes)
+    assert len(bench_table(found.rows)) == 2 * len(found.outcomes)
+
+
+class Refuses:
+    def solve(self, problem, progress=None):
+        raise ValueError("no body without inertia")
+
+
+class Stops(screw.ScrewModel):
+    def solve(self, problem, progress=None):
+        whole = super().solve(problem)
+        return replace(whole, rows=np.arange(2), stopped="no step leads on")
 
 
 def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch):
-    def refuses(problem):
-        raise ValueError("no body without inertia")
+    loaded = ModuleType("odd_engines")
+    loaded.refuses = lambda files: Refuses()
+    loaded.stops = lambda files: Stops(screw.load(files).lay)
+    monkeypatch.setitem(sys.modules, "odd_engines", loaded)
+    for name in ("refuses", "stops"):
+        engine = Engine(name, "", f"odd_engines:{name}", frozenset((InitialValue,)), "screwgauge")
+        monkeypatch.setitem(ENGINES, name, engine)
 
-    def stops(problem):
-        whole = integrate(problem)
-        fields = {key: getattr(whole, key)[:2] for key in ("q", "v", "a", "work", "condition")}
-        return replace(whole, **fields, stopped="no step leads on")
-
-    def some(own, duration, *, stiff, quick):
+    def some(method, duration, *, stiff, quick):
         return [
-            Entrant(name, "screw", "a setting", function, 0.0, "")
-            for name, function in (("refuses", refuses), ("stops", stops))
+            Contestant(name, name, "a setting", Method(name), simulation, ("observable",), "")
+            for name in ("refuses", "stops")
         ]
 
-    monkeypatch.setattr(module, "entrants", some)
+    monkeypatch.setattr(module, "all_contestants", some)
     refused, stopped = contest(scene, plan=PLAN).outcomes
     assert (refused.status, refused.reason) == (FAILED, "ValueError: no body without inertia")
     assert (stopped.status, stopped.reason) == (FAILED, "no step leads on")
@@ -103,10 +122,20 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
     assert np.isnan(absolute_table([refused])["max_abs"]).all()
 
 
+@pytest.mark.parametrize("family", [stepper[0] for stepper in STEPPERS])
+def test_rows_of_steppers_say_what_their_engines_say(family, tmp_path):
+    scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.01])
+    write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
+    everyone = contestants("DOP853", 0.01, stiff=False, quick=True)
+    stepper = next(contestant for contestant in everyone if contestant.family == family)
+    asked = stepper.ask(simulated(scene, tmp_path))
+    assert stepper.method.load(asked.files).solve(asked.problems[0]).setting == stepper.setting
+
+
 def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
-    assert len([e for e in entrants("Radau", 1.0, stiff=True, quick=False) if e.family == "screw-DOP853"]) == 1
-    everyone = entrants("Radau", 1.0, stiff=True, quick=False)
-    implicit = [e.setting for e in everyone if e.family == "mujoco"]
+    everyone = contestants("Radau", 1.0, stiff=True, quick=False)
+    assert len([c for c in everyone if c.family == "screw-DOP853"]) == 1
+    implicit = [c.setting for c in everyone if c.family == "mujoco"]
     assert implicit == [f"Radau, rtol = atol = {rtol}" for rtol in ("1e-04", "1e-06", "1e-08")]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,19 +34,19 @@ class Settings:
         whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
         refined: That system is refined once, its residual in wider numbers.
         projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
+        variant: Name and settings of one of `screwgauge.engines.screw.variants`, which solves given motions instead.
     """
 
     whole_system: bool = False
     refined: bool = False
     projected: bool = False
+    variant: Mapping[str, Any] | None = None
 
 
 def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
-    """Loads a description; see `Settings`, and with the setting `variant`, `screwgauge.engines.screw.variants`."""
-    lay = layout(load_mechanism(files.model))
-    if "variant" in settings:
-        return load_variant(lay, **settings)
-    return ScrewModel(lay, str(files.model), Settings(**settings))
+    """Loads a description; see `Settings`."""
+    lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
+    return ScrewModel(lay, str(files.model), chosen) if chosen.variant is None else load_variant(lay, **chosen.variant)
 
 
 class ScrewModel:

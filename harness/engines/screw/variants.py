@@ -7,16 +7,18 @@ Actuator forces are those of minimum norm. None of them estimates its errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from screwgauge import __version__
 from screwgauge.engines.parts import component_names
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
+from screwgauge.reference.applied import Load
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.continuation import Evaluation, corrector, follow
 from screwgauge.reference.continuation import newton as newtons_method
@@ -29,6 +31,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 
 Arrays = Mapping[str, Array]
+T = TypeVar("T", GivenMotion, Load)
 #: How often `numpy.gradient` is taken of positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
@@ -53,18 +56,18 @@ class Variant:
         return Solution("screw", __version__, values, empty(len(problem.task)))
 
 
-def load_variant(lay: Layout, variant: str, *, dtype: str = "float64", **settings: Any) -> Variant:
+def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: Any) -> Variant:
     """Makes a model of a variant.
 
     Args:
-        variant: One of `VARIANTS`.
+        name: One of `VARIANTS`.
         dtype: Precision from the first operation to the last.
         settings: Of that variant, see its function.
     """
-    check_choice("variant", [variant], VARIANTS, "settings of screw")
+    check_choice("variant", [name], VARIANTS, "settings of screw")
     if dtype != "float64":
         lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
-    return Variant(lay, partial(VARIANTS[variant], **settings))
+    return Variant(lay, partial(VARIANTS[name], **settings))
 
 
 def nothing(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
@@ -83,12 +86,11 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     Raises:
         ClosureError: There is no closed form.
     """
-    dtype = lay.path.dtype
-    motion = GivenMotion(*(getattr(motion, name).astype(dtype, copy=False) for name in ("t", "y", "yd", "ydd")))
+    motion = _rounded(motion, lay.path.dtype)
     q = closed_form(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
-    if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(dtype).eps:
+    if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(q.dtype).eps:
         q = newtons_method(_closing(lay), q, motion.y, most=5)[0]
     return _beyond(lay, problem, motion, q)
 
@@ -160,27 +162,25 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
     Raises:
         TypeError: It was left on the way.
     """
-    out, wanted, dtype = {"joint_position": q}, problem.wanted, q.dtype
+    out, wanted, applied = {"joint_position": q}, problem.wanted, problem.applied
     if wanted - set(out):
         at = pose(lay, q)
-        rate = velocities(lay, at, motion.yd)
-        out["joint_velocity"] = rate.w
+        velocity = velocities(lay, at, motion.yd)
+        out["joint_velocity"] = velocity.w
     if wanted - set(out):
-        out["joint_acceleration"], screws = accelerations(lay, rate, motion.ydd)
+        out["joint_acceleration"], screws = accelerations(lay, velocity, motion.ydd)
     if wanted - set(out):
-        applied, moving = problem.applied, dynamics.body_motion(lay, at, rate.V, screws)
-        loads = [
-            replace(
-                load,
-                point=None if load.point is None else load.point.astype(dtype),
-                force=load.force.astype(dtype),
-                torque=load.torque.astype(dtype),
-            )
-            for load in applied.loads
-        ]
-        F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(dtype), loads)
-        Q = dynamics.generalized_force(lay, rate, moving, F, T)
-        out["actuator_force"] = dynamics.min_norm(rate.K[:, lay.mechanism.actuated_columns], Q)
+        moving = dynamics.body_motion(lay, at, velocity.V, screws)
+        loads = [_rounded(load, q.dtype) for load in applied.loads]
+        F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(q.dtype), loads)
+        Q = dynamics.generalized_force(lay, velocity, moving, F, T)
+        out["actuator_force"] = dynamics.min_norm(velocity.K[:, lay.mechanism.actuated_columns], Q)
     if any(array.dtype != lay.path.dtype for array in out.values()):
         raise TypeError(f"not all of it was computed in {lay.path.dtype}")
     return {name: array for name, array in out.items() if name in wanted}
+
+
+def _rounded(item: T, dtype: DTypeLike) -> T:
+    """The same with its arrays in another precision."""
+    values = {one.name: getattr(item, one.name) for one in fields(item)}
+    return replace(item, **{k: v.astype(dtype, copy=False) for k, v in values.items() if isinstance(v, np.ndarray)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from screwgauge.study.bench.contestant import FROM_Y, ONE_BY_ONE, Contestant, count
+from screwgauge.study.bench.contestant import FROM_Y, Contestant, count, of_each_quantity
 from screwgauge.study.bench.questions import four_bar as on_four_bar
 from screwgauge.study.bench.questions import motion, true_states
 from screwgauge.study.method import Method
@@ -26,8 +26,8 @@ ACCELERATION, FORCE = QUANTITIES[2:3], QUANTITIES[3:]
 def _paths(engine: str, what: str) -> Iterator[Contestant]:
     """An engine as `screwgauge run` drives it: it closes its own loops."""
     path = partial(Contestant, engine, f"{engine}-path", "closes its own loops, minimal cut", Method(engine), motion)
-    for one in ONE_BY_ONE:
-        yield path(one, f"{FROM_Y}: {what}, as far as needed; model loaded", label="closes its loops")
+    covers = f"{FROM_Y}: {what}, as far as needed; model loaded"
+    return of_each_quantity(partial(path, covers=covers, label="closes its loops"))
 
 
 def _projected(name: str, engine: str, function: str, setting: str, label: str) -> Contestant:

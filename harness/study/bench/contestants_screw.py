@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from screwgauge.study.bench.contestant import FROM_Y, NOTHING, ONE_BY_ONE, Contestant, count
+from screwgauge.study.bench.contestant import FROM_Y, NOTHING, Contestant, count, of_each_quantity
 from screwgauge.study.bench.questions import differenced, faster, motion, one_by_one, stepped
 from screwgauge.study.method import Method
 from screwgauge.study.posed import QUANTITIES
@@ -26,47 +26,40 @@ TWISTS = {
 }
 
 
-def _variant(variant: str, **settings: Any) -> Method:
-    return Method("screw", {"variant": variant, **settings})
+def _variant(name: str, **settings: Any) -> Method:
+    return Method("screw", {"variant": {"name": name, **settings}})
 
 
 def solver(quick: bool) -> Iterator[Contestant]:
     """Our own solver: its parts, its precisions, and per sample against whole trajectory."""
     covers = "a Python loop over the samples that does nothing"
     yield Contestant("floor", "floor", "empty loop", _variant("nothing"), motion, (NOTHING,), covers, drawn=False)
-    closed = partial(Contestant, "closed-form", "closed-form", question=motion, label="closed form")
+    closed = partial(Contestant, "closed-form", "closed-form", "whole trajectory, no Newton step", question=motion)
     covers = f"{FROM_Y}: closed form, then all samples at once"
-    for one in ONE_BY_ONE:
-        yield closed("whole trajectory, no Newton step", _variant("closed form"), quantities=one, covers=covers)
-    newton = partial(Contestant, "newton", "newton", question=motion)
-    covers = f"{FROM_Y}: path from home, Newton, then all samples at once"
-    for one in ONE_BY_ONE:
-        for steps in (0, 1, 2, ROUNDING):
-            many, label = count(steps, "Newton step"), count(steps, "step")
-            if steps == ROUNDING:
-                many, label = "Newton to rounding", "converged"
-            setting = f"whole trajectory, {many} after the prediction"
-            yield newton(setting, _variant("newton", steps=steps), quantities=one, covers=covers, label=label)
-    float32 = partial(Contestant, "float32", "float32", question=motion, label="float32")
+    yield from of_each_quantity(partial(closed, _variant("closed form"), covers=covers, label="closed form"))
+    yield from of_each_quantity(*map(_newton, (0, 1, 2, ROUNDING)))
+    float32 = partial(Contestant, "float32", "float32", "whole trajectory, all arrays float32", question=motion)
     covers = f"{FROM_Y}: closed form (Newton where that leaves gaps), then all samples at once"
     single = _variant("closed form", dtype="float32", mended=True)
-    for one in ONE_BY_ONE:
-        yield float32("whole trajectory, all arrays float32", single, quantities=one, covers=covers)
-    screw = partial(Contestant, "screw", method=Method("screw"))
-    for one in ONE_BY_ONE:
-        for whole in (False,) if quick else (False, True):
-            yield screw(
-                "screw-trajectory",
-                f"whole trajectory, {'all samples of the scene' if whole else 'the compared samples'}",
-                question=partial(motion, whole=whole),
-                quantities=one,
-                covers=f"{FROM_Y}: the engine screw, model loaded",
-                label="all samples" if whole else "trajectory",
-            )
+    yield from of_each_quantity(partial(float32, single, covers=covers, label="float32"))
+    covers = f"{FROM_Y}: the engine screw, model loaded"
+    screw = partial(Contestant, "screw", "screw-trajectory", method=Method("screw"), covers=covers)
+    compared = partial(screw, "whole trajectory, the compared samples", question=motion, label="trajectory")
+    everywhere = partial(motion, whole=True)
+    whole = partial(screw, "whole trajectory, all samples of the scene", question=everywhere, label="all samples")
+    yield from of_each_quantity(compared, *(() if quick else (whole,)))
     covers = f"{FROM_Y}: the engine screw, one call a sample, model loaded"
-    per_sample = partial(screw, "screw-per-sample", "one sample at a time", question=one_by_one, label="per sample")
-    for one in ONE_BY_ONE:
-        yield per_sample(quantities=one, covers=covers)
+    screw = partial(Contestant, "screw", "screw-per-sample", "one sample at a time", Method("screw"), one_by_one)
+    yield from of_each_quantity(partial(screw, covers=covers, label="per sample"))
+
+
+def _newton(steps: int) -> Callable[..., Contestant]:
+    many, label = count(steps, "Newton step"), count(steps, "step")
+    if steps == ROUNDING:
+        many, label = "Newton to rounding", "converged"
+    covers, setting = f"{FROM_Y}: path from home, Newton, then all samples at once", f"{many} after the prediction"
+    newton = partial(Contestant, "newton", "newton", f"whole trajectory, {setting}", question=motion, covers=covers)
+    return partial(newton, _variant("newton", steps=steps), label=label)
 
 
 def shortcuts(quick: bool) -> Iterator[Contestant]:

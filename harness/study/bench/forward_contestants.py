@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from screwgauge.engines.methods import METHODS
-from screwgauge.problem import Integration
+from screwgauge.engines.registry import engines
+from screwgauge.problem import InitialValue, Integration
 from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
@@ -22,7 +23,6 @@ LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
 #: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
 LEAST_CONSTRAINED = 1e-10
-CONSTRAINED = ("pinocchio", "mujoco")
 #: Fixed steps over the whole motion.
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
@@ -63,7 +63,9 @@ def contestants(method: str, duration: float, *, stiff: bool, quick: bool) -> li
         stiff: Whether an explicit method would have to take very many steps.
     """
     families = [*_screw(method, stiff=stiff, quick=quick)]
-    families += [_ladder(engine, engine, method, _rungs(method, quick, LEAST_CONSTRAINED)) for engine in CONSTRAINED]
+    rungs = _rungs(method, quick, LEAST_CONSTRAINED)
+    others = (name for name, engine in engines().items() if InitialValue in engine.tasks and name != "screw")
+    families += [_ladder(engine, engine, method, rungs) for engine in others]
     families += [_steps(*stepper, duration, quick=quick) for stepper in STEPPERS]
     ranked = ((rank, contestant) for family in families for rank, contestant in enumerate(family))
     return [contestant for _, contestant in sorted(ranked, key=lambda pair: pair[0])]

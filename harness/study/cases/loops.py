@@ -16,7 +16,7 @@ from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import ENGINES
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, by_size, files_of
-from screwgauge.study.four_bar import NAME, four_bar_states, write_four_bar
+from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.reference import reference_values
@@ -52,7 +52,7 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     methods = _proximal("deficient", mu)
     files = write_four_bar(folder)
     problem, exact = four_bar_states(SAMPLES)
-    mechanism = load_mechanism(folder / f"{NAME}.toml")
+    mechanism = load_mechanism(FILE)
     yield Question(
         mechanism=mechanism,
         files={method.engine: files for method in methods},
