@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
+from screwgauge.engines import registry
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.registry import get_engine
@@ -57,6 +61,17 @@ class Simulated:
     condition: Array
     stopped: str
     notes: tuple[str, ...]
+
+
+@contextmanager
+def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
+    """As if packages with these engines were installed: name -> ``module:object``, one entry point each."""
+    entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
+        registry._plugins.cache_clear()
+        yield
+    registry._plugins.cache_clear()
 
 
 def simulate(

@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, EntryPoints
-
 import numpy as np
 import pytest
 import toy_engine as toy
+from asking import further_engines
 
 import screwgauge
-from screwgauge.engines import registry
-from screwgauge.engines.registry import check_engines, engines, get_engine
+from screwgauge.cli import main
+from screwgauge.engines.registry import ENGINES, check_engines, engines, get_engine
 from screwgauge.problem import InitialValue, ModelFiles
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 
 
 @pytest.fixture(scope="module", autouse=True)
 def installed():
-    """As if a package with the toy were installed: one line in its pyproject.toml, entry point `toy`."""
-    entry = EntryPoint("toy", "toy_engine:TOY", registry.GROUP)
-
-    def entry_points(group):
-        return EntryPoints([entry] if group == registry.GROUP else [])
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "entry_points", entry_points)
-        registry._plugins.cache_clear()
+    with further_engines({"toy": "toy_engine:TOY"}):
         yield
-    registry._plugins.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +55,11 @@ def test_judge_alone_names_loop_body_and_size(results):
     assert 0.5 * size < balance["max_abs"] <= 1.01 * size
 
 
-def test_further_engine_is_listed():
-    from screwgauge.report.listing import listing
-
-    assert "toy" in listing("engines")
+def test_further_engine_is_listed(capsys):
+    assert main(["list", "engines"]) == 0
+    said = capsys.readouterr().out
+    assert [line.split()[0] for line in said.splitlines()] == list(engines())
+    assert said.splitlines()[-1].split() == ["toy", "a", "toy"]
 
 
 def test_further_engine_stands_after_those_of_this_package():
@@ -96,9 +87,6 @@ def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
         get_engine("toy").load(files, eror=1.0)
 
 
-def test_a_name_of_this_package_is_not_taken_over(monkeypatch):
-    entry = EntryPoint("screw", "toy_engine:TOY", registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: EntryPoints([entry]))
-    registry._plugins.cache_clear()
-    assert get_engine("screw") is registry.ENGINES["screw"]
-    registry._plugins.cache_clear()
+def test_a_name_of_this_package_is_not_taken_over():
+    with further_engines({"screw": "toy_engine:TOY"}):
+        assert get_engine("screw") is ENGINES["screw"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from screwgauge.engines.registry import Engine, Model
 from screwgauge.engines.screw import model as screw
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
@@ -27,6 +28,8 @@ class ToyModel:
     error: float
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        if not isinstance(problem.task, GivenMotion):
+            raise DescriptionError("takes given motions only", "toy", "name another engine")
         solution = self.right.solve(problem, progress)
         changed = dict(solution.values)
         for quantity, component in (("joint_acceleration", ACCELERATION), ("actuator_force", FORCE)):

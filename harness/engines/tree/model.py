@@ -37,9 +37,13 @@ def loops_file(files: ModelFiles) -> LoopsFile:
 
 
 class TreeModel:
-    """A tree that closes its own loops, and what its engine moves it by."""
+    """A tree that closes its own loops.
 
-    def __init__(self, closed: ClosedTree, dynamics: Dynamics) -> None:
+    Attributes:
+        dynamics: What its engine moves it by; None if that takes given motions only.
+    """
+
+    def __init__(self, closed: ClosedTree, dynamics: Dynamics | None = None) -> None:
         self.closed, self.dynamics = closed, dynamics
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
@@ -49,18 +53,35 @@ class TreeModel:
             ScrewgaugeError: The problem does not fit the model, or cannot be solved.
         """
         closed, dynamics, task = self.closed, self.dynamics, problem.task
-        for load in problem.applied.loads:
-            if load.body not in closed.loops.index and load.body != GROUND:
-                where = f"model of {closed.tree.engine}"
-                raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the loops file")
+        self._check(problem)
         closed.tree.under(problem.applied.gravity)
         if isinstance(task, GivenMotion):
             return solve_motion(closed, problem, task, progress)
+        if dynamics is None:
+            raise ModelFileError("takes given motions only", self._where, "name another engine")
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
         return step_through(closed, dynamics.stepper(closed, problem, task), problem, task, dynamics.dt, progress)
+
+    @property
+    def _where(self) -> str:
+        return f"model of {self.closed.tree.engine}"
+
+    def _check(self, problem: Problem) -> None:
+        """Refuses what belongs to another mechanism."""
+        loops, task = self.closed.loops, problem.task
+        for load in problem.applied.loads:
+            if load.body not in loops.index and load.body != GROUND:
+                raise ModelFileError(f"has no body '{load.body}'", self._where, "keep the names of the loops file")
+        k = len(loops.independent)
+        if isinstance(task, GivenMotion) and task.y.shape[1] != k:
+            raise ModelFileError(
+                f"has {k} independent coordinates, the motion {task.y.shape[1]}",
+                self._where,
+                "name a model of the same mechanism",
+            )
 
 
 def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
