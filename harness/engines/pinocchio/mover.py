@@ -1,4 +1,4 @@
-"""Pinocchio's accelerations of a closed tree, one state at a time, made as exact as it can, and fixed steps from them."""
+"""Pinocchio's accelerations of a closed tree, one state at a time, as exact as it can make them, and fixed steps."""
 
 from __future__ import annotations
 

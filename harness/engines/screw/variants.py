@@ -183,4 +183,5 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
 def _rounded(item: T, dtype: DTypeLike) -> T:
     """The same with its arrays in another precision."""
     values = {one.name: getattr(item, one.name) for one in fields(item)}
-    return replace(item, **{k: v.astype(dtype, copy=False) for k, v in values.items() if isinstance(v, np.ndarray)})
+    changes: dict[str, Any] = {k: v.astype(dtype) for k, v in values.items() if isinstance(v, np.ndarray)}
+    return replace(item, **changes)
