@@ -63,7 +63,7 @@ def required_wrench(
     Returns:
         Force [N] and moment about the centre of mass [N m] of each body. Shape (n, n_body, 3) each.
     """
-    mass = np.array([body.mass for body in lay.mechanism.bodies], dtype=motion.a.dtype)
+    mass = lay.mechanism.masses.astype(motion.a.dtype)
     F = mass[:, None] * (motion.a - gravity)
     Jw = (motion.J @ motion.omega[..., None])[..., 0]
     T = (motion.J @ motion.beta[..., None])[..., 0] + cross(motion.omega, Jw)
