@@ -48,11 +48,7 @@ def body_motion(lay: Layout, at: Pose, V: Array, A: Array) -> BodyMotion:
 
 
 def required_wrench(
-    lay: Layout,
-    at: Pose,
-    motion: BodyMotion,
-    gravity: Array,
-    loads: Sequence[Load],
+    lay: Layout, at: Pose, motion: BodyMotion, gravity: Array, loads: Sequence[Load]
 ) -> tuple[Array, Array]:
     """What joints and actuators must exert on each body: the right side of eqs. (53)-(55).
 
@@ -194,14 +190,7 @@ def across_direction(R: Array, direction: Array) -> Array:
 
 
 def solve_newton_euler(
-    c: Array,
-    F: Array,
-    T: Array,
-    rule: Array,
-    reactions: Reactions,
-    length: float,
-    *,
-    wide: Array | None = None,
+    c: Array, F: Array, T: Array, rule: Array, reactions: Reactions, length: float, *, wide: Array | None = None
 ) -> tuple[Array, Array]:
     """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
 

@@ -21,11 +21,7 @@ _BINARY: dict[type, Callable[[float, float], float]] = {
 _FUNCTIONS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
 #: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
 LARGEST = 1e100
-_REASONS = {
-    ZeroDivisionError: "division by zero",
-    OverflowError: "not finite",
-    RecursionError: "too deeply nested",
-}
+_REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
 
 
 def _evaluate(node: ast.expr) -> float:
