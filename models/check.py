@@ -58,12 +58,7 @@ def check_models(
 
 
 def check_file(
-    mechanism: Mechanism,
-    cut: str,
-    path: Path,
-    reader: str,
-    *,
-    gravity: Sequence[float] | Array = GRAVITY,
+    mechanism: Mechanism, cut: str, path: Path, reader: str, *, gravity: Sequence[float] | Array = GRAVITY
 ) -> list[CheckRow]:
     """Compares one model file, as one library reads it, with the description.
 

@@ -41,11 +41,7 @@ def model_texts(
 
 
 def write_models(
-    mechanism: Mechanism,
-    out: Path,
-    *,
-    gravity: Sequence[float] | Array = GRAVITY,
-    include: Set[str] = frozenset(),
+    mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
     """Writes the model files into a folder. Each is moved there whole, after all of them could be written.
 

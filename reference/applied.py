@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
 
 #: Gravity where nothing else is said [m/s^2].
@@ -43,9 +43,8 @@ def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
             raise DescriptionError(f"{name} {value:g} is not finite", where, "give a finite number")
     for name in ("stiffness", "damping"):
         if values[name] < 0.0:
-            raise DescriptionError(
-                f"{name} {values[name]:g} is negative", where, "a spring or damper cannot give energy"
-            )
+            what = f"{name} {values[name]:g} is negative"
+            raise DescriptionError(what, where, "a spring or damper cannot give energy")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +90,25 @@ class PointSpring:
     damping: float = 0.0
 
     def __post_init__(self) -> None:
-        where = f"spring between {self.first} and {self.second}"
-        _check(where, self.stiffness, self.rest, self.damping)
+        _check(self.where, self.stiffness, self.rest, self.damping)
         if self.rest < 0.0:
-            raise DescriptionError(f"rest length {self.rest:g} m is negative", where, "give a length")
+            raise DescriptionError(f"rest length {self.rest:g} m is negative", self.where, "give a length")
         if self.first == self.second:
-            raise DescriptionError("joins a body to itself", where, "name two bodies")
+            raise DescriptionError("joins a body to itself", self.where, "name two bodies")
+
+    @property
+    def where(self) -> str:
+        return f"spring between {self.first} and {self.second}"
+
+    @property
+    def ends(self) -> tuple[tuple[str, Array], tuple[str, Array]]:
+        """(body, point in its frame) at both ends."""
+        return (self.first, self.first_point), (self.second, self.second_point)
+
+    def no_direction(self, when: str = "") -> SingularPoseError:
+        """The error where the two points meet."""
+        what = f"its points meet{when}, so that it has no direction"
+        return SingularPoseError(what, self.where, "move its points or shorten the motion")
 
 
 Spring = JointSpring | PointSpring

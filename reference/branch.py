@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.continuation import OPEN, SMALLEST, STEP
+from screwgauge.reference.continuation import OPEN, SMALLEST, STEP, cannot_pass
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, Pose, pose
@@ -36,9 +36,8 @@ class Branch:
         self.q, self.y = q.copy(), q[self.columns]
         self.K = np.zeros((len(q), len(self.columns)))  # without dimension
         if not self.is_tree and not self._try(q, self.y):
-            raise ClosureError(
-                "the loops do not close there", f"start of {lay.mechanism.name}", "correct the coordinates"
-            )
+            where = f"start of {lay.mechanism.name}"
+            raise ClosureError("the loops do not close there", where, "correct the coordinates")
 
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
         """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
@@ -74,11 +73,7 @@ class Branch:
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:
                 break
-        raise ClosureError(
-            f"the loops cannot close beyond y = {np.array2string(self.y, precision=6)}, or the pose there is singular",
-            self.lay.mechanism.name,
-            "shorten the motion or check the geometry",
-        )
+        raise cannot_pass(self.y, self.lay.mechanism.name)
 
     def poses(self, y: Array) -> Pose:
         """Closed poses for some independent coordinates in order. Shape (n, k)."""

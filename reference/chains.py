@@ -30,9 +30,7 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     if len(drivers) != 1 or sum(len(chain) for chain in chains) != len(mechanism.joints):
         return None
     driver = drivers[0][0].joint
-    if not set(mechanism.independent.values()) <= set(driver.coordinates):
-        return None
-    if not all(_has_closed_form(leg) for leg in legs):
+    if not set(mechanism.independent.values()) <= set(driver.coordinates) or not all(map(_has_closed_form, legs)):
         return None
     q = np.tile(mechanism.home, (len(y), 1))
     q[:, mechanism.independent_columns] = y
@@ -44,9 +42,8 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
     """U-P-U or U-P-S with the slide through both centres, along the normal of the first U's axes."""
-    if [edge.joint.kind for edge in chain] not in (["U", "P", "U"], ["U", "P", "S"]):
-        return False
-    if any(edge.reverse for edge in chain):
+    kinds = "".join(edge.joint.kind for edge in chain)
+    if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False
     base, slide, wrist = (edge.joint for edge in chain)
     coincide = (base.child_frame, slide.parent_frame, slide.child_frame, wrist.parent_frame)

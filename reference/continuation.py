@@ -27,6 +27,7 @@ OPEN = 1e-10
 STEP = 0.1  # Newton from a first-order prediction this far away converges in two or three steps
 SMALLEST = 1e-5
 FARTHEST = 1.0  # no coordinate is predicted farther away
+REMEDY = "shorten the motion or check the geometry"
 LONGEST = 1e3  # what is further away is not reached by following a path
 
 
@@ -58,12 +59,9 @@ def newton(evaluate: Evaluation, q: Array, y: Array, *, most: int = 60) -> tuple
         stalled = (before < 1e-11) & ~(after < 0.5 * before)  # as small as rounding lets it be
         take = ~stalled | (after < before)
         rows = active[take]
-        q[rows], residual[rows], matrix[rows], error[rows] = (
-            trial[take],
-            residual_new[take],
-            matrix_new[take],
-            after[take],
-        )
+        pairs = (q, trial), (residual, residual_new), (matrix, matrix_new), (error, after)
+        for kept, new in pairs:
+            kept[rows] = new[take]
         active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after)]
     return q, matrix, error
 
@@ -73,11 +71,8 @@ def check_closed(error: Array, y: Array, t: Array) -> None:
     bad = np.flatnonzero(~(error < OPEN))
     if bad.size:
         i = bad[0]
-        raise ClosureError(
-            f"the loops stay open by {error[i]:.3g} at y = {np.array2string(y[i], precision=6)}",
-            f"t = {t[i]:g} s",
-            "shorten the motion or check the geometry",
-        )
+        what = f"the loops stay open by {error[i]:.3g} at y = {np.array2string(y[i], precision=6)}"
+        raise ClosureError(what, f"t = {t[i]:g} s", REMEDY)
 
 
 def corrector(evaluate: Evaluation) -> Corrector:
@@ -116,44 +111,22 @@ def follow(correct: Corrector, q_home: Array, y_home: Array, y: Array, t: Array,
         ClosureError: The path leads to where the loops cannot close.
     """
     start = np.empty((len(y), len(q_home)))
-    home = correct(q_home, y_home)
+    home, remedy = correct(q_home, y_home), "correct the placements or the home coordinates"
     if home is None:
-        raise ClosureError(
-            "the loops do not close there", "home pose", "correct the placements or the home coordinates"
-        )
+        raise ClosureError("the loops do not close there", "home pose", remedy)
     (q, K), at = home, y_home
     for i, target in enumerate(y):
         if np.abs(target - at).max(initial=0.0) > STEP or i == 0:
-            try:
-                q, K = _walk(correct, q, K, at, target)
-            except _Stopped as stopped:
-                raise _explained(stopped, size, float(t[i])) from None
+            q, K = _walk(correct, q, K, at, target, size, f"t = {t[i]:g} s")
             at = target
         start[i] = _predicted(q, K, target - at)
     return start
 
 
-class _Stopped(Exception):
-    """A walk that cannot go on: beyond `y`, shape (k,), or because it would be `far`."""
-
-    def __init__(self, y: Array, far: float = 0.0) -> None:
-        super().__init__()
-        self.y, self.far = y, far
-
-
-def _explained(stopped: _Stopped, size: Array | float, t: float) -> ClosureError:
-    if stopped.far:
-        return ClosureError(
-            f"the motion jumps by {stopped.far:.3g} (rad, or lengths of the mechanism) from one sample to the next",
-            f"t = {t:g} s",
-            "give samples closer to each other",
-        )
-    return ClosureError(
-        f"the loops cannot close beyond y = {np.array2string(stopped.y * size, precision=6)}, "
-        "or the pose there is singular",
-        f"t = {t:g} s",
-        "shorten the motion or check the geometry",
-    )
+def cannot_pass(y: Array, where: str) -> ClosureError:
+    """The error where a path of poses ends at independent coordinates `y`. Shape (k,)."""
+    what = f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
+    return ClosureError(what, where, REMEDY)
 
 
 def _predicted(q: Array, K: Array, way: Array) -> Array:
@@ -161,11 +134,14 @@ def _predicted(q: Array, K: Array, way: Array) -> Array:
     return np.asarray(q + np.clip(K @ way, -FARTHEST, FARTHEST))
 
 
-def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tuple[Array, Array]:
+def _walk(
+    correct: Corrector, q: Array, K: Array, y: Array, target: Array, size: Array | float, where: str
+) -> tuple[Array, Array]:
     """Walks on a straight line from y to target, halving the step where the correction fails."""
     length = max(float(np.abs(target - y).max(initial=0.0)), SMALLEST)
     if not length <= LONGEST:
-        raise _Stopped(target, length)
+        what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
+        raise ClosureError(what, where, "give samples closer to each other")
     done, step = 0.0, min(1.0, STEP / length)
     while done < 1.0:
         share = min(1.0, done + step)
@@ -174,7 +150,7 @@ def _walk(correct: Corrector, q: Array, K: Array, y: Array, target: Array) -> tu
         if corrected is not None:
             (q, K), done = corrected, share
         elif step * length <= SMALLEST:
-            raise _Stopped(goal)
+            raise cannot_pass(goal * size, where)
         else:
             step *= 0.5
     return q, K

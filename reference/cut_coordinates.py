@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.pose import Layout, side_frames
 from screwgauge.reference.rotations import Array, cross, nearest_angles, triad, triad_angles
 
 
@@ -68,18 +68,16 @@ def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Arra
     if not cut.owner:
         return q
     columns = np.array(lay.cut_columns)
-    (i, R_i, p_i), (j, R_j, p_j) = lay.sides
-    R_from = R[:, i] @ R_i
+    (R_from, start), (R_to, end) = (side_frames(side, R, p) for side in lay.sides)
     place, owner, number = cut.angles
     near = np.zeros((*R_from.shape[:2], 3), dtype=q.dtype)
     near[:, owner, number] = guess[:, columns[place]]
-    angles = triad_angles(R_from.swapaxes(-1, -2) @ (R[:, j] @ R_j), cut.triads)
+    angles = triad_angles(R_from.swapaxes(-1, -2) @ R_to, cut.triads)
     q[:, columns[place]] = nearest_angles(angles, near)[0][:, owner, number]
     if cut.slides[0]:
-        shift = (p[:, j] + (R[:, j] @ p_j[..., None])[..., 0]) - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
         place, owner = cut.slides
         along = (R_from[:, owner] @ cut.slide_axes[..., None])[..., 0]
-        q[:, columns[place]] = np.sum(along * shift[:, owner], axis=-1)
+        q[:, columns[place]] = np.sum(along * (end - start)[:, owner], axis=-1)
     return q
 
 

@@ -18,10 +18,8 @@ from screwgauge.reference.rotations import Array
 
 _TOP = {"name", "title", "source", "extends", "bodies", "joints", "independent", "spherical_axial"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
-_JOINT = {
-    *("kind", "parent", "child", "axes", "coordinates", "home", "limits"),
-    *("parent_frame", "child_frame", "actuated"),
-}
+_JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
+_JOINT |= {"parent_frame", "child_frame"}
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -162,13 +160,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     if not isinstance(kind, str) or kind not in KINDS:
         raise UnknownNameError("joint kind", kind, KINDS, where)
     n = len(KINDS[kind])
-    raw_axes = required(table, "axes", where)
     n_axes = 1 if kind == "C" else n
-    if not isinstance(raw_axes, list) or len(raw_axes) != n_axes:
-        raise DescriptionError(f"a {kind} joint has {n_axes} axes", f"{where}.axes", "write a list of unit vectors")
+    axes, at = required(table, "axes", where), f"{where}.axes"
+    _check_length(axes, n_axes, f"a {kind} joint has {n_axes} axes", at, "write a list of unit vectors")
     coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.q{i + 1}" for i in range(n)])
-    if not isinstance(coordinates, list) or len(coordinates) != n:
-        raise DescriptionError(f"a {kind} joint has {n} coordinates", f"{where}.coordinates", f"write {n} names")
+    what = f"a {kind} joint has {n} coordinates"
+    _check_length(coordinates, n, what, f"{where}.coordinates", f"write {n} names")
     actuated = table.get("actuated", False)
     if not isinstance(actuated, bool):
         raise DescriptionError(f"'{actuated}' is not true or false", f"{where}.actuated", "write true or false")
@@ -177,7 +174,7 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
         kind=kind,
         parent=_text(required(table, "parent", where), f"{where}.parent"),
         child=_text(required(table, "child", where), f"{where}.child"),
-        axes=np.array([unit_vector(axis, f"{where}.axes") for axis in raw_axes]),
+        axes=np.array([unit_vector(axis, at) for axis in axes]),
         coordinates=tuple(_name(item, f"{where}.coordinates") for item in coordinates),
         home=vector(table.get("home", [0] * n), f"{where}.home", n),
         limits=_limits(table.get("limits"), n, f"{where}.limits"),
@@ -188,19 +185,21 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     )
 
 
+def _check_length(value: Any, n: int, what: str, where: str, remedy: str) -> None:
+    if not isinstance(value, list) or len(value) != n:
+        raise DescriptionError(what, where, remedy)
+
+
 def _frame(table: Any, where: str) -> Frame:
     check_keys(table, {"position", "rotation"}, where)
-    return Frame(
-        p=vector(table.get("position", [0, 0, 0]), f"{where}.position"),
-        R=rotation_matrix(table.get("rotation", []), f"{where}.rotation"),
-    )
+    position = vector(table.get("position", [0, 0, 0]), f"{where}.position")
+    return Frame(position, rotation_matrix(table.get("rotation", []), f"{where}.rotation"))
 
 
 def _limits(value: Any, n: int, where: str) -> Array:
     if value is None:
         return np.tile([-np.inf, np.inf], (n, 1))
-    if not isinstance(value, list) or len(value) != n:
-        raise DescriptionError(f"expected {n} pairs [low, high]", where, "write one pair for each coordinate")
+    _check_length(value, n, f"expected {n} pairs [low, high]", where, "write one pair for each coordinate")
     limits = np.array([vector(pair, where, 2) for pair in value])
     if (limits[:, 0] >= limits[:, 1]).any():
         raise DescriptionError(f"{limits.tolist()} has low >= high", where, "write [low, high]")

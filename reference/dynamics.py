@@ -48,11 +48,7 @@ def body_motion(lay: Layout, at: Pose, V: Array, A: Array) -> BodyMotion:
 
 
 def required_wrench(
-    lay: Layout,
-    at: Pose,
-    motion: BodyMotion,
-    gravity: Array,
-    loads: Sequence[Load],
+    lay: Layout, at: Pose, motion: BodyMotion, gravity: Array, loads: Sequence[Load]
 ) -> tuple[Array, Array]:
     """What joints and actuators must exert on each body: the right side of eqs. (53)-(55).
 
@@ -63,7 +59,7 @@ def required_wrench(
     Returns:
         Force [N] and moment about the centre of mass [N m] of each body. Shape (n, n_body, 3) each.
     """
-    mass = np.array([body.mass for body in lay.mechanism.bodies], dtype=motion.a.dtype)
+    mass = lay.mechanism.masses.astype(motion.a.dtype)
     F = mass[:, None] * (motion.a - gravity)
     Jw = (motion.J @ motion.omega[..., None])[..., 0]
     T = (motion.J @ motion.beta[..., None])[..., 0] + cross(motion.omega, Jw)
@@ -194,14 +190,7 @@ def across_direction(R: Array, direction: Array) -> Array:
 
 
 def solve_newton_euler(
-    c: Array,
-    F: Array,
-    T: Array,
-    rule: Array,
-    reactions: Reactions,
-    length: float,
-    *,
-    wide: Array | None = None,
+    c: Array, F: Array, T: Array, rule: Array, reactions: Reactions, length: float, *, wide: Array | None = None
 ) -> tuple[Array, Array]:
     """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
 

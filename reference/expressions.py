@@ -15,22 +15,13 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, rotation
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
+    getattr(ast, name): getattr(operator, function)
+    for name, function in (("Add", "add"), ("Sub", "sub"), ("Mult", "mul"), ("Div", "truediv"), ("Pow", "pow"))
 }
 _FUNCTIONS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
-
-
 #: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
 LARGEST = 1e100
-_REASONS = {
-    ZeroDivisionError: "division by zero",
-    OverflowError: "not finite",
-    RecursionError: "too deeply nested",
-}
+_REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
 
 
 def _evaluate(node: ast.expr) -> float:
@@ -68,9 +59,8 @@ def number(value: Any, where: str) -> float:
             raise ValueError(f"larger than {LARGEST:g}")
     except (ValueError, SyntaxError, ArithmeticError, TypeError, RecursionError, MemoryError) as error:
         reason = error.args[0] if type(error) is ValueError else _REASONS.get(type(error), "not an expression")
-        raise DescriptionError(
-            f"'{value}' cannot be read as a number ({reason})", where, 'write 0.5 or "3*sqrt(3)/10"'
-        ) from None
+        what = f"'{value}' cannot be read as a number ({reason})"
+        raise DescriptionError(what, where, 'write 0.5 or "3*sqrt(3)/10"') from None
     return result
 
 
@@ -104,9 +94,8 @@ def rotation_matrix(value: Any, where: str) -> Array:
             axis = unit_vector(step["axis"], where)
             result = result @ rotation(axis, np.array(number(step["angle"], where)))
         else:
-            raise DescriptionError(
-                f"rotation {step!r} is not understood", where, "write {axis = [0, 0, 1], angle = 'pi/2'}"
-            )
+            remedy = "write {axis = [0, 0, 1], angle = 'pi/2'}"
+            raise DescriptionError(f"rotation {step!r} is not understood", where, remedy)
     # cos("pi/2") comes out as 2e-16 here; zeros that the text means are kept as zeros.
     return np.where(np.abs(result) < 4e-16, 0.0, result)
 

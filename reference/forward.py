@@ -14,6 +14,7 @@ import numpy as np
 from screwgauge.reference import linear, screws
 from screwgauge.reference.applied import GRAVITY, Applied, Load, Spring
 from screwgauge.reference.dynamics import (
+    BodyMotion,
     body_motion,
     force_matrix,
     generalized_force,
@@ -24,7 +25,8 @@ from screwgauge.reference.dynamics import (
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Velocities, accelerations
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, loop_matrix
+from screwgauge.reference.pose import Layout, centres_of_mass, loop_matrix
+from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import check_springs, spring_energy, spring_forces
 
@@ -108,16 +110,18 @@ def joint_forces(lay: Layout, forces: Forces, n: int) -> Array:
     return total
 
 
-def _applied(lay: Layout, rate: Velocities, forces: Forces) -> tuple[Array, list[Load]]:
-    """Forces along joints, shape (n, n_q), and loads on bodies, springs and dampers among them."""
+def _without_ydd(lay: Layout, rate: Velocities, forces: Forces) -> tuple[Array, Array, BodyMotion, Array, Array]:
+    """Forces along all joints, then joint accelerations, motion and required wrench where y has no acceleration."""
     check_springs(lay.mechanism, forces.springs)
     tau, loads = spring_forces(lay, rate, forces.springs)
-    return tau + joint_forces(lay, forces, len(tau)), [*forces.loads, *loads]
+    beta, A = accelerations(lay, rate, np.zeros((len(tau), rate.K.shape[2])))
+    motion = body_motion(lay, rate.pose, rate.V, A)
+    wrench = required_wrench(lay, rate.pose, motion, forces.gravity, [*forces.loads, *loads])
+    return tau + joint_forces(lay, forces, len(tau)), beta, motion, *wrench
 
 
 def _inertia(lay: Layout, linear_part: Array, angular_part: Array, J: Array) -> Array:
-    mass = np.array([body.mass for body in lay.mechanism.bodies])
-    M = np.einsum("b,nbjx,nbkx->njk", mass, linear_part, linear_part)
+    M = np.einsum("b,nbjx,nbkx->njk", lay.mechanism.masses, linear_part, linear_part)
     return np.asarray(M + np.einsum("nbjx,nbxy,nbky->njk", angular_part, J, angular_part))
 
 
@@ -139,13 +143,9 @@ def forward(lay: Layout, rate: Velocities, forces: Forces) -> Response:
     Raises:
         SingularPoseError: The independent coordinates do not determine the motion there, or some move no mass.
     """
-    at = rate.pose
     condition = linear.condition(rate.A)
-    _check_poses(lay, at.q, condition)
-    tau, loads = _applied(lay, rate, forces)
-    _, A = accelerations(lay, rate, np.zeros((len(at.q), rate.K.shape[2])))
-    motion = body_motion(lay, at, rate.V, A)
-    F, T = required_wrench(lay, at, motion, forces.gravity, loads)
+    _check_poses(lay, rate.pose.q, condition)
+    tau, _, motion, F, T = _without_ydd(lay, rate, forces)
     M = _inertia(lay, *partial_motion(lay, rate, motion.com), motion.J)
     _check_inertia(lay, M)
     Q = np.einsum("nij,ni->nj", rate.K, tau) - generalized_force(lay, rate, motion, F, T)
@@ -168,15 +168,11 @@ def _check_inertia(lay: Layout, M: Array) -> None:
     d = np.sqrt(np.einsum("njj->nj", M))
     for j, label in enumerate(lay.mechanism.independent):
         if not (d[:, j] > 0.0).all():
-            raise SingularPoseError(
-                f"the coordinate '{label}' moves no mass", lay.mechanism.name, "give its bodies inertia"
-            )
+            what = f"the coordinate '{label}' moves no mass"
+            raise SingularPoseError(what, lay.mechanism.name, "give its bodies inertia")
     if not (linear.condition(M / (d[:, :, None] * d[:, None, :])) < linear.SINGULAR).all():
-        raise SingularPoseError(
-            "some combination of the independent coordinates moves no mass",
-            lay.mechanism.name,
-            "give the bodies inertia",
-        )
+        what = "some combination of the independent coordinates moves no mass"
+        raise SingularPoseError(what, lay.mechanism.name, "give the bodies inertia")
 
 
 def forward_dense(lay: Layout, rate: Velocities, forces: Forces) -> DenseResponse:
@@ -185,25 +181,15 @@ def forward_dense(lay: Layout, rate: Velocities, forces: Forces) -> DenseRespons
     ``[D -c; G 0] [qdd; R] = [c_a f - W; -bias]`` in the minimum-norm least-squares sense: the check of `forward`.
     """
     at, (n, n_q) = rate.pose, rate.pose.q.shape
-    k = rate.K.shape[2]
-    tau, loads = _applied(lay, rate, forces)
     # any closed motion will do as the one from which the accelerations are counted
-    beta, A = accelerations(lay, rate, np.zeros((n, k)))
-    motion = body_motion(lay, at, rate.V, A)
-    F, T = required_wrench(lay, at, motion, forces.gravity, loads)
+    tau, beta, motion, F, T = _without_ydd(lay, rate, forces)
     reactions = joint_reactions(lay, at)
     m = len(reactions.names)
     c = force_matrix(lay, at, motion.com, reactions)[..., :m]
     D = _inertia_of_joints(lay, rate, motion.com, motion.J)
     right = joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
     G = loop_matrix(lay, at)
-    system = np.concatenate(
-        [
-            np.concatenate([D, -c], axis=2),
-            np.concatenate([G, np.zeros((n, G.shape[1], m))], axis=2),
-        ],
-        axis=1,
-    )
+    system = np.block([[D, -c], [G, np.zeros((n, G.shape[1], m))]])
     right = np.concatenate([right, np.zeros((n, G.shape[1]))], axis=1)
     # equal sizes of the columns, whose units differ; what stays far below is redundancy
     size = np.linalg.norm(system, axis=1, keepdims=True)
@@ -218,10 +204,9 @@ def _inertia_of_joints(lay: Layout, rate: Velocities, com: Array, J: Array) -> A
     Returns:
         Shape (n, 6 n_body, n_q).
     """
-    mass = np.array([body.mass for body in lay.mechanism.bodies])
     S = lay.path[None, 1:, :, None] * rate.pose.S[:, None]  # (n, n_body, n_q, 6)
     a = S[..., 3:] + cross(S[..., :3], com[:, :, None])
-    force = mass[None, :, None, None] * a
+    force = lay.mechanism.masses[None, :, None, None] * a
     moment = np.einsum("nbxy,nbiy->nbix", J, S[..., :3])
     D = np.concatenate([force, moment], axis=3).swapaxes(2, 3)
     return np.asarray(D.reshape(len(D), -1, S.shape[2]))
@@ -239,7 +224,7 @@ def joint_wrenches(lay: Layout, rate: Velocities, com: Array, tau: Array) -> Arr
     W = np.zeros((n, len(lay.mechanism.bodies) + 1, 6))
     for joint in lay.mechanism.joints:
         columns = lay.columns[joint.name]
-        point = rate.pose.p[:, index[joint.child]] + rate.pose.R[:, index[joint.child]] @ joint.child_frame.p
+        point = joint_point(joint, rate.pose.R[:, index[joint.child]], rate.pose.p[:, index[joint.child]])
         turns = np.array([turn for turn, _ in joint.freedoms])
         S = rate.pose.S[:, columns]
         axes = np.where(turns[None, :, None], S[..., :3], S[..., 3:])
@@ -275,11 +260,7 @@ def power(lay: Layout, rate: Velocities, forces: Forces) -> Array:
 
 def energy(lay: Layout, rate: Velocities, forces: Forces) -> Array:
     """Kinetic energy and that stored in gravity and springs [J]. Shape (n,)."""
-    at = rate.pose
     yd = rate.w[:, lay.mechanism.independent_columns]
     kinetic = 0.5 * np.einsum("nj,njk,nk->n", yd, inertia_matrix(lay, rate), yd)
-    bodies = lay.mechanism.bodies
-    com = at.p[:, 1:] + (at.R[:, 1:] @ np.stack([body.com for body in bodies])[..., None])[..., 0]
-    height = com @ forces.gravity
-    mass = np.array([body.mass for body in bodies])
-    return np.asarray(kinetic - height @ mass + spring_energy(lay, at, forces.springs))
+    height = centres_of_mass(lay, rate.pose) @ forces.gravity
+    return np.asarray(kinetic - height @ lay.mechanism.masses + spring_energy(lay, rate.pose, forces.springs))

@@ -61,18 +61,16 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
 def _walk(kept: list[Joint], mechanism: Mechanism) -> tuple[Edge, ...]:
     known, edges = {GROUND}, []
     left = [joint for joint in mechanism.joints if joint in kept]
-    while left:
-        for joint in left:
-            if joint.parent in known or joint.child in known:
-                reverse = joint.parent not in known
-                near, far = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
-                edges.append(Edge(joint, near, far, reverse))
-                known.add(far)
-                left.remove(joint)
-                break
-        else:
-            break
+    while joint := next((j for j in left if known & {j.parent, j.child}), None):
+        edges.append(_edge(joint, joint.child if joint.parent not in known else joint.parent))
+        known.add(edges[-1].far)
+        left.remove(joint)
     return tuple(edges)
+
+
+def _edge(joint: Joint, near: str) -> Edge:
+    reverse = joint.parent != near
+    return Edge(joint, near, joint.parent if reverse else joint.child, reverse)
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
@@ -80,21 +78,14 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
     reached = {GROUND, *(edge.far for edge in spanning_tree(mechanism).edges)}
     for body in mechanism.bodies:
         if body.name not in reached:
-            raise DescriptionError(
-                f"body '{body.name}' is not connected to {GROUND}",
-                where,
-                "add the missing joint or remove it",
-            )
+            what = f"body '{body.name}' is not connected to {GROUND}"
+            raise DescriptionError(what, where, "add the missing joint or remove it")
 
 
 def output_body(mechanism: Mechanism) -> str:
     """The body with the most joints, the moving platform of a parallel mechanism."""
-    counts = {body.name: 0 for body in mechanism.bodies}
-    for joint in mechanism.joints:
-        for side in (joint.parent, joint.child):
-            if side != GROUND:
-                counts[side] += 1
-    return max(counts, key=lambda name: counts[name])
+    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
+    return max((body.name for body in mechanism.bodies), key=sides.count)
 
 
 def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
@@ -109,9 +100,8 @@ def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
             continue
         chain, joint, near = [], first, GROUND
         while True:
-            reverse = joint.child == near
-            far = joint.parent if reverse else joint.child
-            chain.append(Edge(joint, near, far, reverse))
+            chain.append(_edge(joint, near))
+            far = chain[-1].far
             onward = [j for j in mechanism.joints if j is not joint and far in (j.parent, j.child)]
             if far == target or len(onward) != 1:
                 break

@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.reference import cut_coordinates, screws
 from screwgauge.reference.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.cut_coordinates import CutColumns
-from screwgauge.reference.pose import Layout, Pose, length, tree_pose, whole_pose
+from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
 
@@ -88,17 +88,14 @@ class LoopEquations:
 
     def rows(self, R: Array, p: Array) -> Rows:
         """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
-        (i, R_i, p_i), (j, R_j, p_j) = self.lay.sides
-        cuts = self.lay.tree.cuts
-        R_child = R[:, j]
-        R_from, R_to = R[:, i] @ R_i, R_child @ R_j
-        point = p[:, j] + (R_child @ p_j[..., None])[..., 0]
-        shift = point - (p[:, i] + (R[:, i] @ p_i[..., None])[..., 0])
+        cuts, (parents, children) = self.lay.tree.cuts, self.lay.sides
+        (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
+        R_child, shift = R[:, children[0]], point - start
         turn = np.zeros_like(shift)
         owner, _, carried, normal = self._kinds
         direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
-        children = [c for c, with_child in zip(owner, carried, strict=True) if with_child]
-        direction[:, carried] = (R_child[:, children] @ direction[:, carried][..., None])[..., 0]
+        carriers = [c for c, with_child in zip(owner, carried, strict=True) if with_child]
+        direction[:, carried] = (R_child[:, carriers] @ direction[:, carried][..., None])[..., 0]
         by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
         if by_axis:
             first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
@@ -164,8 +161,7 @@ class LoopEquations:
 
     def readers(self, at: Pose) -> tuple[Array, Array]:
         """What reads the velocities of the cut joints, see `cut_coordinates.readers`."""
-        _, (j, _, p_j) = self.lay.sides
-        points = at.p[:, j] + (at.R[:, j] @ p_j[..., None])[..., 0]
+        points = side_frames(self.lay.sides[1], at.R, at.p)[1]
         return cut_coordinates.readers(self.lay, self.cut, at.S, points)
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, Array]:

@@ -62,18 +62,12 @@ class Body:
         moments = np.linalg.eigvalsh(self.inertia)
         slack = 1e-12 * max(float(np.trace(self.inertia)), 0.0)
         if moments[0] < -slack:
-            raise DescriptionError(
-                f"inertia is not positive semidefinite (smallest principal moment {moments[0]:.3g} kg m^2)",
-                where,
-                "check the signs of the products of inertia",
-            )
-        if moments[2] - moments[0] - moments[1] > slack:
-            raise DescriptionError(
-                f"principal moments {moments.tolist()} kg m^2 violate the triangle inequality "
-                f"by {moments[2] - moments[0] - moments[1]:.3g}",
-                where,
-                "no body of positive mass has them; check the tensor and its axes",
-            )
+            what = f"inertia is not positive semidefinite (smallest principal moment {moments[0]:.3g} kg m^2)"
+            raise DescriptionError(what, where, "check the signs of the products of inertia")
+        excess = moments[2] - moments[0] - moments[1]
+        if excess > slack:
+            what = f"principal moments {moments.tolist()} kg m^2 violate the triangle inequality by {excess:.3g}"
+            raise DescriptionError(what, where, "no body of positive mass has them; check the tensor and its axes")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,9 +115,8 @@ class Joint:
         if self.kind in "US":
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
-                raise DescriptionError(
-                    "the axes of a composite joint are not orthogonal", where, "write it as R joints instead"
-                )
+                what = "the axes of a composite joint are not orthogonal"
+                raise DescriptionError(what, where, "write it as R joints instead")
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
@@ -201,6 +194,11 @@ class Mechanism:
     def body_index(self) -> dict[str, int]:
         """Position of each body, ground being 0."""
         return {name: i for i, name in enumerate([GROUND, *(body.name for body in self.bodies)])}
+
+    @cached_property
+    def masses(self) -> Array:
+        """Mass of each body [kg]. Shape (n_body,)."""
+        return np.array([body.mass for body in self.bodies])
 
     @property
     def mass(self) -> float:

@@ -123,10 +123,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
     names = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
     where = f"{mechanism.where}, independent"
     if k != freedoms:
-        raise DescriptionError(
-            f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom",
-            where,
-            f"name {freedoms}",
-        )
+        what = f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom"
+        raise DescriptionError(what, where, f"name {freedoms}")
     if linear.rank(A) < A.shape[1]:
         raise DescriptionError(f"the coordinates {names} are not independent at the home pose", where, "choose others")

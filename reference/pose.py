@@ -95,11 +95,14 @@ Side = tuple[list[int], Array, Array]
 
 
 def _side(bodies: list[int], frames: Sequence[Frame]) -> Side:
-    return (
-        bodies,
-        np.array([f.R for f in frames]).reshape(-1, 3, 3),
-        np.array([f.p for f in frames]).reshape(-1, 3),
-    )
+    R, p = np.array([f.R for f in frames]), np.array([f.p for f in frames])
+    return bodies, R.reshape(-1, 3, 3), p.reshape(-1, 3)
+
+
+def side_frames(side: Side, R: Array, p: Array) -> tuple[Array, Array]:
+    """World frames of the cut joints on one of their sides. Shapes (n, n_cut, 3, 3), (n, n_cut, 3)."""
+    body, R_joint, p_joint = side
+    return R[:, body] @ R_joint, p[:, body] + (R[:, body] @ p_joint[..., None])[..., 0]
 
 
 def layout(mechanism: Mechanism, tree: SpanningTree | None = None) -> Layout:
@@ -181,13 +184,9 @@ def tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
     turned = lay.rotations(q)
     for edge in lay.tree.edges:
         near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
+        start = q[:, columns], R[:, near], p[:, near]
         R[:, far], p[:, far], directions[:, columns], points[:, columns] = across(
-            edge.joint,
-            q[:, columns],
-            R[:, near],
-            p[:, near],
-            reverse=edge.reverse,
-            turned=turned[:, columns],
+            edge.joint, *start, reverse=edge.reverse, turned=turned[:, columns]
         )
     return R, p, _screws(lay, directions, points)
 
@@ -214,10 +213,7 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
         return Pose(q, R, p, S, residual)
     turned = lay.rotations(q)
     directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
-    R_via, p_via = (
-        np.empty((n, residual.shape[1], 3, 3), dtype=q.dtype),
-        np.empty((n, residual.shape[1], 3), dtype=q.dtype),
-    )
+    R_via, p_via = np.empty((*residual.shape[:2], 3, 3), dtype=q.dtype), np.empty_like(residual[..., :3])
     for c, joint in enumerate(lay.tree.cuts):
         parent, columns = index[joint.parent], lay.columns[joint.name]
         R_via[:, c], p_via[:, c], directions[:, columns], points[:, columns] = across(
@@ -246,11 +242,10 @@ def length(lay: Layout) -> float:
     mechanism = lay.mechanism
     R, p, _ = tree_pose(lay, mechanism.home[None])
     index = mechanism.body_index
-    points = [p[0, index[b.name]] + R[0, index[b.name]] @ b.com for b in mechanism.bodies]
-    for joint in mechanism.joints:
-        for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
-            points.append(p[0, index[side]] + R[0, index[side]] @ frame.p)
-    cloud = np.array(points)
+    places = [(b.name, b.com) for b in mechanism.bodies]
+    places += [(j.parent, j.parent_frame.p) for j in mechanism.joints]
+    places += [(j.child, j.child_frame.p) for j in mechanism.joints]
+    cloud = np.array([p[0, index[body]] + R[0, index[body]] @ point for body, point in places])
     return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
 
 
@@ -262,9 +257,6 @@ def loop_matrix(lay: Layout, at: Pose) -> Array:
 
 def chain_screws(lay: Layout, chain: tuple[Edge, ...], at: Pose) -> Array:
     """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, 6, n_chain)."""
-    columns = [
-        (column, -1.0 if edge.reverse else 1.0)
-        for edge in chain
-        for column in (lay.columns[edge.joint.name][::-1] if edge.reverse else lay.columns[edge.joint.name])
-    ]
-    return np.stack([sign * at.S[:, column] for column, sign in columns], axis=2)
+    signs = [(edge, -1 if edge.reverse else 1) for edge in chain]
+    screws = [sign * at.S[:, i] for edge, sign in signs for i in lay.columns[edge.joint.name][::sign]]
+    return np.stack(screws, axis=2)

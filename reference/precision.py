@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -24,9 +23,7 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
 
     The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
     """
-    bodies = tuple(
-        _with(body, com=body.com.astype(dtype), inertia=body.inertia.astype(dtype)) for body in mechanism.bodies
-    )
+    bodies = tuple(_rounded(body, dtype, "com", "inertia") for body in mechanism.bodies)
     joints = tuple(_joint(joint, dtype) for joint in mechanism.joints)
     axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
     return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
@@ -56,18 +53,17 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
 
 
 def _joint(joint: Joint, dtype: DTypeLike) -> Joint:
-    frames = {
-        name: _with(frame, p=frame.p.astype(dtype), R=frame.R.astype(dtype))
-        for name, frame in (("parent_frame", joint.parent_frame), ("child_frame", joint.child_frame))
-    }
-    arrays = {name: np.asarray(getattr(joint, name), dtype=dtype) for name in ("axes", "home", "limits")}
-    return _with(joint, **arrays, **frames)
+    frames = {name: _rounded(getattr(joint, name), dtype, "p", "R") for name in ("parent_frame", "child_frame")}
+    return _with(_rounded(joint, dtype, "axes", "home", "limits"), **frames)
+
+
+def _rounded(item: T, dtype: DTypeLike, *names: str) -> T:
+    return _with(item, **{name: getattr(item, name).astype(dtype) for name in names})
 
 
 def _with(item: T, **changes: Any) -> T:
     """A copy with other fields, made without the checks of its class."""
-    found = copy(item)
-    fields: Mapping[str, Any] = changes
-    for name, value in fields.items():
-        object.__setattr__(found, name, value)
-    return found
+    changed = copy(item)
+    for name, value in changes.items():
+        object.__setattr__(changed, name, value)
+    return changed

@@ -72,21 +72,16 @@ def reaction_components(
         R_parent, R_child: Orientation of the bodies of each joint. Shape (n, 3, 3) each.
         p_child: Origin of the child of each joint [m]. Shape (n, 3) each.
     """
-    names, units, owners = [], [], []
-    forces, moments, points = [], [], []
+    rows = []
     for i in by_role(joints):
         joint = joints[i]
         point = joint_point(joint, R_child[i], p_child[i])
         for label, is_force, direction in _directions(joint, R_parent[i], R_child[i]):
-            names.append(f"{joint.name}.{label}")
-            units.append("N" if is_force else "N m")
-            owners.append(i)
             zero = np.zeros_like(direction)
-            forces.append(direction if is_force else zero)
-            moments.append(zero if is_force else direction)
-            points.append(point)
-    stack = [np.stack(arrays, axis=1) for arrays in (forces, moments, points)]
-    return Reactions(tuple(names), tuple(units), tuple(owners), *stack)
+            arrays = (direction, zero, point) if is_force else (zero, direction, point)
+            rows.append((f"{joint.name}.{label}", "N" if is_force else "N m", i, *arrays))
+    names, units, owners, *stacks = zip(*rows, strict=True)
+    return Reactions(names, units, owners, *(np.stack(arrays, axis=1) for arrays in stacks))
 
 
 def _directions(joint: Joint, R_parent: Array, R_child: Array) -> list[tuple[str, bool, Array]]:

@@ -30,15 +30,13 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     lost = [system.components.names[i] for i in _large(U[: len(system.components.names), -1], 0.3)]
     joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
     constraint = f"; the constraint of {_listed(joints)} is lost" if lost else ""
+    freedom = f"a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
     if output_body(lay.mechanism) in bodies:
-        return (
-            f"{output_body(lay.mechanism)} gains a freedom that {chosen} do not determine "
-            f"({_listed(coordinates)} move){constraint}"
-        )
+        return f"{output_body(lay.mechanism)} gains {freedom}"
     joint = next((j for j in lay.mechanism.joints if set(j.coordinates) >= set(coordinates)), None)
     if joint is not None and len(joint.coordinates) > 1:
         return f"{joint.name} locks: {_listed(bodies)} turn idly ({_listed(coordinates)} moves nothing else)"
-    return f"{_listed(bodies)} gain a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
+    return f"{_listed(bodies)} gain {freedom}"
 
 
 def gimbal_lock(lay: Layout, cut: int) -> str:

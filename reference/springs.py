@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.reference import screws
 from screwgauge.reference.applied import JointSpring, Load, PointSpring, Spring
-from screwgauge.reference.errors import SingularPoseError, UnknownNameError
+from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, Pose
@@ -22,15 +22,15 @@ def check_springs(mechanism: Mechanism, springs: Iterable[Spring]) -> None:
             if spring.coordinate not in mechanism.coordinates:
                 raise UnknownNameError("coordinate", spring.coordinate, mechanism.coordinates, "spring")
             continue
-        for body in (spring.first, spring.second):
+        for body, _ in spring.ends:
             if body not in mechanism.body_index:
                 raise UnknownNameError("body", body, mechanism.body_index, "spring")
 
 
 def _ends(lay: Layout, at: Pose, spring: PointSpring) -> tuple[Array, Array]:
     """World positions of the two points [m]. Shape (n, 3) each."""
-    i, j = (lay.mechanism.body_index[body] for body in (spring.first, spring.second))
-    return at.p[:, i] + at.R[:, i] @ spring.first_point, at.p[:, j] + at.R[:, j] @ spring.second_point
+    (i, first), (j, second) = ((lay.mechanism.body_index[body], point) for body, point in spring.ends)
+    return at.p[:, i] + at.R[:, i] @ first, at.p[:, j] + at.R[:, j] @ second
 
 
 def spring_forces(lay: Layout, rate: Velocities, springs: Sequence[Spring]) -> tuple[Array, list[Load]]:
@@ -53,19 +53,12 @@ def spring_forces(lay: Layout, rate: Velocities, springs: Sequence[Spring]) -> t
         a, b = _ends(lay, at, spring)
         length = np.linalg.norm(b - a, axis=1, keepdims=True)
         if not (length > 0.0).all():
-            raise SingularPoseError(
-                "its points meet, so that it has no direction",
-                f"spring between {spring.first} and {spring.second}",
-                "move its points or shorten the motion",
-            )
+            raise spring.no_direction()
         along = (b - a) / length
         v = [screws.velocity_at(rate.V[:, index[body]], r) for body, r in ((spring.first, a), (spring.second, b))]
         speed = np.sum(along * (v[1] - v[0]), axis=1, keepdims=True)
         pull = (spring.stiffness * (length - spring.rest) + spring.damping * speed) * along
-        for body, point, force in (
-            (spring.first, spring.first_point, pull),
-            (spring.second, spring.second_point, -pull),
-        ):
+        for (body, point), force in zip(spring.ends, (pull, -pull), strict=True):
             if index[body]:  # the ground needs no balance
                 loads.append(Load(body, point, force, np.zeros(3)))
     return tau, loads

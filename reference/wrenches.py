@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
-from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, rotation
 
@@ -39,11 +38,7 @@ class State:
 
 
 def applied_wrenches(
-    joints: Sequence[Joint],
-    applied: Applied,
-    state: State,
-    index: Mapping[str, int],
-    sides: Sides,
+    joints: Sequence[Joint], applied: Applied, state: State, index: Mapping[str, int], sides: Sides
 ) -> Array:
     """Force and moment about its origin on each body. Shape (n, b, 6)."""
     out = np.zeros_like(state.V)
@@ -66,17 +61,13 @@ def applied_wrenches(
 
 def _pull(spring: PointSpring, state: State, index: Mapping[str, int], out: Array) -> None:
     """Adds the force of a spring between two points."""
-    ends = ((index[spring.first], spring.first_point), (index[spring.second], spring.second_point))
+    ends = [(index[body], point) for body, point in spring.ends]
     arms = [(state.R[:, i] @ point) for i, point in ends]
     at = [state.p[:, i] + arm for (i, _), arm in zip(ends, arms, strict=True)]
     speed = [state.V[:, i, 3:] + np.cross(state.V[:, i, :3], arm) for (i, _), arm in zip(ends, arms, strict=True)]
     length = np.linalg.norm(at[1] - at[0], axis=1)
     if not (length > 0.0).all():
-        raise SingularPoseError(
-            f"its points meet at t = {state.t[np.argmin(length)]:g} s, so that it has no direction",
-            f"spring between {spring.first} and {spring.second}",
-            "move its points or shorten the motion",
-        )
+        raise spring.no_direction(f" at t = {state.t[np.argmin(length)]:g} s")
     along = (at[1] - at[0]) / length[:, None]
     rate = np.sum(along * (speed[1] - speed[0]), axis=1)
     force = (spring.stiffness * (length - spring.rest) + spring.damping * rate)[:, None] * along

@@ -109,11 +109,8 @@ def chains(lay: Layout) -> Chains:
     found = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
     if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
-        raise DescriptionError(
-            "not every joint lies in a serial chain from ground to one platform",
-            where,
-            "the paper's scheme needs that",
-        )
+        what = "not every joint lies in a serial chain from ground to one platform"
+        raise DescriptionError(what, where, "the paper's scheme needs that")
     if any(edge.reverse for chain in found for edge in chain):
         raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
     freedoms = [list(_freedoms(lay, chain)) for chain in found]
