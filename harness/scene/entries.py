@@ -47,10 +47,10 @@ def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
     return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
-def positive(value: Any, where: str) -> float:
+def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
     result = number(value, where)
     if result <= 0.0:
-        raise DescriptionError(f"{result:g} is not positive", where, "give a positive number")
+        raise DescriptionError(f"{result:g} is not positive", where, remedy)
     return result
 
 
