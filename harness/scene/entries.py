@@ -67,11 +67,8 @@ def read_times(values: list[Any], where: str) -> Array:
 
 def _check_count(n: float, where: str) -> None:
     if n > MOST:
-        raise DescriptionError(
-            f"{n:.3g} samples are asked for, more than {MOST:.0e}",
-            where,
-            "take a longer step or a shorter duration",
-        )
+        what = f"{n:.3g} samples are asked for, more than {MOST:.0e}"
+        raise DescriptionError(what, where, "take a longer step or a shorter duration")
 
 
 def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
