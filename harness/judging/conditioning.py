@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.problem import Rows
 from screwgauge.reference import linear
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
+from screwgauge.scene.preflight import determinant_signs
 from screwgauge.solution import Solution
 
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
@@ -76,7 +76,8 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
     at = pose(lay, q)
     A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
     condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
-    crossed = _crossed(A)
+    signs = determinant_signs(A)
+    crossed = np.flatnonzero(signs[1:] * signs[:-1] < 0)
     met = condition.copy()
     met[crossed + 1] = np.maximum(met[crossed + 1], near)
     met = np.maximum.accumulate(np.nan_to_num(met, nan=np.inf))
@@ -92,12 +93,3 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
             f"{near_singularity(lay, at.rows([nearest]))}"
         )
     return met, np.where(estimate < linear.DIGIT, estimate, np.inf), note
-
-
-def _crossed(A: Array) -> Rows:
-    """Samples after which the determinant changes its sign; none where the loops have redundant rows."""
-    if A.shape[1] != A.shape[2] or not A.shape[1]:
-        return np.zeros(0, dtype=np.intp)
-    sign = np.linalg.slogdet(A)[0]
-    rows: Rows = np.flatnonzero(sign[1:] * sign[:-1] < 0)
-    return rows

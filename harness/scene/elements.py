@@ -42,11 +42,8 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     check_keys(table, {"coordinate", *_ENDS, *_AMOUNTS}, where)
     amounts = {key: number(table.get(key, 0), f"{where}.{key}") for key in _AMOUNTS}
     if ("coordinate" in table) == ("first" in table):
-        raise DescriptionError(
-            "a spring has either a coordinate or two ends",
-            where,
-            "write coordinate = ..., or first, first_point, second, second_point",
-        )
+        remedy = "write coordinate = ..., or first, first_point, second, second_point"
+        raise DescriptionError("a spring has either a coordinate or two ends", where, remedy)
     try:
         spring = _ends(table, where, amounts)
     except DescriptionError as error:

@@ -47,10 +47,10 @@ def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
     return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
-def positive(value: Any, where: str) -> float:
+def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
     result = number(value, where)
     if result <= 0.0:
-        raise DescriptionError(f"{result:g} is not positive", where, "give a positive number")
+        raise DescriptionError(f"{result:g} is not positive", where, remedy)
     return result
 
 
@@ -67,11 +67,8 @@ def read_times(values: list[Any], where: str) -> Array:
 
 def _check_count(n: float, where: str) -> None:
     if n > MOST:
-        raise DescriptionError(
-            f"{n:.3g} samples are asked for, more than {MOST:.0e}",
-            where,
-            "take a longer step or a shorter duration",
-        )
+        what = f"{n:.3g} samples are asked for, more than {MOST:.0e}"
+        raise DescriptionError(what, where, "take a longer step or a shorter duration")
 
 
 def read_grid(table: Any, sampled: Array | None, where: str) -> Array:

@@ -12,11 +12,10 @@ import numpy as np
 from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.expressions import number
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import check_name, read_vector
+from screwgauge.scene.entries import check_name, positive, read_vector
 from screwgauge.scene.motion import read_columns
 from screwgauge.solution import Values
 
@@ -64,17 +63,17 @@ class Published:
 
     Attributes:
         who: Method or program, with its setting.
+        remark: What the numbers do not say.
         accuracy: Error of what `measure` says, an observable [m or rad] or the energy [J]; NaN if not stated.
         cpu_s: Processor time on the machine of that time [s]; NaN if not stated.
-        remark: What the numbers do not say.
     """
 
     who: str
     source: str
     measure: str
-    accuracy: float
-    cpu_s: float
     remark: str
+    accuracy: float = float("nan")
+    cpu_s: float = float("nan")
 
 
 def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
@@ -116,11 +115,8 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
 def read_published(table: Any, where: str) -> Published:
     """Reads one of ``[[published]]``."""
     check_keys(table, {"who", "source", "of", "accuracy", "cpu_s", "remark"}, where)
-    stated = {}
-    for key in ("accuracy", "cpu_s"):
-        stated[key] = number(table[key], f"{where}.{key}") if key in table else float("nan")
-        if stated[key] <= 0.0:
-            raise DescriptionError(f"{stated[key]:g} is not positive", f"{where}.{key}", "give what was published")
+    keys = [key for key in ("accuracy", "cpu_s") if key in table]
+    stated = {key: positive(table[key], f"{where}.{key}", "give what was published") for key in keys}
     return Published(
         who=read_text(table, "who", where),
         source=read_text(table, "source", where),

@@ -123,14 +123,16 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
     return i, f"'{mechanism.coordinates[k]}' = {value} is beyond its limits [{low[k]:g}, {high[k]:g}]"
 
 
+def determinant_signs(A: Array) -> Array:
+    """Sign of the determinant of each closing system, shape (n, m, k); zero where loops have redundant rows. (n,)."""
+    return np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))
+
+
 def _check_side(lay: Layout, motion: GivenMotion) -> None:
     """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
     at = positions(lay, motion.y[:1], motion.t[:1])
     A = np.concatenate([loop_equations(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
-    if A.shape[1] != A.shape[2] or not (linear.condition(A) <= linear.SINGULAR).all():
-        return
-    signs = np.linalg.slogdet(A)[0]
-    if signs[0] * signs[1] < 0:
+    if (linear.condition(A) <= linear.SINGULAR).all() and determinant_signs(A).prod() < 0:
         raise SingularPoseError(
             f"the motion lies beyond a singular pose, seen from home, at {lay.mechanism.described(motion.y[0])} "
             f"(the determinant's sign differs): towards home {near_singularity(lay, at)}",
@@ -139,9 +141,7 @@ def _check_side(lay: Layout, motion: GivenMotion) -> None:
         )
 
 
-def check_regular(
-    lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None
-) -> tuple[float, float] | None:
+def check_regular(lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None) -> tuple[float, float]:
     """Condition of the closing system at every sample, and its determinant's sign from one to the next.
 
     Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
@@ -158,9 +158,7 @@ def check_regular(
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )
-    if A.shape[1] != A.shape[2]:
-        return None
-    sign = np.linalg.slogdet(A)[0]
+    sign = determinant_signs(A)
     first = (float(sign[0]), float(t[0])) if before is None else before
     signs, times = np.append(first[0], sign), np.append(first[1], t)
     change = np.flatnonzero(signs[1:] * signs[:-1] < 0)

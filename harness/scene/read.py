@@ -92,9 +92,8 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
     rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
-        raise DescriptionError(
-            f"rule '{rule}' needs a spherical joint", where, f"add [spherical_axial] to {mechanism.where}"
-        )
+        remedy = f"add [spherical_axial] to {mechanism.where}"
+        raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
     return {
         "applied": _applied(data, mechanism, where),
         "task": drive(read_grid(data.get("time"), sampled, f"{where}, time")),
@@ -123,9 +122,8 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     check_order(t, task.since)
     applied = _applied(data, mechanism, where)
     if not _acts(applied):
-        raise DescriptionError(
-            "nothing exerts a force in this forward scene", where, "add gravity, [[loads]], [[springs]] or [[motors]]"
-        )
+        remedy = "add gravity, [[loads]], [[springs]] or [[motors]]"
+        raise DescriptionError("nothing exerts a force in this forward scene", where, remedy)
     return {
         "applied": applied,
         "task": task,
@@ -155,9 +153,8 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
     amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
     for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
         if not least < amounts[key] < most:
-            raise DescriptionError(
-                f"{amounts[key]:g} is not between {least:g} and {most:g}", f"{where}.{key}", "give such a number"
-            )
+            what = f"{amounts[key]:g} is not between {least:g} and {most:g}"
+            raise DescriptionError(what, f"{where}.{key}", "give such a number")
     return InitialValue(
         start=_state(table, "start", mechanism, home, where),
         rates=_state(table, "rates", mechanism, np.zeros_like(home), where),

@@ -34,16 +34,12 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
-        raise DescriptionError(
-            f"the only time, {task.since:g} s, is that of the start", "times", "give later times, too"
-        )
+        what = f"the only time, {task.since:g} s, is that of the start"
+        raise DescriptionError(what, "times", "give later times, too")
     away = np.abs(task.start - mechanism.home[mechanism.independent_columns])
     if not away.max(initial=0.0) <= FARTHEST:
-        raise DescriptionError(
-            f"the start is {away.max():.3g} rad or m away from the home pose",
-            scene.name,
-            f"start within {FARTHEST:g}; check its units",
-        )
+        what = f"the start is {away.max():.3g} rad or m away from the home pose"
+        raise DescriptionError(what, scene.name, f"start within {FARTHEST:g}; check its units")
     since = np.array([task.since])
     at = positions(lay, task.start[None], since)
     check_regular(lay, at, since, task.start[None], None)

@@ -130,12 +130,12 @@ def ask_engines(
             # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
             problem = scene.problem(wanted, own_gravity=own and get_engine(name).reads == ".xml")
             answer = method.load(model_files(scene, name, folder)).solve(problem, partial(progress, name))
-            solutions[name] = answer = replace(answer, engine=name)
+            answer = replace(answer, engine=name)
             _check_answer(answer, len(scene.t), expected or {})
+            solutions[name] = answer
         except Exception as error:  # whatever an engine raises becomes a row, so that the others go on
             if own and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
                 raise
-            solutions.pop(name, None)
             failures[name] = failure(error, method, folder)
     return solutions, failures
 

@@ -27,7 +27,7 @@ from screwgauge.scene.observables import Known, known_values, observe
 from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
-from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.solution import REFERENCE, Failure, Solution
 from screwgauge.study.ask import Expected, Report, ask_engines, generated, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
@@ -132,9 +132,8 @@ def _asked(
         check_engines(scene.models, f"{where}, models")
     for engine, file in scene.models.items():
         if not is_file(file):
-            raise DescriptionError(
-                f"model file of {engine} does not exist ('{file}')", f"{where}, models", "check the path"
-            )
+            what = f"model file of {engine} does not exist ('{file}')"
+            raise DescriptionError(what, f"{where}, models", "check the path")
     task = type(scene.task)
     names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)
     known = SIMULATED if scene.simulated else GIVEN
@@ -173,25 +172,26 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
     values = {name: answer.values[name] for name in _MOTION if name in wanted}
     q = answer.values["joint_position"].array[:m]
     if "observable" in wanted:
-        array = np.full((n, len(scene.observables)), np.nan)
         has = observe(lay, scene.observables, q)
-        array[:m] = has.array
-        values = {"observable": Values(has.components, has.units, array), **values}
+        array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
+        values = {"observable": replace(has, array=array), **values}
     met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
     estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
     met = np.pad(met, (0, n - m), mode="edge")
-    stopped = (f"stopped: {answer.stopped}",) if answer.stopped else ()
-    beyond = beyond_limits(scene.mechanism, q)  # which are no stops
-    left = (f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s",) if beyond else ()
-    counts: tuple[str, ...] = ()
-    if (cost := answer.cost) is not None:
-        counts = (f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations",)
+    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)  # limits are no stops
+    notes = (
+        f"stopped: {answer.stopped}" if answer.stopped else "",
+        f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
+        *answer.notes,
+        note,
+        f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s" if beyond else "",
+    )
     return replace(
         answer,
         values=values,
         estimate=dict.fromkeys(values, estimate),
         conditions=dict.fromkeys(values, met),
-        notes=(*stopped, *counts, *answer.notes, *filter(None, [note]), *left),
+        notes=tuple(filter(None, notes)),
     )
 
 

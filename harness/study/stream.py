@@ -27,11 +27,8 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
         DescriptionError: A number that makes no grid.
     """
     if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
-        raise DescriptionError(
-            f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on",
-            "times",
-            "give positive finite numbers",
-        )
+        what = f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on"
+        raise DescriptionError(what, "times", "give positive finite numbers")
     for begin in range(0, count, part):
         yield first + np.arange(begin, min(begin + part, count), dtype=float) * step
 
