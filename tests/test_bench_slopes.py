@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import motion
-from screwgauge.study.bench.rows import Row
+from screwgauge.study.bench.rows import CUT, Row
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.bench.slopes import RULES, Rule, fits, table
 from screwgauge.study.method import Method
@@ -41,6 +43,13 @@ def test_two_points_are_no_slope():
     (fit,) = fits(rows([(1e-3, 1e-6), (1e-2, 1e-4)]), [Rule("line", "q", 2.0)])
     assert np.isnan(fit.slope)
     assert not fit.ok
+
+
+def test_a_line_cut_short_before_it_had_three_points_has_no_slope():
+    points = rows([(1e-3, 1e-6), (1e-2, 1e-4)])
+    assert fits([*points, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)]) == []
+    three = rows([(1e-3, 1e-6), (1e-2, 1e-4), (1e-1, 1e-2)])
+    assert fits([*three, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)])[0].ok
 
 
 def test_lines_without_rows_have_no_slope():

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
-from screwgauge.study.bench.rows import Row
+from screwgauge.study.bench.rows import CUT, Row
 from screwgauge.study.table import frame
 
 Mask = NDArray[np.bool_]
@@ -81,7 +81,7 @@ class Fit:
 
 
 def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
-    """The rules for which there are rows."""
+    """The rules for which there are rows; what was cut short before it had three points is left out."""
     fitted = []
     for rule in rules:
         of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
@@ -89,7 +89,9 @@ def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
         points = sorted((*parameter, error) for parameter, error in varied if parameter)
         if points:
             x, error = np.array([point[1:] for point in points]).T
-            fitted.append(Fit(rule, points[0][0], x, error, _window(rule, x, error)))
+            fit = Fit(rule, points[0][0], x, error, _window(rule, x, error))
+            if np.isfinite(fit.slope) or all(row.status != CUT for row in of_rule):
+                fitted.append(fit)
     return fitted
 
 
