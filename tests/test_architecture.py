@@ -1,0 +1,154 @@
+"""The plan of the package: imports point one way, libraries stay in their rooms, modules and functions stay small."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import screwgauge
+import screwgauge.models
+import screwgauge.reference
+
+PROJECT = Path(__file__).parents[1]
+MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 8, 300, 8
+#: Library -> the only places that import it: its engine's, and the second reading of model files.
+ROOMS = {
+    "mujoco": ("engines/mujoco/", "models/readings.py"),
+    "pinocchio": ("engines/pinocchio/", "models/readings.py"),
+    "flint": ("engines/truth.py", "truth/"),
+    "yourdfpy": ("models/readings.py",),
+}
+#: Folders beside each other in the project that are one package when installed.
+FOLDERS = {
+    "screwgauge": Path(screwgauge.__file__).parent,
+    "screwgauge/reference": Path(screwgauge.reference.__file__).parent,
+    "screwgauge/models": Path(screwgauge.models.__file__).parent,
+}
+
+
+@pytest.fixture(scope="module")
+def laid(tmp_path_factory) -> Path:
+    """The installed package as one tree of files, however it was installed."""
+    root = tmp_path_factory.mktemp("laid")
+    for name, folder in FOLDERS.items():
+        below = [other.rpartition("/")[2] for other in FOLDERS if other.startswith(f"{name}/")]
+        shutil.copytree(folder, root / name, ignore=lambda at, names, f=folder, b=below: b if Path(at) == f else [])
+    return root
+
+
+@pytest.fixture(scope="module")
+def modules(laid) -> dict[str, ast.Module]:
+    """Path below the package -> syntax tree."""
+    paths = sorted((laid / "screwgauge").rglob("*.py"))
+    return {str(path.relative_to(laid / "screwgauge")): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+
+
+def imported(tree: ast.AST) -> set[str]:
+    """Names of all modules that are imported anywhere in a module."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def run(laid: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A fresh Python that finds the package as it was laid out."""
+    environment = {**os.environ, "PYTHONPATH": str(laid), "PYTHONDONTWRITEBYTECODE": "1", "NO_COLOR": "1"}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=laid, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_imports_point_one_way(laid):
+    pytest.importorskip("importlinter", reason="import-linter is not installed")
+    config = PROJECT / "pyproject.toml"
+    code = f"from importlinter.cli import lint_imports; raise SystemExit(lint_imports({str(config)!r}, no_cache=True))"
+    done = run(laid, "-c", code)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 broken" in done.stdout
+
+
+def test_no_layer_is_excused():
+    linter = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    (contract,) = linter["contracts"]
+    assert linter["exclude_type_checking_imports"]
+    assert contract.keys() == {"name", "type", "layers"}  # no ignore_imports
+    named = {name.strip() for layer in contract["layers"] for name in layer.replace(":", "|").split("|")}
+    top = {f"screwgauge.{path.stem}" for path in FOLDERS["screwgauge"].glob("*.py") if path.stem != "__init__"}
+    rooms = {f"screwgauge.{path.parent.name}" for path in FOLDERS["screwgauge"].glob("*/__init__.py")}
+    assert named == top | rooms | {"screwgauge.reference", "screwgauge.models"}
+
+
+def test_no_module_imports_itself_by_a_detour(laid):
+    """Circles, also those closed by imports inside functions; what only a type checker imports closes none."""
+    pytest.importorskip("grimp", reason="grimp is not installed")
+    code = (
+        "import grimp\n"
+        "graph = grimp.build_graph('screwgauge', exclude_type_checking_imports=True, cache_dir=None)\n"
+        "for name in sorted(graph.modules):\n"
+        "    print(name, *sorted(graph.find_modules_directly_imported_by(name)))\n"
+    )
+    done = run(laid, "-c", code)
+    assert done.returncode == 0, done.stderr
+    needs = {name: others for name, *others in (line.split() for line in done.stdout.splitlines())}
+    while free := [name for name, others in needs.items() if not any(other in needs for other in others)]:
+        for name in free:
+            del needs[name]
+    stuck = {name: [other for other in others if other in needs] for name, others in needs.items()}
+    assert not stuck, f"circles among {stuck}"
+
+
+@pytest.mark.parametrize("library", ROOMS)
+def test_a_library_is_imported_in_its_engine_s_room_only(modules, library):
+    users = [path for path, tree in modules.items() if library in {name.split(".")[0] for name in imported(tree)}]
+    assert users
+    assert [path for path in users if not path.startswith(ROOMS[library])] == []
+    for room in ROOMS[library]:
+        assert any(path.startswith(room) for path in users), f"nothing in {room} needs {library}"
+
+
+def test_few_modules_stand_outside_rooms():
+    assert len([*FOLDERS["screwgauge"].glob("*.py")]) <= MOST_MODULES
+
+
+def test_modules_are_short(laid):
+    lines = {
+        str(path.relative_to(laid)): len(path.read_text(encoding="utf-8").splitlines()) for path in laid.rglob("*.py")
+    }
+    assert {path: n for path, n in lines.items() if n > MOST_LINES} == {}
+
+
+def functions(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Names of functions, with how many parameters they have."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            given = node.args
+            rest = [name for name in (given.vararg, given.kwarg) if name is not None]
+            yield getattr(node, "name", "lambda"), len([*given.posonlyargs, *given.args, *given.kwonlyargs, *rest])
+
+
+def test_functions_take_few_parameters(modules):
+    many = {
+        f"{path}: {name}": n for path, tree in modules.items() for name, n in functions(tree) if n > MOST_PARAMETERS
+    }
+    assert many == {}
+
+
+def test_every_folder_with_modules_is_packaged(laid):
+    """One that is not listed is there in an editable installation and missing from the wheel."""
+    setup = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    found = {".".join(path.parent.relative_to(laid).parts) for path in laid.rglob("*.py")}
+    packages = {".".join(path.parent.relative_to(laid).parts) for path in laid.rglob("__init__.py")}
+    assert set(setup["packages"]) == found == packages
+    assert {name.replace("/", ".") for name in FOLDERS} == set(setup["package-dir"])
