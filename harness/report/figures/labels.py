@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import text_to_path
 
 from screwgauge.reference.rotations import Array
+from screwgauge.report.svg import text_width
 
-Spot = tuple[float, float, str]  # x, y of the middle of the text's height; which of left, center or right x is
+Spot = tuple[float, float, str]  # x, y of the middle of the text's height; its anchor: start, middle or end
 SIZE = 7.5  # of the letters
 TALL, ASIDE = 1.25 * SIZE, 1.5  # height of a label; what stays free beside it
 ROUND = (
-    *((8, 0), (-8, 0), (0, 10), (0, -10), (8, 8), (8, -8), (-8, 8), (-8, -8)),
-    *((12, 14), (12, -14), (-12, 14), (-12, -14)),
+    *((8, 0), (-8, 0), (0, -10), (0, 10), (8, -8), (8, 8), (-8, -8), (-8, 8)),
+    *((12, -14), (12, 14), (-12, -14), (-12, 14)),
 )
-
-
-@cache
-def text_width(text: str, size: float) -> float:
-    """Width of a text in points, with a twentieth for readers whose letters are wider."""
-    wide, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), ismath=False)
-    return 1.05 * float(wide)
 
 
 def around(x: float, y: float) -> list[Spot]:
     """Spots for the label of a point, the best first."""
-    return [(x + dx, y + dy, "center" if dx == 0 else "left" if dx > 0 else "right") for dx, dy in ROUND]
+    return [(x + dx, y + dy, "middle" if dx == 0 else "start" if dx > 0 else "end") for dx, dy in ROUND]
 
 
 def boxes(x: Array, y: Array, reach: float) -> Array:
-    """Squares about points: left, bottom, right, top. Shape (n,) -> (n, 4)."""
+    """Squares about points: left, top, right, bottom. Shape (n,) -> (n, 4)."""
     return np.column_stack([x - reach, y - reach, x + reach, y + reach])
 
 
@@ -70,8 +61,8 @@ def place(
 
 
 def _box(spot: Spot, text: str) -> Array:
-    wide, (x, y, side) = text_width(text, SIZE), spot
-    left = x - {"left": 0.0, "center": 0.5, "right": 1.0}[side] * wide
+    wide, (x, y, anchor) = text_width(text, SIZE), spot
+    left = x - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * wide
     return np.array([left - ASIDE, y - TALL / 2, left + wide + ASIDE, y + TALL / 2])
 
 
