@@ -35,29 +35,22 @@ class Sprung:
 def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
     """Puts springs into a model: exact equivalents, which the implicit integrators see."""
     spec = mujoco.MjSpec.from_file(str(mjcf))
-    tendons: dict[str, PointSpring] = {}
-    for i, spring in enumerate(applied.springs):
-        if isinstance(spring, PointSpring):
-            tendons[name := f"spring {i}"] = spring
-            tendon = spec.add_tendon(name=name)
-            tendon.springlength = [spring.rest, spring.rest]
-            sides = ((spring.first, spring.first_point), (spring.second, spring.second_point))
-            for side, (body, point) in enumerate(sides):
-                at = spec.body(body) or spec.worldbody
-                at.add_site(name=f"{name}.{side}", pos=point)
-                tendon.wrap_site(f"{name}.{side}")
+    tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
+    for name, spring in tendons.items():
+        tendon = spec.add_tendon(name=name)
+        tendon.springlength = [spring.rest, spring.rest]
+        for body, point in ((spring.first, spring.first_point), (spring.second, spring.second_point)):
+            (spec.body(body) or spec.worldbody).add_site(name=f"{name}.{body}", pos=point)
+            tendon.wrap_site(f"{name}.{body}")
     model = spec.compile()
     for name, spring in tendons.items():
         k = model.tendon(name).id
         model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping
+    loads = tuple(load for load in applied.loads if load.point is not None and load.force.any())
     joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
-    left = Applied(
-        gravity=applied.gravity,
-        loads=tuple(load for load in applied.loads if load.point is not None and load.force.any()),
-        springs=tuple(spring for spring in joints if not joint_spring(model, spring, tree)),
-        motors=tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant)),
-    )
-    return Sprung(model, left)
+    springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
+    motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
+    return Sprung(model, Applied(applied.gravity, loads, springs, motors))
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:

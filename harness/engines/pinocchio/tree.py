@@ -27,8 +27,7 @@ _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
     sys.stderr.flush()
-    stderr = os.dup(2)
-    reason = ""
+    stderr, reason = os.dup(2), ""
     with tempfile.TemporaryFile() as said:
         os.dup2(said.fileno(), 2)
         try:
@@ -58,10 +57,8 @@ class PinocchioTree:
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
-        joints = range(1, self.model.njoints)
-        self.coordinates = tuple(
-            name for _, name in sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in joints)
-        )
+        joints = sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in range(1, self.model.njoints))
+        self.coordinates = tuple(name for _, name in joints)
         self.closures = file.closures
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
@@ -70,12 +67,8 @@ class PinocchioTree:
         self.joints = [self.model.frames[i].parentJoint for i in self.frames]
         self.parents = tuple(self._parent(joint) for joint in self.joints)
         # a fixed joint merges the inertia of its link into the moving joint before it
-        self.com = np.array(
-            [
-                self.model.frames[i].placement.actInv(self.model.inertias[joint].lever)
-                for i, joint in zip(self.frames, self.joints, strict=True)
-            ]
-        )
+        placed = [(self.model.frames[i].placement, joint) for i, joint in zip(self.frames, self.joints, strict=True)]
+        self.com = np.array([place.actInv(self.model.inertias[joint].lever) for place, joint in placed])
 
     def under(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
@@ -97,8 +90,8 @@ class PinocchioTree:
             for k, frame in looked_at:
                 M = pin.updateFramePlacement(self.model, self.data, frame)
                 R[i, k], p[i, k] = M.rotation, M.translation
-                jacobian = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
-                J[i, k] = jacobian.reshape(6, -1)  # one column comes without its axis
+                # one column comes without its axis
+                J[i, k] = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED).reshape(6, -1)
         return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:

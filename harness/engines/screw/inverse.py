@@ -9,7 +9,6 @@ from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
-from screwgauge.reference.applied import Load
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
@@ -97,23 +96,16 @@ class _Work:
         if self.depth != "f":
             return None
         with self.clock.stage("forces"):
-            pulls = self._springs_and_motors(rate, t) if applied.springs or applied.motors else None
-            loads = (*applied.loads, *(pulls[1] if pulls else ()))
-            F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, loads)
-            if pulls is not None:
-                along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+            pulls, loads = springs.spring_forces(lay, rate, applied.springs)
+            for motor in applied.motors:
+                pulls[:, lay.mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+            F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, (*applied.loads, *loads))
+            if applied.springs or applied.motors:
+                along = joint_wrenches(lay, rate, motion.com, pulls).reshape(n, -1, 6)
                 F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
         return np.asarray(np.maximum(*sizes))
-
-    def _springs_and_motors(self, rate: Velocities, t: Array) -> tuple[Array, list[Load]]:
-        """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
-        mechanism, applied = self.lay.mechanism, self.problem.applied
-        tau, loads = springs.spring_forces(self.lay, rate, applied.springs)
-        for motor in applied.motors:
-            tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
-        return tau, loads
 
     def _tree_force(self, rate: Velocities, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
@@ -161,13 +153,9 @@ class _Work:
         return rows
 
     def names(self) -> Names:
-        mechanism = self.lay.mechanism
-        reactions = ((), ()) if self.reactions is None else (self.reactions.names, self.reactions.units)
+        mechanism, found = self.lay.mechanism, self.reactions
+        bodies, tree = [body.name for body in mechanism.bodies], [mechanism.coordinates[i] for i in self.tree]
+        reactions = ((), ()) if found is None else (found.names, found.units)
         return component_names(
-            mechanism.joints,
-            [body.name for body in mechanism.bodies],
-            mechanism.independent,
-            [mechanism.coordinates[i] for i in self.tree],
-            mechanism.actuator_names,
-            reactions,
+            mechanism.joints, bodies, mechanism.independent, tree, mechanism.actuator_names, reactions
         )
