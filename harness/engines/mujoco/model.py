@@ -13,8 +13,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import Settings
-from screwgauge.engines.mujoco.softness import EXACT, heard, refine
+from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.tree.closed import ClosedTree, close_tree

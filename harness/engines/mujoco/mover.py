@@ -7,7 +7,7 @@ import copy
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.softness import PASSES, harden, refine
+from screwgauge.engines.mujoco.settings import PASSES, harden, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array

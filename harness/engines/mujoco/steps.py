@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import Settings
-from screwgauge.engines.mujoco.softness import refine
+from screwgauge.engines.mujoco.settings import Settings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.protocol import BodyAt

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.constraints import Constraints
-from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import BodyAt

@@ -9,14 +9,23 @@ from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
+from screwgauge.reference.dynamics import (
+    body_motion,
+    force_matrix,
+    joint_reactions,
+    preload_rows,
+    required_wrench,
+    solve_newton_euler,
+)
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose, tree_path
+from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Clock, Solution
+from screwgauge.solution import Clock, Solution, Stopwatch, Values
 
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
@@ -159,3 +168,39 @@ class _Work:
         return component_names(
             mechanism.joints, bodies, mechanism.independent, tree, mechanism.actuator_names, reactions
         )
+
+
+_FORCE = "actuator_force"
+
+
+def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refined: bool) -> Solution:
+    """Actuator forces of smallest norm from eqs. (57)-(58), all reactions being unknowns beside them.
+
+    Args:
+        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
+
+    Returns:
+        ``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system.
+    """
+    clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
+    at = positions(lay, task.y, task.t)
+    rate = velocities(lay, at, task.yd)
+    motion = body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
+    F, T = required_wrench(lay, at, motion, applied.g, applied.loads)
+    reactions = joint_reactions(lay, at)
+    c = force_matrix(lay, at, motion.com, reactions)
+    rule = preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
+    wide = wide_force_matrix(lay, task.y) if refined else None
+    unknown, condition = solve_newton_euler(c, F, T, rule, reactions, rate.system.length, wide=wide)
+    f = np.asarray(unknown[:, len(reactions.names) :], dtype=float)
+    units = tuple("N m" if joint.kind == "R" else "N" for joint in mechanism.actuators)
+    return Solution(
+        "screw",
+        __version__,
+        {_FORCE: Values(mechanism.actuator_names, units, f)},
+        condition,
+        estimate={_FORCE: linear.EPS * condition},
+        conditions={_FORCE: condition},
+        setting="whole Newton-Euler system" + (", refined" if refined else ""),
+        cost=clock.cost(),
+    )

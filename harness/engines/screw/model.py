@@ -11,9 +11,8 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
-from screwgauge.engines.screw.inverse import solve_motion
+from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
 from screwgauge.engines.screw.variants import Variant, load_variant
-from screwgauge.engines.screw.whole_system import solve_whole_system
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
