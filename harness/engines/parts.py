@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, estimates
+from screwgauge.engines.estimate import Part, relative_error
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import ClosureError, ModelFileError
@@ -129,7 +129,7 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        estimate=estimates(parts, values, length),
+        estimate={name: relative_error(name, parts, has, length) for name, has in values.items()},
         conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
     )
 

@@ -67,7 +67,7 @@ class MujocoDynamics:
         tree_forces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
         sprung = sprung_model(self.mjcf, applied, self.tree)
         held = tree_forces(closed, sprung.left, task.start)
-        return MujocoStepper(sprung, self.tree, applied, held, self.settings, self.settings.steps)
+        return MujocoStepper(sprung, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         model, data = self.model, self.data

@@ -72,6 +72,5 @@ class MujocoMover:
         return a
 
     def notes(self) -> tuple[str, ...]:
-        if not self.passes:
-            return ()
-        return (f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}",)
+        said = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
+        return (said,) if self.passes else ()

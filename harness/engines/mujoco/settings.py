@@ -1,4 +1,7 @@
-"""How MuJoCo is set: softness of its equality constraints, refinement, its own integrators."""
+"""How MuJoCo is set: softness of its equality constraints, its own integrators.
+
+The softness is taken out again by proximal refinement.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +26,12 @@ INTEGRATORS = {
 #: Those whose step can be made from refined accelerations: the others solve for them inside.
 REFINABLE = ("Euler", "implicit", "implicitfast")
 STIFFEST = 0.9999  # the largest impedance that MuJoCo takes
-_AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-
-
 #: Passes end when none of the accelerations changed by more than this share of the largest, or after so many.
 SAME, PASSES = 1e-13, 20
 #: The solver's own error stays below the softness that is looked at.
 EXACT = 1e-15
 EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+_AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 

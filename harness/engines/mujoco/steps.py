@@ -75,9 +75,7 @@ def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
 class MujocoStepper:
     """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
 
-    def __init__(
-        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings, setting: str
-    ) -> None:
+    def __init__(self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings) -> None:
         """Prepares the steps.
 
         Args:
@@ -85,14 +83,13 @@ class MujocoStepper:
             held: What has to be applied in every step.
         """
         self.model, self.held = sprung.model, held
-        self.setting, self.passes = setting, settings.passes or 0
+        self.setting, self.passes = settings.steps, settings.passes
         settings.set_steps(self.model)
         self.model.opt.gravity[:] = tree.model.opt.gravity
         self.order = 4 if settings.integrator == "RK4" else 1
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
-        self.mover = MujocoMover(tree)
-        self.work, self.closing = settings.work, _closing(self.model)
+        self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
         self.forces = np.zeros(len(self.closing))
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
@@ -148,9 +145,7 @@ class MujocoStepper:
         return self.forces
 
     def notes(self) -> tuple[str, ...]:
-        if not self.held.elements:
-            return ()
-        return ("some forces vary with time or pose and are held over each step",)
+        return ("some forces vary with time or pose and are held over each step",) if self.held.elements else ()
 
     def look(self, q: Array, v: Array) -> BodyAt:
         self.mover.place(q, v)

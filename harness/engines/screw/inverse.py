@@ -1,4 +1,7 @@
-"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
+"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once.
+
+Or actuator forces read from the Newton-Euler system of all bodies, in place of virtual power.
+"""
 
 from __future__ import annotations
 
