@@ -138,19 +138,15 @@ def examined(
     return Part(values, trust, doubtful, moved)
 
 
-def estimates(parts: Sequence[Part], values: Mapping[str, Values], length: float) -> dict[str, Array]:
-    """Relative error of each quantity at each sample, over the largest magnitude of its unit over all samples.
+def relative_error(name: str, parts: Sequence[Part], has: Values, length: float) -> Array:
+    """Relative error of a quantity at each sample, over the largest magnitude of its unit over all samples.
 
     Args:
         length: Length of the mechanism [m].
 
     Returns:
-        Quantity -> shape (n,); infinite where there is no number, or not one digit of it is right.
+        Shape (n,); infinite where there is no number, or not one digit of it is right.
     """
-    return {name: _estimate(name, parts, has, length) for name, has in values.items()}
-
-
-def _estimate(name: str, parts: Sequence[Part], has: Values, length: float) -> Array:
     found = np.zeros(len(has.array))
     for unit in dict.fromkeys(has.units):
         columns = [i for i, u in enumerate(has.units) if u == unit]
@@ -172,21 +168,15 @@ def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Ar
     """Estimated error of the worst of some components, in their unit. `local`: size of their summands, (n,)."""
     trust, again = part.trust, part.doubtful
     with np.errstate(over="ignore", invalid="ignore"):
-        error = ROUNDED * linear.EPS * _power(name, trust) * local
+        # by what rounding is multiplied in a well-conditioned sample
+        g = np.maximum(np.maximum(trust.gain, 1.0), trust.charts if name in _JOINTS else 1.0)
+        power: Array = np.maximum(g ** _POWER.get(name, 3), trust.forces.get(name, 1.0))
+        error = ROUNDED * linear.EPS * power * local
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
         if name != "joint_position":  # what stands on partial rates without a digit has none either
             error[~(ROUNDED * linear.EPS * trust.gain**2 < DIGIT)] = np.inf
-    return error
-
-
-def _power(name: str, trust: Trust) -> Array:
-    """By what rounding is multiplied in a well-conditioned sample."""
-    g = np.maximum(trust.gain, 1.0)
-    if name in _JOINTS:
-        g = np.maximum(g, trust.charts)
-    factor = g ** _POWER.get(name, 3)
-    return np.asarray(np.maximum(factor, trust.forces.get(name, 1.0)))
+    return np.asarray(error)
 
 
 def _summands(unit: str, trust: Trust, length: float) -> Array | float:

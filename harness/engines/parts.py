@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, estimates
-from screwgauge.problem import InitialValue, Progress
+from screwgauge.engines.estimate import Part, relative_error
+from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.mechanism import KINDS, Joint
+from screwgauge.reference.errors import ClosureError, ModelFileError
+from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
@@ -32,6 +32,25 @@ def stages(quantities: frozenset[str]) -> str:
 def joint_units(joints: Sequence[Joint]) -> dict[str, str]:
     """Unit of every joint coordinate, in the order of the description."""
     return {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+
+
+def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
+    """Refuses a problem that is not that of a description.
+
+    Raises:
+        ModelFileError: It has another number of independent coordinates, or loads on other bodies.
+    """
+    task, k = problem.task, len(mechanism.independent)
+    given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}
+    if isinstance(task, InitialValue):
+        given = {"start": len(task.start)}
+    for what, n in given.items():
+        if n != k:
+            said = f"has {k} independent coordinates, the {what} {n}"
+            raise ModelFileError(said, where, "name a description of the same mechanism")
+    for load in problem.applied.loads:
+        if load.body not in mechanism.body_index:
+            raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the scene")
 
 
 def component_names(
@@ -110,7 +129,7 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        estimate=estimates(parts, values, length),
+        estimate={name: relative_error(name, parts, has, length) for name, has in values.items()},
         conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
     )
 

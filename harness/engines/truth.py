@@ -17,12 +17,12 @@ from flint import arb
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.engines.parts import Names, component_names, stages
+from screwgauge.engines.parts import Names, check_fits, component_names, stages
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
-from screwgauge.reference.errors import DescriptionError, ModelFileError
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
@@ -101,17 +101,12 @@ class TruthModel:
         return _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
 
     def _checked(self, problem: Problem) -> GivenMotion:
-        motion, mechanism, applied = problem.task, self.mechanism, problem.applied
+        motion, applied = problem.task, problem.applied
         if not isinstance(motion, GivenMotion):
             raise DescriptionError("truth solves given motions only", str(self.file), "run it without truth")
-        if len(mechanism.independent) != motion.y.shape[1]:
-            what = f"has {len(mechanism.independent)} independent coordinates, the motion {motion.y.shape[1]}"
-            raise ModelFileError(what, str(self.file), "name a description of the same mechanism")
         if applied.springs or applied.motors:
             raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
-        for load in applied.loads:
-            if load.body not in mechanism.body_index:
-                raise ModelFileError(f"has no body '{load.body}'", str(self.file), "keep the names of the scene")
+        check_fits(problem, self.mechanism, str(self.file))
         return motion
 
 

@@ -13,8 +13,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import Settings
-from screwgauge.engines.mujoco.softness import EXACT, heard, refine
+from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
@@ -68,7 +67,7 @@ class MujocoDynamics:
         tree_forces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
         sprung = sprung_model(self.mjcf, applied, self.tree)
         held = tree_forces(closed, sprung.left, task.start)
-        return MujocoStepper(sprung, self.tree, applied, held, self.settings, self.settings.steps)
+        return MujocoStepper(sprung, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         model, data = self.model, self.data

@@ -7,7 +7,7 @@ import copy
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.softness import PASSES, harden, refine
+from screwgauge.engines.mujoco.settings import PASSES, harden, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
@@ -72,6 +72,5 @@ class MujocoMover:
         return a
 
     def notes(self) -> tuple[str, ...]:
-        if not self.passes:
-            return ()
-        return (f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}",)
+        said = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
+        return (said,) if self.passes else ()

@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import Settings
-from screwgauge.engines.mujoco.softness import refine
+from screwgauge.engines.mujoco.settings import Settings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.protocol import BodyAt
@@ -35,29 +34,22 @@ class Sprung:
 def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
     """Puts springs into a model: exact equivalents, which the implicit integrators see."""
     spec = mujoco.MjSpec.from_file(str(mjcf))
-    tendons: dict[str, PointSpring] = {}
-    for i, spring in enumerate(applied.springs):
-        if isinstance(spring, PointSpring):
-            tendons[name := f"spring {i}"] = spring
-            tendon = spec.add_tendon(name=name)
-            tendon.springlength = [spring.rest, spring.rest]
-            sides = ((spring.first, spring.first_point), (spring.second, spring.second_point))
-            for side, (body, point) in enumerate(sides):
-                at = spec.body(body) or spec.worldbody
-                at.add_site(name=f"{name}.{side}", pos=point)
-                tendon.wrap_site(f"{name}.{side}")
+    tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
+    for name, spring in tendons.items():
+        tendon = spec.add_tendon(name=name)
+        tendon.springlength = [spring.rest, spring.rest]
+        for body, point in ((spring.first, spring.first_point), (spring.second, spring.second_point)):
+            (spec.body(body) or spec.worldbody).add_site(name=f"{name}.{body}", pos=point)
+            tendon.wrap_site(f"{name}.{body}")
     model = spec.compile()
     for name, spring in tendons.items():
         k = model.tendon(name).id
         model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping
+    loads = tuple(load for load in applied.loads if load.point is not None and load.force.any())
     joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
-    left = Applied(
-        gravity=applied.gravity,
-        loads=tuple(load for load in applied.loads if load.point is not None and load.force.any()),
-        springs=tuple(spring for spring in joints if not joint_spring(model, spring, tree)),
-        motors=tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant)),
-    )
-    return Sprung(model, left)
+    springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
+    motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
+    return Sprung(model, Applied(applied.gravity, loads, springs, motors))
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
@@ -83,9 +75,7 @@ def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
 class MujocoStepper:
     """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
 
-    def __init__(
-        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings, setting: str
-    ) -> None:
+    def __init__(self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings) -> None:
         """Prepares the steps.
 
         Args:
@@ -93,14 +83,13 @@ class MujocoStepper:
             held: What has to be applied in every step.
         """
         self.model, self.held = sprung.model, held
-        self.setting, self.passes = setting, settings.passes or 0
+        self.setting, self.passes = settings.steps, settings.passes
         settings.set_steps(self.model)
         self.model.opt.gravity[:] = tree.model.opt.gravity
         self.order = 4 if settings.integrator == "RK4" else 1
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
-        self.mover = MujocoMover(tree)
-        self.work, self.closing = settings.work, _closing(self.model)
+        self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
         self.forces = np.zeros(len(self.closing))
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
@@ -156,9 +145,7 @@ class MujocoStepper:
         return self.forces
 
     def notes(self) -> tuple[str, ...]:
-        if not self.held.elements:
-            return ()
-        return ("some forces vary with time or pose and are held over each step",)
+        return ("some forces vary with time or pose and are held over each step",) if self.held.elements else ()
 
     def look(self, q: Array, v: Array) -> BodyAt:
         self.mover.place(q, v)

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.softness import EQUALITY
+from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile

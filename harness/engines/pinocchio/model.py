@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.constraints import Constraints
 from screwgauge.engines.pinocchio.mover import INTEGRATORS, ITERATIONS, MU, PinocchioMover, PinocchioStepper
-from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file

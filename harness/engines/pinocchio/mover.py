@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.constraints import Constraints
-from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import BodyAt
@@ -71,11 +70,9 @@ class PinocchioMover:
         return np.concatenate(gaps), -self.constraints.jacobian(self.kinematics)
 
     def accelerate(self, tau: Array) -> Array:
-        a, left = self._solve(tau, self.settings)
-        size = max(float(np.abs(a).max()), 1.0)
+        a, left, size = self._solve(tau, self.settings)
         if left > ENOUGH * size:
-            a, left = self._solve(tau, self.more)
-            size = max(float(np.abs(a).max()), 1.0)
+            a, left, size = self._solve(tau, self.more)
         # written so that NaN is refused
         if not left <= UNSAFE * size < np.inf:
             raise SingularPoseError(
@@ -86,10 +83,12 @@ class PinocchioMover:
             )
         return a
 
-    def _solve(self, tau: Array, settings: Any) -> tuple[Array, float]:
-        """Accelerations, and what those of the loops are off by: the last change of the multipliers times mu."""
+    def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
+        """Accelerations, what those of the loops are off by (the last change of the multipliers times mu), and the
+        largest acceleration, 1 at least."""
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
-        return a, settings.mu * settings.relative_residual if len(self.constraints) else 0.0
+        left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
+        return a, left, max(float(np.abs(a).max()), 1.0)
 
     def notes(self) -> tuple[str, ...]:
         return ()

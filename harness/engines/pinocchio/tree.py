@@ -1,4 +1,4 @@
-"""Pinocchio on a URDF: its open tree.
+"""Pinocchio on a URDF: its open tree, and the closures as its constraints.
 
 Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ import pinocchio as pin
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -27,8 +29,7 @@ _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
     sys.stderr.flush()
-    stderr = os.dup(2)
-    reason = ""
+    stderr, reason = os.dup(2), ""
     with tempfile.TemporaryFile() as said:
         os.dup2(said.fileno(), 2)
         try:
@@ -58,10 +59,8 @@ class PinocchioTree:
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
-        joints = range(1, self.model.njoints)
-        self.coordinates = tuple(
-            name for _, name in sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in joints)
-        )
+        joints = sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in range(1, self.model.njoints))
+        self.coordinates = tuple(name for _, name in joints)
         self.closures = file.closures
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
@@ -70,12 +69,8 @@ class PinocchioTree:
         self.joints = [self.model.frames[i].parentJoint for i in self.frames]
         self.parents = tuple(self._parent(joint) for joint in self.joints)
         # a fixed joint merges the inertia of its link into the moving joint before it
-        self.com = np.array(
-            [
-                self.model.frames[i].placement.actInv(self.model.inertias[joint].lever)
-                for i, joint in zip(self.frames, self.joints, strict=True)
-            ]
-        )
+        placed = [(self.model.frames[i].placement, joint) for i, joint in zip(self.frames, self.joints, strict=True)]
+        self.com = np.array([place.actInv(self.model.inertias[joint].lever) for place, joint in placed])
 
     def under(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
@@ -97,8 +92,8 @@ class PinocchioTree:
             for k, frame in looked_at:
                 M = pin.updateFramePlacement(self.model, self.data, frame)
                 R[i, k], p[i, k] = M.rotation, M.translation
-                jacobian = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED)
-                J[i, k] = jacobian.reshape(6, -1)  # one column comes without its axis
+                # one column comes without its axis
+                J[i, k] = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED).reshape(6, -1)
         return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
@@ -145,3 +140,66 @@ class PinocchioTree:
         carried[..., 3:] -= cross(origin, carried[..., :3])
         out[:, 1:] = (carried.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6)
         return out
+
+
+class Constraints:
+    """The closures of a tree as Pinocchio's constraints.
+
+    Attributes:
+        models, datas: A 3D contact for each pair of points, a 6D one for each weld.
+    """
+
+    def __init__(self, tree: PinocchioTree, *, frames: bool = False, gains: tuple[float, float] | None = None) -> None:
+        """Makes the constraints.
+
+        Args:
+            frames: Every closure is a 6D contact of its two frames, as a weld would be.
+            gains: Baumgarte's, of position and velocity; none by default.
+        """
+        self.model, self.data = tree.model, tree.model.createData()
+        self.models, self.datas = _contacts(tree, frames), pin.StdVec_RigidConstraintData()
+        for model in self.models:
+            if gains is not None:
+                model.m_baumgarte_parameters.Kp, model.m_baumgarte_parameters.Kd = gains
+            self.datas.append(model.createData())
+        if len(self.models):
+            pin.initConstraintDynamics(self.model, self.data, self.models, self.datas)
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
+        """Accelerations of the tree; by `aba` where nothing closes it. Shape (n_v,) each."""
+        if not len(self.models):
+            return np.asarray(pin.aba(self.model, self.data, q, v, tau))
+        return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
+
+    def jacobian(self, data: Any) -> Array:
+        """Rows of the constraints for a placed `data`: velocity of the first side less that of the second."""
+        return np.asarray(pin.getConstraintsJacobian(self.model, data, self.models, self.datas))
+
+
+def _contacts(tree: PinocchioTree, frames: bool) -> Any:
+    models = pin.StdVec_RigidConstraintModel()
+    for closure in tree.closures:
+        if frames or closure.type == "weld":
+            kind = pin.ContactType.CONTACT_6D
+            here, there = closure.parent_frame, closure.child_frame
+            turned = closure.type == "weld"  # frames of a cut hinge are laid along their bodies
+            pairs = [tuple(pin.SE3(f.R if turned else np.eye(3), f.p) for f in (here, there))]
+        else:
+            kind = pin.ContactType.CONTACT_3D
+            points = zip(closure.parent_points, closure.child_points, strict=True)
+            pairs = [tuple(pin.SE3(np.eye(3), point) for point in pair) for pair in points]
+        for first, second in pairs:
+            sides = (*_place(tree, closure.parent, first), *_place(tree, closure.child, second))
+            models.append(pin.RigidConstraintModel(kind, tree.model, *sides, pin.ReferenceFrame.LOCAL))
+    return models
+
+
+def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
+    """Joint that carries a body, and a placement in the body in that joint's frame."""
+    if body == GROUND:
+        return 0, at
+    frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]
+    return frame.parentJoint, frame.placement * at

@@ -1,4 +1,7 @@
-"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
+"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once.
+
+Or actuator forces read from the Newton-Euler system of all bodies, in place of virtual power.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,23 @@ from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
-from screwgauge.reference.applied import Load
+from screwgauge.reference.dynamics import (
+    body_motion,
+    force_matrix,
+    joint_reactions,
+    preload_rows,
+    required_wrench,
+    solve_newton_euler,
+)
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose, tree_path
+from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.reactions import Reactions
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Clock, Solution
+from screwgauge.solution import Clock, Solution, Stopwatch, Values
 
 #: Quantities for which no body's own motion is needed.
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "body_angular_velocity"})
@@ -97,23 +108,16 @@ class _Work:
         if self.depth != "f":
             return None
         with self.clock.stage("forces"):
-            pulls = self._springs_and_motors(rate, t) if applied.springs or applied.motors else None
-            loads = (*applied.loads, *(pulls[1] if pulls else ()))
-            F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, loads)
-            if pulls is not None:
-                along = joint_wrenches(lay, rate, motion.com, pulls[0]).reshape(n, -1, 6)
+            pulls, loads = springs.spring_forces(lay, rate, applied.springs)
+            for motor in applied.motors:
+                pulls[:, lay.mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+            F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, (*applied.loads, *loads))
+            if applied.springs or applied.motors:
+                along = joint_wrenches(lay, rate, motion.com, pulls).reshape(n, -1, 6)
                 F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
         sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
         return np.asarray(np.maximum(*sizes))
-
-    def _springs_and_motors(self, rate: Velocities, t: Array) -> tuple[Array, list[Load]]:
-        """Forces along the joint coordinates, shape (n, n_q), and on bodies."""
-        mechanism, applied = self.lay.mechanism, self.problem.applied
-        tau, loads = springs.spring_forces(self.lay, rate, applied.springs)
-        for motor in applied.motors:
-            tau[:, mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
-        return tau, loads
 
     def _tree_force(self, rate: Velocities, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""
@@ -161,13 +165,45 @@ class _Work:
         return rows
 
     def names(self) -> Names:
-        mechanism = self.lay.mechanism
-        reactions = ((), ()) if self.reactions is None else (self.reactions.names, self.reactions.units)
+        mechanism, found = self.lay.mechanism, self.reactions
+        bodies, tree = [body.name for body in mechanism.bodies], [mechanism.coordinates[i] for i in self.tree]
+        reactions = ((), ()) if found is None else (found.names, found.units)
         return component_names(
-            mechanism.joints,
-            [body.name for body in mechanism.bodies],
-            mechanism.independent,
-            [mechanism.coordinates[i] for i in self.tree],
-            mechanism.actuator_names,
-            reactions,
+            mechanism.joints, bodies, mechanism.independent, tree, mechanism.actuator_names, reactions
         )
+
+
+_FORCE = "actuator_force"
+
+
+def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refined: bool) -> Solution:
+    """Actuator forces of smallest norm from eqs. (57)-(58), all reactions being unknowns beside them.
+
+    Args:
+        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
+
+    Returns:
+        ``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system.
+    """
+    clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
+    at = positions(lay, task.y, task.t)
+    rate = velocities(lay, at, task.yd)
+    motion = body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
+    F, T = required_wrench(lay, at, motion, applied.g, applied.loads)
+    reactions = joint_reactions(lay, at)
+    c = force_matrix(lay, at, motion.com, reactions)
+    rule = preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
+    wide = wide_force_matrix(lay, task.y) if refined else None
+    unknown, condition = solve_newton_euler(c, F, T, rule, reactions, rate.system.length, wide=wide)
+    f = np.asarray(unknown[:, len(reactions.names) :], dtype=float)
+    units = tuple("N m" if joint.kind == "R" else "N" for joint in mechanism.actuators)
+    return Solution(
+        "screw",
+        __version__,
+        {_FORCE: Values(mechanism.actuator_names, units, f)},
+        condition,
+        estimate={_FORCE: linear.EPS * condition},
+        conditions={_FORCE: condition},
+        setting="whole Newton-Euler system" + (", refined" if refined else ""),
+        cost=clock.cost(),
+    )

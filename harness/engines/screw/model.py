@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.parts import Reading, Simulated, joint_units
+from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
-from screwgauge.engines.screw.inverse import solve_motion
+from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
 from screwgauge.engines.screw.variants import Variant, load_variant
-from screwgauge.engines.screw.whole_system import solve_whole_system
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
@@ -61,7 +60,7 @@ class ScrewModel:
         Raises:
             ScrewgaugeError: The description is not that of the problem, or a pose cannot be solved.
         """
-        self._check(problem)
+        check_fits(problem, self.lay.mechanism, self.where)
         if isinstance(problem.task, GivenMotion):
             if self.settings.whole_system:
                 return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
@@ -69,21 +68,6 @@ class ScrewModel:
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
         return self._accelerate(problem, problem.task)
-
-    def _check(self, problem: Problem) -> None:
-        mechanism, task = self.lay.mechanism, problem.task
-        k = len(mechanism.independent)
-        what, given = "", k
-        if isinstance(task, GivenMotion):
-            what, given = "motion", task.y.shape[1]
-        elif isinstance(task, InitialValue):
-            what, given = "start", len(task.start)
-        if given != k:
-            said = f"has {k} independent coordinates, the {what} {given}"
-            raise ModelFileError(said, self.where, "name a description of the same mechanism")
-        for load in problem.applied.loads:
-            if load.body not in mechanism.body_index:
-                raise ModelFileError(f"has no body '{load.body}'", self.where, "keep the names of the scene")
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
         mechanism, method, clock = self.lay.mechanism, task.integration, Stopwatch()

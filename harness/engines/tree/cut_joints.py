@@ -7,6 +7,7 @@ shared by all tree engines; the frames, their rates and accelerations are each e
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,9 +57,8 @@ class Chart:
             Shape (n, m).
         """
         own = np.zeros_like(omega)  # each axis is carried around by the rates before it
-        for i in range(self.q.shape[1]):
-            for j in range(i + 1, self.q.shape[1]):
-                own += np.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
+        for i, j in combinations(range(self.q.shape[1]), 2):
+            own += np.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
         local = (self.R.swapaxes(1, 2) @ (beta - np.cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
@@ -94,9 +94,8 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         ModelFileError: The joint slides.
     """
     if joint.kind not in "RUS":
-        raise ModelFileError(
-            f"a {joint.kind} joint cannot be read when it is cut", f"joint '{joint.name}'", "cut another joint"
-        )
+        what = f"a {joint.kind} joint cannot be read when it is cut"
+        raise ModelFileError(what, f"joint '{joint.name}'", "cut another joint")
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
@@ -125,7 +124,7 @@ def _two_axes(M: Array, R: Array, axes: Array) -> Chart:
         R: As in `Chart`.
         axes: Right-handed triad, first the joint's own axes. Shape (3, 3).
     """
-    second, turned = (M @ axes[1], M @ axes[0])  # as the first angle turns the second axis; the second angle, the first
+    second, turned = M @ axes[1], M @ axes[0]  # as the first angle turns the second axis; the second angle, the first
     first = np.arctan2(second @ axes[2], second @ axes[1])
     own = np.stack([np.broadcast_to(axes[0], second.shape), rotation(axes[0], first) @ axes[1]], axis=1)
     across = np.cross(own[:, 0], own[:, 1])

@@ -41,28 +41,31 @@ def step_through(
     often = 0.0 if known and not forces.stores_only else OFTEN
     q, v = start_state(closed, task)
     path, clock, steps, stopped = Path(), Stopwatch(), 0, ""
+    closing: list[Array] = []
+
+    def keep(t: float, q: Array, v: Array) -> None:
+        with clock.aside():
+            path.add(t, q, v, stepper.accelerations(t))
+            closing.append(stepper.closing_forces())
+
     stepper.begin(float(times[0]), q, v)
-    with clock.aside():
-        path.add(float(times[0]), q, v, stepper.accelerations(float(times[0])))
-        closing = [stepper.closing_forces()]
-    for begin, end in pairwise(times):
+    keep(float(times[0]), q, v)
+    for begin, end in pairwise(times.tolist()):
         n = max(1, int(np.ceil((end - begin) / dt - 1e-9)))
-        h, block = float(end - begin) / n, max(1, int(often / dt))
+        h, block = (end - begin) / n, max(1, int(often / dt))
         done = 0
         try:
             while done < n:
                 count = min(block, n - done)
-                stepper.walk(float(begin) + done * h, h, count)
+                stepper.walk(begin + done * h, h, count)
                 done, steps = done + count, steps + count
-                progress(float(begin + done * h - times[0]) / float(times[-1] - times[0]))
+                progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
                 q, v = stepper.state()
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
                 if done < n:
-                    path.add(float(begin) + done * h, q, v)
-            with clock.aside():
-                path.add(float(end), q, v, stepper.accelerations(float(end)))
-                closing.append(stepper.closing_forces())
+                    path.add(begin + done * h, q, v)
+            keep(end, q, v)
         except SingularPoseError as error:
             stopped = f"t = {begin + done * h:.6g} s: {error}"
             break

@@ -52,11 +52,7 @@ class Tree(Protocol):
         """Poses and Jacobians; those of other bodies than `only` may be left out."""
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration of each body: angular, then of its origin; gravity not included.
-
-        Returns:
-            Shape (n, n_body + 1, 6) each.
-        """
+        """Velocity and acceleration of each body: angular, then of its origin; no gravity. (n, n_body + 1, 6) each."""
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         """The engine's own acceleration of each centre of mass. Shape (n, n_body, 3)."""
@@ -76,10 +72,8 @@ class Tree(Protocol):
 
         Args:
             at: Poses at q.
-            wrench: External force and moment about the origin of each body. Shape (n, n_body + 1, 6).
-
-        Returns:
-            Shape (n, n_body + 1, 6); ground's is zero.
+            wrench: External force and moment about the origin of each body. Shape (n, n_body + 1, 6), as that of what
+                is returned, where ground's is zero.
         """
 
 
