@@ -20,7 +20,6 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
 from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
-from screwgauge.study.cases.pushed import only
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
 from screwgauge.study.reference import reference_values
@@ -41,23 +40,19 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     """The default scene for as long as so many samples take."""
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _checked(int(count)) * STEP
-    right, files = reference_values(scene, at, QUANTITIES), ModelFiles(scene.mechanism_file)
+    files = ModelFiles(scene.mechanism_file)
     whole = Question(
         mechanism=scene.mechanism,
         files={"screw": files, "paper": files},
         problem=scene.at(at).problem(QUANTITIES),
         methods=(Streamed("screw", scene=scene, count=int(count)),),
         quantities=QUANTITIES,
-        right=right,
+        right=reference_values(scene, at, QUANTITIES),
     )
     yield whole
-    positions_only = replace(
-        whole, quantities=QUANTITIES[:1], right=only(right, {QUANTITIES[0]: scene.mechanism.coordinates})
-    )
     for label, (method, cause) in SCHEMES.items():
-        yield replace(
-            positions_only, methods=(PaperScheme("paper", {"method": method}, label, scene=scene),), cause=cause
-        )
+        scheme = PaperScheme("paper", {"method": method}, label, scene=scene)
+        yield replace(whole, methods=(scheme,), quantities=QUANTITIES[:1], cause=cause)
 
 
 def _checked(count: int) -> Array:

@@ -25,7 +25,7 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
 from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, decades, moving
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loop_gaps, tree_coordinates
+from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
 from screwgauge.study.cases.question import Question, by_size, files_of, findings
 from screwgauge.study.method import Method
 from screwgauge.study.posed import along_tree
@@ -99,8 +99,8 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
     for _ in range(3):  # the matrix is that of closed loops
         v[:, tree] = w * size[tree]
-        rate = loop_gaps(mechanism, walk(mechanism, lay.tree, q, v, at_rest))[1].reshape(len(q), m) / system.length
-        right = np.concatenate([parting - rate, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
+        rate = closure_residuals(mechanism, walk(mechanism, lay.tree, q, v, at_rest))[1].reshape(len(q), m)
+        right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]
     v[:, tree] = w * size[tree]
     columns = mechanism.columns(names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,10 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.read import load_scene
-from screwgauge.solution import Values
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.question import Question, files_of
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
-from screwgauge.study.reference import Reference
 
 TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
 ACCELERATION = "joint_acceleration"
@@ -35,13 +34,14 @@ def push(posed: Posed, *methods: Method) -> Question:
     """The question for accelerations: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
+    values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
     return Question(
         mechanism=mechanism,
         files=files_of(posed.scene, posed.folder, methods),
         problem=posed.pushed(names),
         methods=methods,
         quantities=(ACCELERATION,),
-        right=only(posed.reference, {ACCELERATION: names}),
+        right=replace(posed.reference, values=values),  # measured by the scales of all
     )
 
 
@@ -50,7 +50,7 @@ def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
     return loops_of(mechanism, "minimal").tree
 
 
-def loop_gaps(mechanism: Mechanism, motions: Motions) -> tuple[Array, Array]:
+def closure_residuals(mechanism: Mechanism, motions: Motions) -> tuple[Array, Array]:
     """What lies between the points that close the loops, child less parent: distance [m] and velocity [m/s].
 
     Returns:
@@ -66,12 +66,6 @@ def loop_gaps(mechanism: Mechanism, motions: Motions) -> tuple[Array, Array]:
     return sides[1][0] - sides[0][0], sides[1][1] - sides[0][1]
 
 
-def only(reference: Reference, names: dict[str, tuple[str, ...]]) -> Reference:
-    """Some components of some quantities, measured by the scales of all."""
-    values: dict[str, Values] = {quantity: reference.values[quantity].pick(some) for quantity, some in names.items()}
-    return Reference(reference.engine, values, reference.note, reference.scales)
-
-
 def true_velocities(posed: Posed) -> Velocities:
     """Closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
@@ -80,5 +74,4 @@ def true_velocities(posed: Posed) -> Velocities:
 
 def loop_condition(rate: Velocities) -> float:
     """Condition number of the closed loops, at its worst."""
-    worst: Array = linear.condition(rate.A)
-    return float(worst.max())
+    return float(linear.condition(rate.A).max())

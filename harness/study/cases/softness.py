@@ -26,9 +26,9 @@ from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import (
     SCREW,
+    closure_residuals,
     loaded,
     loop_condition,
-    loop_gaps,
     push,
     tree_coordinates,
     true_velocities,
@@ -93,7 +93,8 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
     forces = solve(scene, ("screw",), ("actuator_force",))[0]["screw"].values["actuator_force"].array[0]
     driven = [joint.coordinates[0] for joint in mechanism.actuators]
     applied = scene.under(motors=hold(dict(zip(driven, forces.tolist(), strict=True)))).applied
-    task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, np.linspace(0.0, duration, samples))
+    integration, t = Integration(rtol=tolerance, atol=tolerance), np.linspace(0.0, duration, samples)
+    task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, t, integration)
     question = Question(
         mechanism=mechanism,
         files=files_of(scene, Path(), (SCREW,)),
@@ -103,7 +104,6 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
         right=UNKNOWN,
         read=read,
     )
-    question = integrated(question, Integration(rtol=tolerance, atol=tolerance))
     solution = SCREW.load(question.files["screw"]).solve(question.problem)
     if solution.stopped:
         raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")
@@ -123,7 +123,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
-    gaps = np.linalg.norm(loop_gaps(question.mechanism, answer.motions)[0], axis=2)
+    gaps = np.linalg.norm(closure_residuals(question.mechanism, answer.motions)[0], axis=2)
     return {
         "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
         "constraint_force": solution.values["reaction"],
