@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -143,3 +143,22 @@ def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
     apart = loops.gaps(tree.poses(q[:, [names.index(name) for name in tree.coordinates]]))
     points = np.repeat(np.array([not anchor.angular for anchor in loops.anchors], dtype=bool), 3)
     return np.linalg.norm(apart[:, points].reshape(len(q), -1, 3), axis=2).max(axis=1, initial=0.0)
+
+
+def arrays(solution: Solution) -> dict[str, Array]:
+    """Everything that was computed; times and words may differ."""
+    found = {f"values {name}": values.array for name, values in solution.values.items()}
+    for field in fields(solution):
+        held = getattr(solution, field.name)
+        if isinstance(held, np.ndarray):
+            found[field.name] = held
+        elif field.name in ("radius", "estimate", "conditions", "tolerances"):
+            found |= {f"{field.name} {name}": np.asarray(value) for name, value in held.items()}
+    return found
+
+
+def check_same(one: Solution, other: Solution) -> None:
+    one, other = arrays(one), arrays(other)
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert np.array_equal(array, other[name], equal_nan=True), name

@@ -6,11 +6,11 @@ An engine is loaded once and asked often: given motions, simulations and sampled
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from asking import MOTION, further_engines, model_files
+from asking import MOTION, check_same, further_engines, model_files
 from tolerances import LINEAR
 
 import screwgauge
@@ -121,25 +121,6 @@ def pushed(loaded, scene, given) -> Problem:
     q, v = (motion[name].pick(names).array for name in ("joint_position", "joint_velocity"))
     task = States(names, q, v, tau=100.0 * np.cos(1.0 + np.arange(q.size).reshape(q.shape)))
     return Problem(replace(scene.applied, loads=()), task, frozenset(("joint_acceleration",)))
-
-
-def arrays(solution: Solution) -> dict[str, np.ndarray]:
-    """Everything that was computed; times and words may differ."""
-    found = {f"values {name}": values.array for name, values in solution.values.items()}
-    for field in fields(solution):
-        held = getattr(solution, field.name)
-        if isinstance(held, np.ndarray):
-            found[field.name] = held
-        elif field.name in ("radius", "estimate", "conditions", "tolerances"):
-            found |= {f"{field.name} {name}": np.asarray(value) for name, value in held.items()}
-    return found
-
-
-def check_same(one: Solution, other: Solution) -> None:
-    one, other = arrays(one), arrays(other)
-    assert one.keys() == other.keys()
-    for name, array in one.items():
-        assert np.array_equal(array, other[name], equal_nan=True), name
 
 
 def test_entry_says_what_the_engine_is(loaded):

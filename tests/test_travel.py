@@ -1,0 +1,129 @@
+"""Problems and methods are data: they travel to another process, where the answers are the same to the last bit."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import partial
+
+import numpy as np
+import pytest
+from asking import check_same, model_files
+
+import screwgauge
+from screwgauge.scene.read import scene_names
+from screwgauge.solution import Solution
+from screwgauge.study.ask import ask
+from screwgauge.study.bench import forward_contestants
+from screwgauge.study.bench.registry import contestants
+from screwgauge.study.cases.registry import CASES
+from screwgauge.study.method import Method
+
+
+def difference(one: object, other: object, at: str = "") -> str:
+    """Where two things differ first, empty if they hold the same fields, items and bits; functions are of modules."""
+    if type(one) is not type(other):
+        return f"{at}: {type(one)} and {type(other)}"
+    if isinstance(one, np.ndarray):
+        return "" if np.array_equal(one, other, equal_nan=one.dtype.kind == "f") else f"{at}: {one} and {other}"
+    if isinstance(one, partial):
+        parts = {name: (getattr(one, name), getattr(other, name)) for name in ("func", "args", "keywords")}
+    elif is_dataclass(one):
+        parts = {field.name: (getattr(one, field.name), getattr(other, field.name)) for field in fields(one)}
+    elif isinstance(one, Mapping) and [*one] == [*other]:
+        parts = {key: (one[key], other[key]) for key in one}
+    elif isinstance(one, tuple | list) and len(one) == len(other):
+        parts = dict(enumerate(zip(one, other, strict=True)))
+    else:
+        alike = one == other or (one != one and other != other)  # NaN
+        return "" if alike else f"{at}: {one} and {other}"
+    return next(filter(None, (difference(*pair, f"{at}.{name}") for name, pair in parts.items())), "")
+
+
+def check_travels(thing: object) -> None:
+    assert difference(thing, pickle.loads(pickle.dumps(thing))) == ""
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_scene_and_its_problem_travel(name):
+    scene = screwgauge.load_scene(name)
+    check_travels(scene)
+    check_travels(scene.problem(scene.quantities))
+    copy, later = pickle.loads(pickle.dumps(scene)), scene.t[1 : 1 + len(scene.t) // 2]
+    assert difference(scene.at(later).problem(()), copy.at(later).problem(())) == ""  # still a function of time
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_every_contestant_of_a_bench_travels(quick):
+    everyone = contestants(quick=quick)
+    assert everyone
+    check_travels(everyone)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize(("method", "stiff"), [("Radau", True), ("DOP853", False)])
+def test_every_contestant_of_a_bench_of_simulations_travels(method, stiff, quick):
+    everyone = forward_contestants.contestants(method, 1.0, stiff=stiff, quick=quick)
+    assert everyone
+    check_travels(everyone)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
+    case = CASES[name]
+    check_travels(case)
+    mildest = max(case.quick) if case.falling else min(case.quick)
+    with np.errstate(all="ignore"):
+        questions = list(case.ask(mildest, True, tmp_path))
+    assert any(question.methods for question in questions)
+    check_travels(questions)
+
+
+def test_what_does_not_travel_is_noticed():
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0])
+    other = scene.under(gravity=np.nextafter(scene.applied.g, 1.0))
+    assert difference(scene, other).startswith(".applied.gravity: ")
+    assert difference(scene.applied.loads, 2 * scene.applied.loads).startswith(": (Load(")
+    with pytest.raises((AttributeError, pickle.PicklingError)):
+        check_travels(lambda: None)
+
+
+@pytest.fixture(scope="module")
+def asked() -> dict[str, tuple]:
+    """Methods with what they are asked: a given motion, a simulation by scipy's methods and one by steps."""
+    given = screwgauge.load_scene("3ups-upu-s-fast").at([0.1, 0.35])
+    falling = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.05, 0.2])
+    steps = {"pinocchio": {"dt": 1e-3}, "mujoco": {"dt": 1e-3, "solimp": 0.9999, "passes": 5}}
+    cases = {}
+    for engine in ("screw", "pinocchio", "mujoco"):
+        problems = {"given": (given, {}), "simulated": (falling, {}), "stepped": (falling, steps.get(engine))}
+        for what, (scene, settings) in problems.items():
+            if settings is not None:
+                files = model_files(scene.mechanism.name, engine)
+                problem = scene.problem([name for name in scene.quantities if name != "observable"])
+                cases[f"{engine} {what}"] = Method(engine, settings), files, problem
+    return cases
+
+
+@pytest.fixture(scope="module")
+def elsewhere(asked) -> dict[str, Solution]:
+    """Answers of a process that was started afresh."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return dict(zip(asked, pool.starmap(ask, asked.values()), strict=True))
+
+
+ENGINES_AND_TASKS = [
+    *(f"{engine} {what}" for engine in ("screw", "pinocchio", "mujoco") for what in ("given", "simulated")),
+    *("pinocchio stepped", "mujoco stepped"),
+]
+
+
+@pytest.mark.parametrize("name", ENGINES_AND_TASKS)
+def test_a_spawned_process_gives_the_same_bits(name, asked, elsewhere):
+    assert [*asked] == sorted(ENGINES_AND_TASKS, key=[*asked].index)
+    here = ask(*asked[name])
+    assert isinstance(here, Solution), here
+    assert here.stopped == ""
+    check_same(here, elsewhere[name])
