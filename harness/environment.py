@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-PACKAGES = ("screwgauge", "numpy", "pandas", "matplotlib", "pin", "mujoco", "python-flint")
+PACKAGES = ("screwgauge", "numpy", "pandas", "pin", "mujoco", "python-flint")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
