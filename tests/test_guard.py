@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
-from tolerances import TIGHT
+from tolerances import EQUAL, TIGHT
 
 import screwgauge
 from screwgauge.cli import main
