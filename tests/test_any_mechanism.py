@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import LINEAR, ROUNDING
 
 import screwgauge
 from screwgauge.problem import GivenMotion
@@ -42,7 +43,7 @@ def test_a_mechanism_without_loops_with_a_thin_rod_and_a_point():
     assert results.ok
     t = scene.t
     a = results.values("joint_position")[:, 0]
-    assert a == pytest.approx(7 * t - 3 * t**2, abs=1e-12)  # more than a turn
+    assert a == pytest.approx(7 * t - 3 * t**2, abs=LINEAR)  # more than a turn
     assert a.max() > np.pi
 
 
@@ -50,9 +51,9 @@ def test_a_hanging_pendulum_carries_its_weight():
     scene = screwgauge.load_scene(DATA / "pendulum-scene.toml").at([0.0])
     still = replace(scene, task=GivenMotion(np.zeros(1), np.array([[0.3, 0.0]]), np.zeros((1, 2)), np.zeros((1, 2))))
     results = screwgauge.run(still, engines=["screw", "pinocchio"])
-    assert results.values("generalized_force")[0] == pytest.approx([9.81 * np.sin(0.3) * 2.5, 0.0], abs=1e-13)
+    assert results.values("generalized_force")[0] == pytest.approx([9.81 * np.sin(0.3) * 2.5, 0.0], abs=ROUNDING)
     reactions = dict(zip(results.components("reaction"), results.values("reaction")[0], strict=True))
-    assert reactions["a.fz"] == pytest.approx(2 * 9.81, abs=1e-13)
+    assert reactions["a.fz"] == pytest.approx(2 * 9.81, abs=ROUNDING)
 
 
 def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash():
@@ -71,4 +72,4 @@ def test_angles_of_the_four_bar_satisfy_its_loop_equations():
     rocker = coupler + columns["c"]
     x = 0.3 * np.cos(crank) + 0.6 * np.cos(coupler) - 0.3 * np.cos(rocker)
     y = 0.3 * np.sin(crank) + 0.6 * np.sin(coupler) - 0.3 * np.sin(rocker)
-    assert np.abs([x - 0.6, y]).max() < 1e-13
+    assert np.abs([x - 0.6, y]).max() < ROUNDING

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import PLACED
 
 from screwgauge import ScrewgaugeError, load_scene, run
 from screwgauge.models.catalog import load_mechanism
@@ -235,7 +236,7 @@ def test_an_axis_that_is_no_unit_vector_is_refused(axis, rod, refused):
 
 def test_a_unit_axis_may_be_written_as_an_expression(rod):
     path = rod("[[0, 1, 0]]", '[["1/sqrt(2)", "sqrt(2)/2", 0]]').with_name("rod.toml")
-    assert np.linalg.norm(load_mechanism(path).joints[0].axes) == pytest.approx(1.0, abs=1e-15)
+    assert np.linalg.norm(load_mechanism(path).joints[0].axes) == pytest.approx(1.0, abs=PLACED)
 
 
 @pytest.mark.parametrize(
@@ -384,7 +385,7 @@ def test_what_is_no_text_and_no_number_is_refused(value):
     [("3*sqrt(3)/10", 0.3 * 3**0.5), ("-pi/6", -np.pi / 6), (" 2**-3 ", 0.125), ("1e-3", 1e-3)],
 )
 def test_expressions_are_read(text, value):
-    assert number(text, "") == pytest.approx(value, rel=1e-15)
+    assert number(text, "") == pytest.approx(value, rel=PLACED)
 
 
 def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.fourbars import four_bars
@@ -56,14 +57,14 @@ def test_four_bars_are_singular_where_all_links_are_horizontal():
     """There one freedom for each of the N + 1 uprights appears, of which N + 1 remain."""
     lay = layout(load_mechanism("a02-fourbar-2"))
     q = np.array([[-np.pi / 2] * 3 + [np.pi / 2] * 4])
-    assert np.abs(pose(lay, q).residual).max() < 1e-15
+    assert np.abs(pose(lay, q).residual).max() < PLACED
     assert mobility(lay, pose(lay, q)).mobility == 3
 
 
 def test_pendulum_starts_to_the_left():
     lay, at = at_home("a01-pendulum")
     bob = at.R[0, 1] @ lay.mechanism.bodies[0].com
-    assert np.abs(bob - [-1.0, 0.0, 0.0]).max() < 1e-15
+    assert np.abs(bob - [-1.0, 0.0, 0.0]).max() < PLACED
 
 
 def test_bricard_starts_at_the_corners_of_a_cube():
@@ -81,16 +82,16 @@ def test_andrews_starts_where_the_test_set_puts_it():
         "h": (-0.031633134507408900034, -0.015618868668304537040),
     }
     for name, (x, y) in known.items():
-        assert np.abs(at[name] - [x, y, 0.0]).max() < 1e-16, name
+        assert np.abs(at[name] - [x, y, 0.0]).max() < TWENTY_DIGITS, name
     for name in ("e4", "e6"):
-        assert np.abs(at[name] - at["e2"]).max() < 1e-16
+        assert np.abs(at[name] - at["e2"]).max() < TWENTY_DIGITS
 
 
 def test_andrews_spring_starts_compressed():
     lay, at = at_home("a03-andrews")
     i = lay.mechanism.body_index["K3"]
     end = at.p[0, i] + at.R[0, i] @ [0.02, -0.018, 0.0]
-    assert np.linalg.norm(end - [0.014, 0.072, 0.0]) == pytest.approx(0.052672516110736675951, rel=1e-14)
+    assert np.linalg.norm(end - [0.014, 0.072, 0.0]) == pytest.approx(0.052672516110736675951, rel=FORMULA)
 
 
 def test_governor_starts_with_unstretched_springs():
@@ -99,7 +100,7 @@ def test_governor_starts_with_unstretched_springs():
     for rod, side in (("right", 1.0), ("left", -1.0)):
         pin = at.p[0, index["slider"]] + [0.05 * side, 0.0, 0.0]
         middle = at.p[0, index[rod]] + at.R[0, index[rod]] @ [0.5 * side, 0.0, 0.0]
-        assert np.linalg.norm(middle - pin) == pytest.approx(0.5, rel=1e-14)
+        assert np.linalg.norm(middle - pin) == pytest.approx(0.5, rel=FORMULA)
 
 
 def test_governor_rods_carry_their_balls():
@@ -107,4 +108,4 @@ def test_governor_rods_carry_their_balls():
     body = load_mechanism("a05-governor").body("right")
     about_pin = body.inertia + body.mass * (body.com @ body.com * np.eye(3) - np.outer(body.com, body.com))
     rod = 0.3 * 1.0001 / 12 + 0.3 * 0.25
-    assert np.diag(about_pin) == pytest.approx([0.3 * 0.0002 / 12, rod + 5.0, rod + 5.0], rel=1e-14)
+    assert np.diag(about_pin) == pytest.approx([0.3 * 0.0002 / 12, rod + 5.0, rod + 5.0], rel=FORMULA)

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from asking import MOTION, ask, model_files, simulate
+from tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ
 
 from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
 from screwgauge.models.catalog import load_mechanism
@@ -15,9 +16,6 @@ from screwgauge.reference.applied import GRAVITY, Applied, hold
 from screwgauge.reference.rotations import rotation
 
 NAME = "3ups-upu-s"
-#: What the tolerances of the steps leave, ten times what is seen: positions, rates, accelerations of up to 250 per s^2.
-AGREE = {"q": 1e-8, "v": 1e-7, "a": 3e-6}
-READ = 1e-12  # three rotations multiplied and taken apart again
 
 
 @cache
@@ -65,7 +63,7 @@ def test_a_fall_through_the_lock_is_read_alike(name, engine):
     expected, found = fall("screw", *FALLS[name]), fall(engine, *FALLS[name])
     assert (expected.stopped, found.stopped) == ("", "")
     assert expected.q[:, [column("s.q2"), column("leg3.q5")]].max() > np.pi / 2  # middle angles
-    for what, error in AGREE.items():
+    for what, error in FALLEN.items():
         assert np.abs(getattr(found, what) - getattr(expected, what)).max() < error, what
 
 
@@ -102,7 +100,7 @@ def test_a_sample_at_a_lock_spoils_no_later_one(n):
     rates = chart.rates(angular(ball, q, v)[..., None])[..., 0]
     rates[~sure] = np.nan
     found = follow(q[0], chart.q, sure, t, rates)
-    assert np.abs(found - q)[sure].max() < READ * 100  # the worst is read a hundredth of a radian from a lock
+    assert np.abs(found - q)[sure].max() < READ * BY_LOCK
     assert np.abs(turned(ball.axes, found) - turned(ball.axes, q)).max() < 1e-8
     assert np.isfinite(found).all()
 
@@ -120,13 +118,12 @@ def test_rates_and_accelerations_belong_to_the_triple_chosen():
     ball, h = joint("s"), 1e-5
     _, q, v, a = path(20)  # no sample at a lock
     chart = read(ball, turned(ball.axes, q)).near(q)
-    assert np.abs(chart.q - q).max() < READ * 100
+    assert np.abs(chart.q - q).max() < READ * BY_LOCK
     omega = angular(ball, q, v)
     beta = (angular(ball, q + h * v, v + h * a) - angular(ball, q - h * v, v - h * a)) / (2.0 * h)
     rates = chart.rates(omega[..., None])[..., 0]
-    assert np.abs(rates - v).max() < READ * 1e3
-    # the differences leave h^2 times third derivatives
-    assert np.abs(chart.bias(rates, np.zeros_like(omega), omega, beta) - a).max() < 1e-5
+    assert np.abs(rates - v).max() < READ * BY_LOCK * 10.0
+    assert np.abs(chart.bias(rates, np.zeros_like(omega), omega, beta) - a).max() < FAST_DIFFERENCE
 
 
 def test_an_independent_angle_chooses_its_triple():
@@ -135,7 +132,7 @@ def test_an_independent_angle_chooses_its_triple():
     chart = read(ball, turned(ball.axes, q))
     for i in range(3):
         off = chart.agreeing(i, q[:, i]).q[:, i] - q[:, i]
-        assert np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max() < READ * 100
+        assert np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max() < READ * BY_LOCK
 
 
 def test_a_universal_joint_has_no_lock():

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import AGREE, RECURSIVE
 
 import screwgauge
 from screwgauge.quantities import GIVEN
 from screwgauge.scene.read import load_scene, scene_names
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
-AGREE, RECURSIVE = 1e-11, 1e-12
 
 
 @pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, SLOPE_OF_ENERGY
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -24,7 +25,6 @@ SCENES = [
     "3ups-upu-s-offset",
     *(DATA / f"{name}-scene.toml" for name in ("four-bar", "rscr", "slider-crank", "pendulum")),
 ]
-ROUND_TRIP = 1e-11  # conditions of a few hundred times rounding
 
 
 def at_rest_or_moving(scene, n=9):
@@ -46,7 +46,7 @@ def test_inverse_then_forward_returns_the_accelerations(name):
     assert np.abs(found.ydd - scene.motion.ydd).max() < ROUND_TRIP * scale
     dense = forward_dense(lay, rate, forces)
     qdd = run.values("joint_acceleration")
-    assert np.abs(dense.qdd - qdd).max() < 100 * ROUND_TRIP * np.abs(qdd).max()
+    assert np.abs(dense.qdd - qdd).max() < DENSE * np.abs(qdd).max()
 
 
 def test_dense_route_returns_the_reactions_too():
@@ -55,7 +55,7 @@ def test_dense_route_returns_the_reactions_too():
     dense = forward_dense(lay, rate, replace(forces, actuators=run.values("actuator_force")))
     reaction = run.values("reaction")
     assert dense.names == tuple(run.components("reaction"))
-    assert np.abs(dense.reactions - reaction).max() < 1e-9 * np.abs(reaction).max()
+    assert np.abs(dense.reactions - reaction).max() < DENSE * np.abs(reaction).max()
 
 
 def test_a_batch_is_its_samples_one_by_one():
@@ -67,7 +67,7 @@ def test_a_batch_is_its_samples_one_by_one():
         forward(lay, velocities(lay, positions(lay, a[None], t), b[None]), forces).ydd[0]
         for a, b in zip(y, yd, strict=True)
     ]
-    assert np.abs(together - alone).max() < 1e-12 * np.abs(together).max()
+    assert np.abs(together - alone).max() < LINEAR * np.abs(together).max()
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
     tau = np.zeros_like(rate.w)
     tau[:, 1] = -30.0 * (rate.pose.q[:, 1] - 0.1) - 2.0 * rate.w[:, 1]
     by_spring, by_motor = forward(lay, rate, Forces(springs=[spring])), forward(lay, rate, Forces(joints=tau))
-    assert np.abs(by_spring.ydd - by_motor.ydd).max() < 1e-12
+    assert np.abs(by_spring.ydd - by_motor.ydd).max() < LINEAR
 
 
 def test_a_point_spring_pulls_along_its_line(pendulum):
@@ -100,9 +100,9 @@ def test_a_point_spring_pulls_along_its_line(pendulum):
     slope = np.stack([(stored(y + h * e) - stored(y - h * e)) / (2 * h) for e in np.eye(2)], axis=1)
     with_spring = forward(lay, rate, Forces(springs=[spring]))
     with_slope = forward(lay, rate, Forces(joints=-slope))
-    assert np.abs(with_spring.ydd - with_slope.ydd).max() < 1e-6
+    assert np.abs(with_spring.ydd - with_slope.ydd).max() < SLOPE_OF_ENERGY
     dense = forward_dense(lay, rate, Forces(springs=[spring]))
-    assert np.abs(dense.qdd - with_spring.ydd).max() < 1e-11 * np.abs(dense.qdd).max()
+    assert np.abs(dense.qdd - with_spring.ydd).max() < ROUND_TRIP * np.abs(dense.qdd).max()
 
 
 def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
@@ -128,7 +128,7 @@ def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
         return (f(h) - f(-h)) / (2 * h)
 
     expected = yd @ [0.7, -1.3] - 3.0 * yd[:, 0] ** 2 - 5.0 * slope(length) ** 2
-    assert np.abs(slope(lambda s: energy(lay, later(s), forces)) - expected).max() < 1e-6
+    assert np.abs(slope(lambda s: energy(lay, later(s), forces)) - expected).max() < SLOPE_OF_ENERGY
 
 
 def test_inertia_matrix_is_that_of_the_kinetic_energy_of_a_four_bar():
@@ -137,7 +137,7 @@ def test_inertia_matrix_is_that_of_the_kinetic_energy_of_a_four_bar():
     yd = rate.w[:, lay.mechanism.independent_columns]
     M = inertia_matrix(lay, rate)
     assert np.array_equal(M, forward(lay, rate, forces).M)
-    assert energy(lay, rate, forces) == pytest.approx(0.5 * M[:, 0, 0] * yd[:, 0] ** 2, rel=1e-14)
+    assert energy(lay, rate, forces) == pytest.approx(0.5 * M[:, 0, 0] * yd[:, 0] ** 2, rel=FORMULA)
 
 
 def test_bad_springs_and_forces_are_said(pendulum):

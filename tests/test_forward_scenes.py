@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asking import ask, model_files, stopped_after
+from tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 import screwgauge
 from screwgauge.cli import main
@@ -77,7 +78,7 @@ def test_pendulum_follows_its_reference():
     assert results.ok
     pair = results.pairs.iloc[0]
     assert (pair["a"], pair["b"], pair["quantity"]) == ("screw", "reference", "observable")
-    assert pair["max_abs"] < 1e-9  # what the problem asks for
+    assert pair["max_abs"] < NINE_DIGITS
     assert set(results.judge["residual"]) == {"virtual_work", "energy_balance"}
     assert results.values("observable", "screw").shape == (3, 2)
 
@@ -105,7 +106,7 @@ def test_spring_swings_as_its_closed_form(sprung):
     """1 kg at 1 m on 4 N m/rad: the angle is 0.5 cos 2 t."""
     results = screwgauge.run(sprung())
     error = results.values("observable", "screw")[:, 0] - 0.5 * np.cos(2.0 * results.times)
-    assert np.abs(error).max() < 1e-8  # rtol 1e-10 and its growth
+    assert np.abs(error).max() < STEPPED
     assert results.ok
 
 
@@ -137,7 +138,7 @@ def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(stand_in):
     lost = results.pairs[results.pairs["reason"] != ""]
     assert set(lost["reason"]) == {"mujoco has nothing after t = 0.5 s: no step leads on"}
     known = results.pairs[(results.pairs["a"] == "mujoco") & (results.pairs["b"] == "reference")]
-    assert known["max_abs"].min() < 1e-9  # what it did compute is compared
+    assert known["max_abs"].min() < NINE_DIGITS  # what it did compute is compared
     assert results.exit_status == 1
     assert np.isnan(results.values("observable", "mujoco")[2]).all()
 
@@ -181,7 +182,7 @@ def test_eigenvalues_of_the_governor_are_the_known_ones():
     found = found[np.abs(found) > 1.0]
     known = np.array([-8117.0, -1450.0, -20.30, -20.05, 7.346j, -7.346j])
     for value in known:
-        assert np.abs(found - value).min() < 1e-3 * abs(value) + 5e-3  # digits of what was published
+        assert np.abs(found - value).min() < PUBLISHED[0] * abs(value) + PUBLISHED[1]
 
 
 def test_report_tells_of_start_springs_and_published_results(tmp_path):

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from asking import model_files, opening, simulate, simulate_scene
+from tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 
 import screwgauge
 from screwgauge.engines.mujoco.mover import MujocoMover
@@ -46,7 +47,7 @@ def order(name, until, steps, **stepper):
 )
 def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
     found = order("a04-bricard-box", 1.0, steps, engine="pinocchio", integrator=integrator)
-    assert found == pytest.approx(expected, abs=0.3)
+    assert found == pytest.approx(expected, abs=ORDER)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,7 @@ def test_mujoco_steps_converge_without_loops(integrator, expected, steps):
     if not has_integrator(integrator):
         pytest.skip("this MuJoCo has no discrete integrator")
     found = order("a05-governor", 0.25, steps, engine="mujoco", integrator=integrator)
-    assert found == pytest.approx(expected, abs=0.3)
+    assert found == pytest.approx(expected, abs=ORDER)
 
 
 def test_rk4_of_mujoco_is_as_exact_as_the_reference_where_it_is_stable():
@@ -121,10 +122,10 @@ def held_by_pinocchio(held):
 @pytest.mark.parametrize("integrator", REFINABLE)
 def test_refined_steps_keep_the_loops_of_the_held_mechanism_closed(held, held_by_pinocchio, integrator):
     q, apart = held("mujoco", integrator=integrator, dt=1e-3, solimp=0.9999, passes=4)
-    assert apart.max() < 1e-8  # what is left is the drift of the step
+    assert apart.max() < DRIFT
     same, closed = held_by_pinocchio
-    assert np.abs(q - same).max() < 1e-7
-    assert closed.max() < 1e-14
+    assert np.abs(q - same).max() < 10.0 * DRIFT
+    assert closed.max() < CLOSED
 
 
 def springs_of_the_governor():
@@ -151,7 +152,7 @@ def test_springs_of_mujoco_are_ours():
         mujoco.mj_forward(model, data)
         mover.place(q, v)
         forces.act(0.0, q, v, mover.body, tau)
-        assert np.abs(data.qfrc_passive - tau).max() < 1e-12 * np.abs(tau).max()
+        assert np.abs(data.qfrc_passive - tau).max() < LINEAR * np.abs(tau).max()
 
 
 def test_what_varies_is_held_over_each_step_and_said():
@@ -165,10 +166,8 @@ def test_what_varies_is_held_over_each_step_and_said():
         "pinocchio Euler": simulate_scene("pinocchio", scene, dt=1e-3),
     }
     assert "held over each step" in found["mujoco"].notes[-1]
-    # first order in the step of 0.1 ms against fourth order
-    assert np.abs(found["mujoco"].q - found["pinocchio"].q).max() < 5e-4
-    # first order in the step of 1 ms; the trapezoidal rule would be worse than RK4 is
-    assert np.abs(found["mujoco"].work - found["pinocchio Euler"].work).max() < 5e-2
+    assert np.abs(found["mujoco"].q - found["pinocchio"].q).max() < FIRST_ORDER
+    assert np.abs(found["mujoco"].work - found["pinocchio Euler"].work).max() < FIRST_ORDER_WORK
     assert np.abs(found["mujoco"].work[1:]).min() > 0.05
     assert np.isnan(found["pinocchio"].work).all()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asking import integrate
+from tolerances import LINEAR, NINE_DIGITS
 
 from screwgauge.engines.methods import METHODS
 from screwgauge.models.catalog import load_mechanism
@@ -89,7 +90,7 @@ def test_forces_may_depend_on_time(pendulum):
     )
     assert held.stopped == ""
     b = 5.0 / 9.0 * (held.t - np.sin(9.0 * held.t) / 9.0)
-    assert np.abs(held.rates.pose.q[:, 1] - b).max() < 1e-9
+    assert np.abs(held.rates.pose.q[:, 1] - b).max() < NINE_DIGITS
 
 
 def test_singular_poses_are_stepped_over_when_met():
@@ -124,7 +125,7 @@ def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
     lay = layout(paper)
     y = np.stack([np.linspace(0.0, 0.3, 7), np.linspace(0.0, -0.2, 7)], axis=1)
     found = Branch(lay, paper.home).poses(y)
-    assert np.abs(found.q - positions(lay, y, np.zeros(7)).q).max() < 1e-12
+    assert np.abs(found.q - positions(lay, y, np.zeros(7)).q).max() < LINEAR
 
 
 def test_bad_input_is_said(pendulum):

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import CLOSED, DIFFERENCE, LINEAR, ROUNDING, TWENTY_DIGITS
 
 from screwgauge.reference import kinematics, screws
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.kinematics import accelerations, chain_acceleration, chain_velocities, positions, velocities
 from screwgauge.reference.pose import chain_screws, layout
-
-ROUNDING = 1e-13
-DIFFERENCE = 1e-8  # central difference, step 1e-5
 
 
 def motion(t):
@@ -37,11 +35,11 @@ def joints(lay, t):
 
 
 def test_loops_close_to_rounding(lay):
-    assert np.abs(positions(lay, motion(T)[0], T).residual).max() < 1e-14
+    assert np.abs(positions(lay, motion(T)[0], T).residual).max() < CLOSED
 
 
 def test_home_pose_is_the_start_of_the_path(lay):
-    assert joints(lay, np.zeros(1))[0] == pytest.approx(lay.mechanism.home, abs=1e-13)
+    assert joints(lay, np.zeros(1))[0] == pytest.approx(lay.mechanism.home, abs=ROUNDING)
 
 
 def test_newton_and_closed_form_agree(lay, monkeypatch):
@@ -55,7 +53,7 @@ def test_third_rotation_vanishes_only_for_the_symmetric_leg(lay):
     if lay.mechanism.name == "3ups-upu-s-offset":
         assert np.abs(c).max() > 1e-3
     else:
-        assert np.abs(c).max() < 1e-16
+        assert np.abs(c).max() < TWENTY_DIGITS
 
 
 def test_rates_are_derivatives_of_positions(lay):
@@ -85,7 +83,7 @@ def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
         columns = [column for edge in chain for column in lay.columns[edge.joint.name]]
         w, residual = chain_velocities(S, rate.V[:, platform])
         assert residual.max() < ROUNDING
-        assert np.abs(w - rate.w[:, columns]).max() < 1e-12
+        assert np.abs(w - rate.w[:, columns]).max() < LINEAR
         found = chain_acceleration(S, rate.w[:, columns], beta[:, columns])
         assert np.abs(found - A[:, platform]).max() < ROUNDING
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import ROUNDING
 
 from screwgauge.reference import linear
 from screwgauge.reference.graph import serial_chains
@@ -19,7 +20,6 @@ from screwgauge.reference.mobility import (
 from screwgauge.reference.pose import chain_screws, layout, pose
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
-ROUNDING = 1e-13
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import CLOSED, PLACED
 
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.models.check import check_models, check_table, installed_readers
@@ -19,8 +20,6 @@ from screwgauge.models.readings import read_mujoco, read_pinocchio
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-
-CLOSED = 1e-15  # a handful of placements, each rounded to 1.1e-16 m or rad
 
 FOUR_BAR = """
 name = "four-bar" # a parallelogram, leaning by pi/6; its last joint is declared towards ground
@@ -162,11 +161,11 @@ def check(mechanism: Mechanism, folder: Path) -> None:
 @pytest.mark.parametrize("name", mechanism_names())
 def test_built_in_mechanisms_close_at_home(name: str) -> None:
     errors = closing_errors(load_mechanism(name))
-    assert max(errors.values()) <= CLOSED, errors
+    assert max(errors.values()) <= PLACED, errors
 
 
 def test_four_bar_is_cut_at_a_hinge_as_two_points(four_bar: Mechanism, tmp_path: Path) -> None:
-    assert max(closing_errors(four_bar).values()) <= CLOSED
+    assert max(closing_errors(four_bar).values()) <= PLACED
     check(four_bar, tmp_path / "out")
     (closure,) = read_loops(tmp_path / "out" / "four-bar.loops.toml").closures
     assert (closure.joint, closure.type, closure.parent, closure.child) == (
@@ -190,7 +189,7 @@ def test_four_bar_closures_leave_one_freedom(four_bar: Mechanism, cut: str) -> N
     J = data.efc_J.reshape(-1, model.nv)
     assert J.shape == (6, 3 if cut == "minimal" else 4)
     assert model.nv - np.linalg.matrix_rank(J, tol=1e-9) == 1
-    assert np.abs(data.efc_pos).max() <= CLOSED
+    assert np.abs(data.efc_pos).max() <= PLACED
 
 
 def test_copy_of_the_parent_where_the_child_is_ground(four_bar: Mechanism) -> None:
@@ -208,7 +207,7 @@ def test_reversed_joints_keep_names_and_values(reversed_chain: Mechanism, tmp_pa
 
 
 def test_reversed_cut_joint(reversed_loop: Mechanism, tmp_path: Path) -> None:
-    assert max(closing_errors(reversed_loop).values()) <= CLOSED
+    assert max(closing_errors(reversed_loop).values()) <= PLACED
     check(reversed_loop, tmp_path / "out")
     closure = read_loops(tmp_path / "out" / "reversed-full.loops.toml").closures[0]
     assert (closure.type, closure.parent, closure.child) == ("weld", "tip", "tip@ball")
@@ -236,7 +235,7 @@ def test_engines_agree_on_a_reversed_chain_away_from_home(reversed_loop: Mechani
     ):
         assert set(reading.bodies) == set(expected) - {GROUND}
         for name, body in reading.bodies.items():
-            np.testing.assert_allclose(body.pose, expected[name], atol=1e-14)
+            np.testing.assert_allclose(body.pose, expected[name], atol=CLOSED)
 
 
 def test_a_joint_that_points_cannot_hold_is_refused(write) -> None:
@@ -271,7 +270,7 @@ def _chain_pose(joints: list[Joint], q: Array) -> Array:
     return T
 
 
-@pytest.mark.parametrize(("name", "least", "most"), [("3ups-upu-s", 0.0, 1e-14), ("3ups-upu-s-offset", 1e-3, 0.1)])
+@pytest.mark.parametrize(("name", "least", "most"), [("3ups-upu-s", 0.0, CLOSED), ("3ups-upu-s-offset", 1e-3, 0.1)])
 def test_third_rotation_is_zero_only_without_offset(name: str, least: float, most: float) -> None:
     """Leg 1 and the S joint at O reach the same pose: Newton for leg 1 and c at given (a, b)."""
     mechanism = load_mechanism(name)
@@ -289,5 +288,5 @@ def test_third_rotation_is_zero_only_without_offset(name: str, least: float, mos
         h = 1e-6
         J = np.stack([(gap(x + h * e) - gap(x - h * e)) / (2 * h) for e in np.eye(6)], axis=1)
         x = x - np.linalg.lstsq(J, gap(x), rcond=None)[0]
-    assert np.abs(gap(x)).max() < 1e-14
+    assert np.abs(gap(x)).max() < CLOSED
     assert least <= abs(x[5]) <= most, x[5]

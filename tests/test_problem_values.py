@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import FOLLOWED_TO_THE_END
 
 
 def change_of_energy(found):
@@ -12,7 +13,7 @@ def change_of_energy(found):
 
 def test_pendulum_keeps_nine_digits_for_ten_seconds(answer):
     found, known = answer("a01-pendulum")
-    assert np.abs(found.observable - known[["x", "y"]]).to_numpy().max() < 1e-9
+    assert np.abs(found.observable - known[["x", "y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a01-pendulum"]
     assert change_of_energy(found) < 1e-9
 
 
@@ -20,9 +21,9 @@ def test_two_four_bars_pass_their_singular_poses(answer):
     """Ten of them in ten seconds; the published solutions drift by 1e-3 to 0.1 J."""
     found, known = answer("a02-fourbar-2")
     assert change_of_energy(found) < 1e-5
-    assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < 1e-5
+    assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]
     crank = found.trajectory.rates.pose.q[:, 0]
-    assert np.abs(crank + known["phi"]).max() < 1e-5  # five revolutions, none lost
+    assert np.abs(crank + known["phi"]).max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]  # five revolutions, none lost
     others = found.trajectory.rates.pose.q[:, 1:3] - crank[:, None]
     assert np.abs(others).max() < 1e-9  # still parallelograms
 
@@ -31,11 +32,13 @@ def test_two_four_bars_pass_their_singular_poses(answer):
 def test_bricard_moves_with_its_redundant_constraint(answer, rods):
     found, known = answer(f"a04-bricard-{rods}", tolerance=1e-10)
     assert list(known["t"].iloc[[2, 20]]) == [1.0, 10.0]
-    assert np.abs(found.observable - known[["P3.x", "P3.y", "P3.z"]]).to_numpy().max() < 1e-7
+    assert (
+        np.abs(found.observable - known[["P3.x", "P3.y", "P3.z"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a04-bricard"]
+    )
     assert change_of_energy(found) < 1e-8
 
 
 def test_forty_four_bars_start_right(answer):
     """The first half second; all ten take a minute."""
     found, known = answer("a02-fourbar-40", until=0.5)
-    assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < 1e-6
+    assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-40"]

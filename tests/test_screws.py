@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import DIFFERENCE, READ, ROUNDING
 
 from screwgauge.reference import screws
 from screwgauge.reference.kinematics import chain_acceleration, lie_matrix
 from screwgauge.reference.rotations import rotation, skew, triad_angles, vee
-
-ROUNDING = 1e-13
 
 
 @pytest.fixture
@@ -46,7 +45,7 @@ def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
         R = rotation(axis, np.array(t))
         return screws.revolute(R @ e, at + R @ (r - at))
 
-    assert np.abs((carried(h) - carried(-h)) / (2 * h) - screws.lie_bracket(V, carried(0.0))).max() < 1e-9
+    assert np.abs((carried(h) - carried(-h)) / (2 * h) - screws.lie_bracket(V, carried(0.0))).max() < 0.1 * DIFFERENCE
 
 
 def test_reciprocal_product_is_power_at_any_point(rng):
@@ -71,7 +70,7 @@ def test_acceleration_of_a_chain_is_the_derivative_of_its_twist(rng):
 
     expected = (twist(h) - twist(-h)) / (2 * h)
     found = chain_acceleration(screw_matrix(0.0)[None], w[None], beta[None])[0]
-    assert np.abs(found - expected).max() < 1e-8
+    assert np.abs(found - expected).max() < DIFFERENCE
 
 
 def test_lie_matrix_is_strictly_upper_triangular(rng):
@@ -92,4 +91,4 @@ def test_triad_angles_undo_three_rotations(rng, handed):
     axes[2] *= handed * np.sign(np.linalg.det(axes))
     angles = rng.uniform(-1.5, 1.5, size=(20, 3))
     R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1]) @ rotation(axes[2], angles[:, 2])
-    assert np.abs(triad_angles(R, axes) - angles).max() < 1e-12
+    assert np.abs(triad_angles(R, axes) - angles).max() < READ

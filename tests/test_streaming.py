@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
@@ -23,7 +24,7 @@ def test_parts_are_the_whole() -> None:
     for name in QUANTITIES:
         joined = np.concatenate([solution.values[name].array for _, solution in parts])
         # the same operations on other lengths of arrays: their sums may be grouped otherwise
-        np.testing.assert_allclose(joined, whole.values(name, "screw"), rtol=1e-12, atol=1e-11)
+        np.testing.assert_allclose(joined, whole.values(name, "screw"), rtol=LINEAR, atol=ROUND_TRIP)
 
 
 def test_any_engine_streams() -> None:
@@ -39,7 +40,7 @@ def test_any_engine_streams() -> None:
     }
     mine = np.concatenate(found.pop("screw"))
     for arrays in found.values():
-        np.testing.assert_allclose(np.concatenate(arrays), mine, rtol=0, atol=1e-8)  # 1e-11 of 1 kN
+        np.testing.assert_allclose(np.concatenate(arrays), mine, rtol=0, atol=OF_A_KILONEWTON)
 
 
 @pytest.mark.parametrize(

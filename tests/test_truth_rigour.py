@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
+from tolerances import RADIUS_OF_DOUBLES
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
@@ -102,7 +103,7 @@ def test_csv_motion_has_a_truth(write):
     assert sampled.wording().motion is None
     results = screwgauge.run(sampled, engines=["screw", "truth"])
     assert results.ok
-    assert results.radius("reaction").max() < 1e-40
+    assert results.radius("reaction").max() < RADIUS_OF_DOUBLES
 
 
 def test_routes_that_disagree_are_an_error(monkeypatch):

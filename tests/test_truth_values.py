@@ -6,16 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 import screwgauge
 
 DATA = Path(__file__).with_name("data")
-PRINTED = 5.01e-5  # half a unit of the last printed decimal
-RADIUS = 1e-30  # scaled; promised for every quantity of the three scenes
-OURS = {"3ups-upu-s": 1e-12, "3ups-upu-s-fast": 1e-11, "3ups-upu-s-offset": 1e-11}  # promised of the solver
 
 
-@pytest.fixture(scope="module", params=OURS)
+@pytest.fixture(scope="module", params=SOLVER)
 def results(request):
     scene = screwgauge.load_scene(request.param)
     rows = np.linspace(0, len(scene.motion) - 1, 9).astype(int)
@@ -40,13 +38,13 @@ def test_solver_is_as_close_to_the_truth_as_promised(results):
     assert set(table["quantity"]) == set(results.solutions["truth"].values)
     assert set(table["b"]) == {"screw"}
     worst = table["max_scaled"].max()
-    assert worst <= OURS[results.scene.name], f"{worst:.1e}"
+    assert worst <= SOLVER[results.scene.name], f"{worst:.1e}"
 
 
 def test_truth_satisfies_the_judge(results):
     judged = results.judge[results.judge["engine"] == "truth"]
     assert {"loop_acceleration", "newton_euler", "power_balance"} <= set(judged["residual"])
-    assert judged["max_scaled"].max() < 1e-13  # doubles nearest to the truth
+    assert judged["max_scaled"].max() < NEAREST
 
 
 @pytest.mark.parametrize(
@@ -68,7 +66,7 @@ def test_any_mechanism_has_a_truth(name):
     scene = screwgauge.load_scene(DATA / f"{name}-scene.toml")
     results = screwgauge.run(scene.at(scene.t[::5]), engines=["screw", "truth"])
     assert results.ok, results.failures
-    assert results.pairs["max_scaled"].max() < 1e-12
+    assert results.pairs["max_scaled"].max() < LINEAR
 
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", *(DATA / f"{x}.toml" for x in ("slider-crank", "rscr", "pendulum"))])
@@ -105,4 +103,4 @@ def test_rule_of_equation_56_agrees_with_the_solver():
 
     scene = replace(screwgauge.load_scene("3ups-upu-s"), rule="spherical_axial").at([0.5, 1.0, 2.0])
     results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force", "reaction"])
-    assert results.pairs["max_scaled"].max() < 1e-11
+    assert results.pairs["max_scaled"].max() < AGREE

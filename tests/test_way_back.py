@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tolerances import PLACED
 
 from screwgauge.engines.tree.project import project
 from screwgauge.reference.errors import SingularPoseError
@@ -21,8 +22,8 @@ class Line:
 
 def test_a_drifted_state_comes_back():
     found = project(Line(), np.array([1e-6, 2.0]), np.array([1e-3, 3.0]))
-    assert np.allclose(found.q, [0.0, 2.0], atol=1e-15)
-    assert np.allclose(found.v, [0.0, 3.0], atol=1e-15)
+    assert np.allclose(found.q, [0.0, 2.0], atol=PLACED)
+    assert np.allclose(found.v, [0.0, 3.0], atol=PLACED)
 
 
 @pytest.mark.parametrize(
