@@ -54,14 +54,9 @@ def times(text: Any, factor: float) -> str:
     return exactly(number(text, "description") * factor)
 
 
-def samples(array: Array, quick: bool) -> Array:
-    """All states, or one of them."""
-    return array[:1] if quick else array
-
-
 def moving(scene: Scene, quick: bool) -> Scene:
-    """The scene at the poses, rates and accelerations of this module."""
-    return still(scene, *(samples(array, quick) for array in (POSES, RATES, ACCELERATIONS)))
+    """The scene at the poses, rates and accelerations of this module, or at the first of them."""
+    return still(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
 
 
 def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:

@@ -77,8 +77,9 @@ def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Q
     posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=SAMPLES)
     yield _forces(posed)
     yield push(posed, SCREW)
-    yield push(posed, *_POINTS)
-    yield replace(push(posed, *_FRAMES), cause=_LOCKED)
+    for points, frames in zip(_POINTS, _FRAMES, strict=True):
+        yield push(posed, points)
+        yield replace(push(posed, frames), cause=_LOCKED)
 
 
 def _forces(posed: Posed) -> Question:

@@ -11,19 +11,7 @@ import numpy as np
 from screwgauge.reference.applied import Load
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.case import Case
-from screwgauge.study.cases.given import (
-    POSES,
-    SCENE,
-    Tables,
-    changed,
-    compare,
-    decades,
-    exactly,
-    moving,
-    samples,
-    still,
-    times,
-)
+from screwgauge.study.cases.given import SCENE, Tables, changed, compare, decades, exactly, moving, still, times
 from screwgauge.study.cases.question import Question
 
 #: Moments of the platform as a plate and of a leg half as a rod [kg m^2], about those of the paper.
@@ -42,8 +30,9 @@ def bodies(change: Callable[[Tables, float], None], severity: float, quick: bool
 
 def speed(w: float, quick: bool, folder: Path) -> Iterator[Question]:
     """From rest to where centrifugal forces are a million times the weight."""
-    y, yd, ydd = samples(POSES, quick), w * samples(_RATE, quick), w**2 * samples(_ACCELERATION, quick)
-    yield compare(still(load_scene(SCENE), y, yd, ydd), folder)
+    scene = moving(load_scene(SCENE), quick)
+    y, n = scene.motion.y, len(scene.motion)
+    yield compare(still(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
 
 
 def load(size: float, quick: bool, folder: Path) -> Iterator[Question]:
