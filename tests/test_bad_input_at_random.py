@@ -121,12 +121,13 @@ def attempt(action, done: str) -> bool:
 def test_a_mutated_mechanism_is_read_or_refused(name, write):
     chance = random.Random(f"mechanism {name}")
     table = tomllib.loads(mechanism_path(name).read_text(encoding="utf-8"))
-    read = 0
-    for _ in range(TRIES):
+    # forty four-bars have the entries of two, twenty times over, and take long to read
+    read, tries = 0, TRIES // 2 if name == "a02-fourbar-40" else TRIES
+    for _ in range(tries):
         changed, done = mutate(table, chance)
         path = write("m.toml", document(changed))
         read += attempt(lambda path=path: check_home(load_mechanism(path)), done)
-    assert 0 < read < TRIES
+    assert 0 < read < tries
 
 
 # the scene of forty four-bars has the entries of that of two, and a mechanism that takes long to read

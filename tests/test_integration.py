@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -68,16 +69,24 @@ def pendulum():
     return layout(load_mechanism(DATA / "pendulum.toml"))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_all_methods_give_the_same_motion(pendulum, method):
+@pytest.fixture(scope="module")
+def sprung(pendulum):
+    """Integrates a start of the pendulum on a spring."""
     forces = Forces(springs=[JointSpring("b", 20.0, damping=1.0)])
-    times = np.array([0.0, 0.1, 0.35])
-    start = np.array([0.4, 0.3])
-    best = integrate(pendulum, forces, times, start=start, rtol=1e-12)
-    found = integrate(pendulum, forces, times, start=start, name=method, rtol=1e-7, atol=1e-8)
-    assert found.t.tolist() == times.tolist()
+    return partial(integrate, pendulum, forces, np.array([0.0, 0.1, 0.35]), start=np.array([0.4, 0.3]))
+
+
+@pytest.fixture(scope="module")
+def best(sprung):
+    return sprung(rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_all_methods_give_the_same_motion(sprung, best, method):
+    found, times = sprung(name=method, rtol=1e-7, atol=1e-8), [0.0, 0.1, 0.35]
+    assert found.t.tolist() == times
     assert np.abs(found.rates.pose.q - best.rates.pose.q).max() < 1e-5
-    assert np.array_equal(found.rates.pose.q[0], start)
+    assert np.array_equal(found.rates.pose.q[0], [0.4, 0.3])
 
 
 def test_forces_may_depend_on_time(pendulum):
