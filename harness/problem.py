@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,10 @@ class GivenMotion(_ReadOnly):
     def part(self, rows: slice | Rows) -> GivenMotion:
         return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
 
+    def ordered(self, columns: list[int]) -> GivenMotion:
+        """The same with the independent coordinates in another order."""
+        return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns])
+
 
 @dataclass(frozen=True, slots=True)
 class Integration:
@@ -95,6 +99,10 @@ class InitialValue(_ReadOnly):
     def grid(self) -> Array:
         """The wanted times, that of the start before them [s]. Shape (n,) or (n + 1,)."""
         return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
+
+    def ordered(self, columns: list[int]) -> InitialValue:
+        """The same with the independent coordinates in another order."""
+        return replace(self, start=self.start[columns], rates=self.rates[columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

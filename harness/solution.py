@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter, perf_counter_ns, process_time
 
 import numpy as np
@@ -106,6 +106,17 @@ class Solution:
     stopped: str = ""
     cost: Cost | None = None
     warnings: tuple[str, ...] = ()
+
+    def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
+        """The same with the components of some quantities in another order."""
+        moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
+        values = {name: self.values[name].pick(components) for name, components in moved.items()}
+        radius = {
+            name: self.radius[name][..., [self.values[name].components.index(c) for c in components]]
+            for name, components in moved.items()
+            if name in self.radius
+        }
+        return replace(self, values={**self.values, **values}, radius={**self.radius, **radius})
 
     @property
     def n_solved(self) -> int:

@@ -83,6 +83,8 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
     for name in _common(expected.closures, found.closures):
         body1, p1, body2, p2 = expected.closures[name]
         other1, r1, other2, r2 = found.closures[name]
+        if (other1, other2) == (body2, body1):  # which side is named first says nothing
+            other1, r1, other2, r2 = other2, r2, other1, r1
         out.names(name, "closure bodies", (body1, body2), (other1, other2))
         metres = np.array([1.0, 1.0, 1.0, length])
         out.numbers(name, "closure frames", np.array([p1, p2]) / metres, np.array([r1, r2]) / metres)
@@ -108,11 +110,13 @@ def _common(expected: Mapping[str, object], found: Mapping[str, object]) -> list
 def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
     """Rows for all that a loops file says."""
     length = length_scale(mechanism)
-    for what in ("mechanism", "cut", "bodies", "tree"):
+    for what in ("mechanism", "cut"):
         out.names("", what, getattr(expected, what), getattr(found, what))
+    for what in ("bodies", "tree"):  # in any order
+        out.names("", what, sorted(getattr(expected, what)), sorted(getattr(found, what)))
     out.names("", "independent", dict(expected.independent), dict(found.independent))
     joints = {joint.name: joint for joint in found.joints}
-    out.names("", "joint names", [joint.name for joint in expected.joints], list(joints))
+    out.names("", "joint names", sorted(joint.name for joint in expected.joints), sorted(joints))
     for want in expected.joints:
         if have := joints.get(want.name):
             out.names(want.name, "joint", _joint_says(want), _joint_says(have))
@@ -120,7 +124,7 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
                 values = _joint_values(want, length), _joint_values(have, length)
                 out.numbers(want.name, "joint axes and frames", *values)
     closures = {closure.joint: closure for closure in found.closures}
-    out.names("", "closure names", [closure.joint for closure in expected.closures], list(closures))
+    out.names("", "closure names", sorted(closure.joint for closure in expected.closures), sorted(closures))
     for shut in expected.closures:
         if other := closures.get(shut.joint):
             out.names(shut.joint, "closure", _closure_says(shut), _closure_says(other))

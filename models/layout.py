@@ -91,6 +91,14 @@ class Closure:
     parent_frame: Frame
     child_frame: Frame
 
+    def facing(self, joint: Joint) -> Closure:
+        """The same with its parent on the joint's parent side; of a weld, on that of the original."""
+        copy = f"@{self.joint}"
+        if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):
+            return self
+        points, frames = (self.child_points, self.parent_points), (self.child_frame, self.parent_frame)
+        return Closure(self.joint, self.type, self.child, self.parent, *points, *frames)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:

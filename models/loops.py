@@ -172,12 +172,15 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     parent, child = (_typed(table, side, str, where) for side in _SIDES)
     if kind == "weld":
         frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in _SIDES]
-        return Closure(name, kind, parent, child, np.zeros((0, 3)), np.zeros((0, 3)), frames[0], frames[1])
+        return Closure(name, kind, parent, child, *np.zeros((2, 0, 3)), frames[0], frames[1]).facing(joint)
     lists = [_typed(table, f"{side}_points", list, where) for side in _SIDES]
     points = [np.array([vector(point, where) for point in given]) for given in lists]
     if [len(given) for given in lists] != [count, count]:
         raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")
-    return Closure(name, kind, parent, child, points[0], points[1], joint.parent_frame, joint.child_frame)
+    near, far = joint.parent_frame, joint.child_frame
+    if parent != joint.parent:
+        near, far = far, near
+    return Closure(name, kind, parent, child, points[0], points[1], near, far).facing(joint)
 
 
 def _read_frame(table: Any, where: str) -> Frame:

@@ -190,7 +190,7 @@ def across_direction(R: Array, direction: Array) -> Array:
 
 
 def solve_newton_euler(
-    c: Array, F: Array, T: Array, rule: Array, reactions: Reactions, length: float, *, wide: Array | None = None
+    c: Array, F: Array, T: Array, rule: Array, units: Sequence[str], length: float, *, wide: Array | None = None
 ) -> tuple[Array, Array]:
     """All constraint and actuator forces, ``c Q = m A + W + F_E`` with the rule's rows below (eqs. 56-58).
 
@@ -202,15 +202,14 @@ def solve_newton_euler(
         c: From `force_matrix`. Shape (n, 6 n_body, m).
         F, T: From `required_wrench`. Shape (n, n_body, 3).
         rule: Rows that fix the redundant actuation, their right side being zero. Shape (n, n_redundant, m).
-        reactions: The reaction components, the first columns of c.
+        units: Of the unknowns, c's columns.
         length: Length of the mechanism [m].
         wide: The same c in a wider format, see `screwgauge.reference.precision.wide_force_matrix`.
 
     Returns:
         Unknowns in the order of c's columns, shape (n, m), and the condition number of the system, shape (n,).
     """
-    size = np.ones(c.shape[2])
-    size[: len(reactions.units)][[unit == "N m" for unit in reactions.units]] = length
+    size = np.where(np.array(units) == "N m", length, 1.0)
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], F.shape[1])
     b = np.concatenate([F, T], axis=2).reshape(len(F), -1) / rows
     system = np.concatenate([c / rows[:, None], rule], axis=1) * size

@@ -36,7 +36,7 @@ class SpanningTree:
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningTree:
     """The tree with the fewest coordinates: joints with many freedoms are cut, actuated joints last.
 
-    Kruskal's algorithm over (actuated first, few freedoms first), in the order of the description.
+    Kruskal's algorithm over (actuated first, few freedoms first, by name): the order of the description says nothing.
 
     Args:
         keep: Names of joints that come before all others: cut only where they close a loop among themselves.
@@ -48,8 +48,11 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
             name = group[name]
         return name
 
+    def rank(joint: Joint) -> tuple[bool, bool, int, str]:
+        return joint.name not in keep, not joint.actuated, len(joint.coordinates), joint.name
+
     kept = []
-    for joint in sorted(mechanism.joints, key=lambda j: (j.name not in keep, not j.actuated, len(j.coordinates))):
+    for joint in sorted(mechanism.joints, key=rank):
         a, b = root(joint.parent), root(joint.child)
         if a != b:
             group[a] = b

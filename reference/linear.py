@@ -71,12 +71,15 @@ def inverse(A: Array) -> Array:
 
 
 def null_space(A: Array, tolerance: float = 1e-9) -> Array:
-    """Orthonormal basis of the null space of one matrix. Shape (m, n) -> (n, k)."""
+    """Orthonormal basis of the null space of one matrix without dimension. Shape (m, n) -> (n, k).
+
+    Singular values count as zero below `tolerance` of the largest, or of one where all are small.
+    """
     _, s, Vt = np.linalg.svd(A)
     rank = int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0
     return np.asarray(Vt[rank:].T)
 
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:
-    """Rank of one matrix, singular values below `tolerance` of the largest counting as zero."""
+    """Rank of one matrix without dimension, see `null_space`."""
     return int(A.shape[1] - null_space(A, tolerance).shape[1])

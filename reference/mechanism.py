@@ -177,6 +177,10 @@ class Mechanism:
     def actuator_names(self) -> tuple[str, ...]:
         return actuator_names(self.joints)
 
+    @property
+    def actuator_units(self) -> tuple[str, ...]:
+        return tuple("N m" if joint.kind == "R" else "N" for joint in self.actuators)
+
     def columns(self, names: Mapping[str, str] | tuple[str, ...]) -> list[int]:
         """Positions of named coordinates in the vector of all joint coordinates."""
         wanted = names.values() if isinstance(names, Mapping) else names

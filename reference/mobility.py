@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.kinematics import closure_system
-from screwgauge.reference.pose import Layout, Pose, centres_of_mass, chain_screws, loop_matrix
+from screwgauge.reference.mechanism import KINDS
+from screwgauge.reference.pose import Layout, Pose, centres_of_mass, chain_screws, layout, length, loop_matrix, pose
 from screwgauge.reference.rotations import Array
 
 
@@ -78,8 +79,26 @@ class Mobility:
     determined: tuple[bool, ...]
 
 
+def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
+    """A mechanism and its pose with its own length as the unit, so that ranks do not depend on its size."""
+    unit, old = length(lay), lay.mechanism
+    joints = [
+        replace(
+            joint,
+            home=np.where(KINDS[joint.kind], joint.home, joint.home / unit),
+            parent_frame=replace(joint.parent_frame, p=joint.parent_frame.p / unit),
+            child_frame=replace(joint.child_frame, p=joint.child_frame.p / unit),
+        )
+        for joint in old.joints
+    ]
+    bodies = tuple(replace(body, com=body.com / unit) for body in old.bodies)
+    scaled = layout(replace(old, bodies=bodies, joints=tuple(joints)))
+    return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / unit))
+
+
 def mobility(lay: Layout, at: Pose) -> Mobility:
     """Counts at one pose. `at` holds one sample and is closed."""
+    lay, at = in_lengths(lay, at)
     mechanism = lay.mechanism
     G = loop_matrix(lay, at)[0]
     reactions = joint_reactions(lay, at)
@@ -115,6 +134,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
     Raises:
         DescriptionError: There are too few, too many, or they depend on each other.
     """
+    lay, at = in_lengths(lay, at)
     mechanism = lay.mechanism
     A = closure_system(lay, at)[0]
     k = len(mechanism.independent)

@@ -24,7 +24,11 @@ _WORDS: dict[type[Task], str] = {
 
 
 class Model(Protocol):
-    """A loaded model file, to which any number of problems can be put."""
+    """A loaded model file, to which any number of problems can be put.
+
+    It may have an attribute `independent`: labels of its independent coordinates, if they are to be in another order
+    than that of the description.
+    """
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem.

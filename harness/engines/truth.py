@@ -79,6 +79,10 @@ class TruthModel:
     file: Path
     mechanism: Mechanism
 
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return tuple(self.mechanism.independent)
+
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Every quantity in balls.
 

@@ -11,10 +11,11 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from screwgauge.engines.registry import Engine, get_engine
+from screwgauge.engines.registry import Engine, Model, get_engine
 from screwgauge.models.generate import stem, write_models
-from screwgauge.problem import ModelFiles, Problem, Progress, quiet
+from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.method import Method
@@ -129,15 +130,31 @@ def ask_engines(
         try:
             # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
             problem = scene.problem(wanted, own_gravity=own and get_engine(name).reads == ".xml")
-            answer = method.load(model_files(scene, name, folder)).solve(problem, partial(progress, name))
+            model = method.load(model_files(scene, name, folder))
+            answer = model.solve(_ordered(problem, scene, model), partial(progress, name))
             answer = replace(answer, engine=name)
             _check_answer(answer, len(scene.t), expected or {})
-            solutions[name] = answer
+            solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
         except Exception as error:  # whatever an engine raises becomes a row, so that the others go on
             if own and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
                 raise
             failures[name] = failure(error, method, folder)
     return solutions, failures
+
+
+def _orders(answer: Solution, mechanism: Mechanism, expected: Expected) -> Expected:
+    """The order of components that all answers share, that of the description."""
+    trees = {name: {*answer.values[name].components} for name in answer.values if name.startswith("tree_force")}
+    orders = {name: tuple(c for c in mechanism.coordinates if c in has) for name, has in trees.items()}
+    return {**expected, **{name: order for name, order in orders.items() if len(order) == len(trees[name])}}
+
+
+def _ordered(problem: Problem, scene: Scene, model: Model) -> Problem:
+    """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
+    labels, own = list(scene.mechanism.independent), getattr(model, "independent", ())
+    if list(own) == labels or {*own} != {*labels} or isinstance(problem.task, States):
+        return problem
+    return replace(problem, task=problem.task.ordered([labels.index(label) for label in own]))
 
 
 def _check_answer(answer: Solution, n: int, expected: Expected) -> None:

@@ -37,6 +37,8 @@ class MujocoTree:
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
+        for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
+            getattr(self.model, f"{kind}_sameframe")[:] = 0
         self.gravity = self.model.opt.gravity.copy()
         self.data = mujoco.MjData(self.model)
         self.engine = "mujoco" if file.cut == "minimal" else f"mujoco-{file.cut}"
@@ -85,7 +87,9 @@ class MujocoTree:
             joint = self.model.site(sites[0]).name.split("@")[0]
             found.setdefault(joint, []).append(sites)
             kinds[joint] = int(self.model.eq_type[e])
-        return tuple(self._closure(joint, pairs, kinds[joint]) for joint, pairs in found.items())
+        joints = {joint.name: joint for joint in file.joints}
+        closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in found.items()]
+        return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
         model, weld = self.model, kind == mujoco.mjtEq.mjEQ_WELD

@@ -146,7 +146,8 @@ class _Work:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
             rule = self._rule_rows(rate, B, c.shape[2], axial)
-            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, self.reactions, rate.system.length)
+            units = self.reactions.units + lay.mechanism.actuator_units
+            unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, units, rate.system.length)
             conditions["reaction"] = condition
             if axial:
                 conditions["actuator_force"] = condition
@@ -194,13 +195,13 @@ def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refi
     c = force_matrix(lay, at, motion.com, reactions)
     rule = preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
     wide = wide_force_matrix(lay, task.y) if refined else None
-    unknown, condition = solve_newton_euler(c, F, T, rule, reactions, rate.system.length, wide=wide)
+    units = reactions.units + mechanism.actuator_units
+    unknown, condition = solve_newton_euler(c, F, T, rule, units, rate.system.length, wide=wide)
     f = np.asarray(unknown[:, len(reactions.names) :], dtype=float)
-    units = tuple("N m" if joint.kind == "R" else "N" for joint in mechanism.actuators)
     return Solution(
         "screw",
         __version__,
-        {_FORCE: Values(mechanism.actuator_names, units, f)},
+        {_FORCE: Values(mechanism.actuator_names, mechanism.actuator_units, f)},
         condition,
         estimate={_FORCE: linear.EPS * condition},
         conditions={_FORCE: condition},

@@ -54,6 +54,10 @@ class ScrewModel:
     def __init__(self, lay: Layout, where: str = "", settings: Settings | None = None) -> None:
         self.lay, self.where, self.settings = lay, where or lay.mechanism.name, settings or Settings()
 
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return tuple(self.lay.mechanism.independent)
+
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem.
 

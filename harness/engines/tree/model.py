@@ -46,6 +46,10 @@ class TreeModel:
     def __init__(self, closed: ClosedTree, dynamics: Dynamics | None = None) -> None:
         self.closed, self.dynamics = closed, dynamics
 
+    @property
+    def independent(self) -> tuple[str, ...]:
+        return tuple(self.closed.file.independent)
+
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem.
 

@@ -51,7 +51,8 @@ def solve_forces(case: Case, rule: str = "min_norm") -> Forces:
     else:
         rows = np.zeros((len(case.t), 2, c.shape[2]))
         rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
-    unknown, condition = dynamics.solve_newton_euler(c, F, T, rows, reactions, case.rate.system.length)
+    units = reactions.units + mechanism.actuator_units
+    unknown, condition = dynamics.solve_newton_euler(c, F, T, rows, units, case.rate.system.length)
     force, moment = np.zeros((2, len(case.t), len(mechanism.joints), 3))
     for k, owner in enumerate(reactions.joints):
         force[:, owner] += unknown[:, k, None] * reactions.force[:, k]
