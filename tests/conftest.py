@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
+from screwgauge.study.bench.threads import VARIABLES
+
+# BLAS reads these when numpy is first imported. One thread, as on the command line: workers are as many as cores, and
+# threads that wait for each other's cores cost forty four-bars six times the processor time.
+os.environ.update(dict.fromkeys(VARIABLES, "1"))
+
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,6 +31,9 @@ from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import observe
 from screwgauge.scene.read import FOLDER, load_scene
+from screwgauge.study.bench.leaving_out import LEAVING_OUT
+from screwgauge.study.bench.registry import contestants
+from screwgauge.study.bench.run import Bench, Plan, bench
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +48,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SCREWGAUGE_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.fixture(scope="session")
+def bench_of_all() -> Bench:
+    """All contestants on five samples of the paper's scene; several files look at it, as it takes long."""
+    chosen = dict.fromkeys(c.name for c in contestants(quick=True) if c.name != LEAVING_OUT)
+    plan = Plan(samples=5, rounds=1, budget=1e9, quick=True)
+    return bench(load_scene("3ups-upu-s"), plan=plan, contestants=chosen)
 
 
 @pytest.fixture

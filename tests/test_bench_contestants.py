@@ -23,7 +23,6 @@ from screwgauge.solution import Values
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.bench.forward_contestants import contestants as simulators
-from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
@@ -33,16 +32,9 @@ from screwgauge.study.reference import score
 PLAN = Plan(samples=5, rounds=1, budget=1e9, quick=True)
 
 
-def everyone(field: str) -> list[str]:
-    """All that contestants have in a field, once each."""
-    return list(dict.fromkeys(getattr(c, field) for c in registry.contestants(quick=True)))
-
-
-@pytest.fixture(scope="module")
-def found():
-    """All contestants but the finite differences, which take long, on five samples of the paper's scene."""
-    names = [name for name in everyone("name") if name not in ("differences", "differences-ends", LEAVING_OUT)]
-    return bench(screwgauge.load_scene("3ups-upu-s"), plan=PLAN, contestants=names)
+@pytest.fixture
+def found(bench_of_all):
+    return bench_of_all
 
 
 def worst(found, name: str, quantity: str, setting: str = "") -> float:

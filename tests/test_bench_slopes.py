@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import screwgauge
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import motion
 from screwgauge.study.bench.rows import CUT, Row
-from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.bench.slopes import RULES, Rule, fits, table
 from screwgauge.study.method import Method
 
@@ -56,12 +54,9 @@ def test_lines_without_rows_have_no_slope():
     assert fits([], RULES) == []
 
 
-def test_every_family_on_the_paper_scene_has_its_slope():
-    names = ["differences", "constraint-dynamics", "mj-forward", "missing-jdotv", "paper-corrected"]
-    scene = screwgauge.load_scene("3ups-upu-s")
-    found = bench(scene, plan=Plan(samples=11, rounds=1, budget=1e9, quick=True), contestants=names)
-    slopes = table(found.fits)
-    expected = {rule.line for rule in RULES if rule.line.split(" ")[0] in {r.contestant.family for r in found.rows}}
-    assert set(slopes["family"]) == expected
+def test_every_family_on_the_paper_scene_has_its_slope(bench_of_all):
+    slopes = table(bench_of_all.fits)
+    families = {row.contestant.family for row in bench_of_all.rows}
+    assert set(slopes["family"]) == {rule.line for rule in RULES if rule.line.split(" ")[0] in families}
     assert len(slopes) == 8
     assert slopes["ok"].all(), slopes.to_string()
