@@ -82,7 +82,7 @@ def partial_motion(lay: Layout, rate: Velocities, com: Array) -> tuple[Array, Ar
     Returns:
         ``d v_com / d yd`` and ``d omega / d yd``. Shape (n, n_body, k, 3) each.
     """
-    tree = np.delete(np.arange(lay.path.shape[1]), lay.cut_columns)
+    tree = lay.tree_columns
     partial = np.einsum("bi,nij,nix->nbjx", lay.path[1:, tree], rate.K[:, tree], rate.pose.S[:, tree])
     return partial[..., 3:] + cross(partial[..., :3], com[:, :, None]), partial[..., :3]
 
@@ -95,7 +95,11 @@ def generalized_force(lay: Layout, rate: Velocities, motion: BodyMotion, F: Arra
     Returns:
         [N m or N]. Shape (n, k).
     """
-    linear_part, angular_part = partial_motion(lay, rate, motion.com)
+    return virtual_power(F, T, *partial_motion(lay, rate, motion.com))
+
+
+def virtual_power(F: Array, T: Array, linear_part: Array, angular_part: Array) -> Array:
+    """The same from what `partial_motion` gives, if that is known. Shape (n, k)."""
     return np.asarray(np.einsum("nbx,nbjx->nj", F, linear_part) + np.einsum("nbx,nbjx->nj", T, angular_part))
 
 

@@ -7,6 +7,7 @@ import math
 import operator
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,14 @@ def _evaluate(node: ast.expr) -> float:
     raise ValueError("only numbers, pi, + - * / **, sqrt and trigonometric functions are read")
 
 
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> float:
+    """A description says the same numbers again and again, and parsing one takes long."""
+    with warnings.catch_warnings():  # the parser warns of "1if"
+        warnings.simplefilter("ignore")
+        return _evaluate(ast.parse(text, mode="eval").body)
+
+
 def number(value: Any, where: str) -> float:
     """Reads a finite number, given as a number or as text such as ``"3*sqrt(3)/10"``.
 
@@ -50,9 +59,7 @@ def number(value: Any, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("not a number")
-        with warnings.catch_warnings():  # the parser warns of "1if"
-            warnings.simplefilter("ignore")
-            result = _evaluate(ast.parse(str(value).strip(), mode="eval").body)
+        result = _parsed(str(value).strip())
         if not (isinstance(result, float) and math.isfinite(result)):
             raise ValueError("not a finite real number")
         if abs(result) > LARGEST:

@@ -17,10 +17,10 @@ from screwgauge.reference.dynamics import (
     BodyMotion,
     body_motion,
     force_matrix,
-    generalized_force,
     joint_reactions,
     partial_motion,
     required_wrench,
+    virtual_power,
 )
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Velocities, accelerations
@@ -146,9 +146,10 @@ def forward(lay: Layout, rate: Velocities, forces: Forces) -> Response:
     condition = linear.condition(rate.A)
     _check_poses(lay, rate.pose.q, condition)
     tau, _, motion, F, T = _without_ydd(lay, rate, forces)
-    M = _inertia(lay, *partial_motion(lay, rate, motion.com), motion.J)
+    partial = partial_motion(lay, rate, motion.com)
+    M = _inertia(lay, *partial, motion.J)
     _check_inertia(lay, M)
-    Q = np.einsum("nij,ni->nj", rate.K, tau) - generalized_force(lay, rate, motion, F, T)
+    Q = np.einsum("nij,ni->nj", rate.K, tau) - virtual_power(F, T, *partial)
     return Response(linear.solve(M, Q[..., None])[..., 0], M, condition)
 
 

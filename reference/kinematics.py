@@ -103,7 +103,7 @@ def velocities(lay: Layout, at: Pose, yd: Array) -> Velocities:
     K[:, lay.cut_columns] = rows @ K
     w = (K @ yd[..., None])[..., 0]
     # twists follow from the tree alone: in gimbal lock the velocities of a cut joint are not numbers
-    tree = np.delete(np.arange(w.shape[1]), lay.cut_columns)
+    tree = lay.tree_columns
     V = np.einsum("bi,ni,nix->nbx", lay.path[:, tree], w[:, tree], at.S[:, tree])
     return Velocities(at, K, A, w, V, system, orientation)
 

@@ -81,6 +81,11 @@ class Layout:
         return [column for joint in self.tree.cuts for column in self.columns[joint.name]]
 
     @cached_property
+    def tree_columns(self) -> list[int]:
+        """The other coordinates."""
+        return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
+
+    @cached_property
     def sides(self) -> tuple[Side, Side]:
         """Parent and child sides of the cut joints."""
         index, cuts = self.mechanism.body_index, self.tree.cuts
