@@ -176,7 +176,11 @@ def test_all_contestants_are_data(chosen):
 
 def test_a_question_that_went_through_a_pickle_has_the_same_answer(tmp_path):
     posed = pose_scene(screwgauge.load_scene("3ups-upu-s"), tmp_path, samples=3)
-    for contestant in registry.choose(["constraint-dynamics-default", "paper-corrected", "float32"], quick=True):
+    all_settings = registry.choose(["constraint-dynamics-default", "paper-corrected", "float32"], quick=True)
+    # the settings of a series differ in one number; the first one of the paper's scheme takes the fewest steps
+    firsts = {(c.name, c.series, c.quantities): c for c in reversed(all_settings)}
+    assert len(firsts) >= 4
+    for contestant in firsts.values():
         asked, again = contestant.ask(posed), pickle.loads(pickle.dumps(contestant)).ask(posed)
         problem = pickle.loads(pickle.dumps(again.problems[0]))
         answer = contestant.method.load(asked.files).solve(asked.problems[0])
