@@ -172,7 +172,8 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     parent, child = (_typed(table, side, str, where) for side in _SIDES)
     if kind == "weld":
         frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in _SIDES]
-        return Closure(name, kind, parent, child, np.zeros((0, 3)), np.zeros((0, 3)), frames[0], frames[1]).facing(joint)
+        none = np.zeros((0, 3))
+        return Closure(name, kind, parent, child, none, none, frames[0], frames[1]).facing(joint)
     lists = [_typed(table, f"{side}_points", list, where) for side in _SIDES]
     points = [np.array([vector(point, where) for point in given]) for given in lists]
     if [len(given) for given in lists] != [count, count]:
