@@ -19,6 +19,7 @@ def four_bars(n: int, *, driven: bool = False) -> str:
         "# MuJoCo refuses.",
         f'name = "a02-fourbar-{n}"',
         f'title = "{n}-four-bar mechanism (A02)"',
+        'group = "benchmark problems"',
         'source = "IFToMM library of computational benchmark problems, A02"',
         "",
         "[independent]",

@@ -16,10 +16,12 @@ from screwgauge.reference.graph import check_connected
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-_TOP = {"name", "title", "source", "extends", "bodies", "joints", "independent", "spherical_axial"}
+_TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "independent", "spherical_axial"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame"}
+#: Tables that are one thing: what extends a description replaces all of their entries.
+WHOLE = ("inertia", "independent")
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -66,10 +68,10 @@ def read_text(table: dict[str, Any], key: str, where: str, default: str | None =
 
 
 def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """`base` with the entries of `change`, table by table; an inertia is replaced as a whole."""
+    """`base` with the entries of `change`, table by table; `WHOLE` ones are replaced as a whole."""
     result = dict(base)
     for key, value in change.items():
-        deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key != "inertia"
+        deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key not in WHOLE
         result[key] = merge(result[key], value) if deep else value
     return result
 
@@ -94,6 +96,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
         name=name,
         title=_text(data.get("title", name), f"{where}, title"),
         source=_text(data.get("source", ""), f"{where}, source"),
+        group=_text(data.get("group", "others"), f"{where}, group"),
         bodies=tuple(_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()),
         joints=tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items()),
         independent=_table(data, "independent", where),

@@ -134,6 +134,7 @@ class Mechanism:
         independent: Label of each independent coordinate -> name of the joint coordinate, ordered.
         axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
             force (eq. 56), if the mechanism has one.
+        group: What it is listed under.
     """
 
     name: str
@@ -142,6 +143,7 @@ class Mechanism:
     independent: Mapping[str, str]
     title: str = ""
     source: str = ""
+    group: str = ""
     axial: tuple[str, Array] | None = None
     where: str = ""
 

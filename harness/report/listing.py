@@ -13,8 +13,14 @@ from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.registry import load as load_case
 
+def mechanisms() -> dict[str, str]:
+    """Name -> title, below the names of the groups."""
+    known = sorted(map(load_mechanism, mechanism_names()), key=lambda one: (one.group, one.name))
+    return dict(line for one in known for line in ((f"{one.group}:", ""), (f"  {one.name}", one.title)))
+
+
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
-    "mechanisms": lambda: {name: load_mechanism(name).title for name in mechanism_names()},
+    "mechanisms": lambda: mechanisms(),
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
     "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},

@@ -1,0 +1,212 @@
+"""The mechanisms that people know: all engines agree on them, and they move as closed forms say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.pose import layout, pose
+
+ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+CLOSED = 1e-13  # of angles and lengths of order one
+NAMES = [
+    *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
+    *("stewart", "stewart-legs", "delta", "double-cardan", "arm7"),
+]
+
+
+@cache
+def solved(name: str):
+    scene = screwgauge.load_scene(name)
+    return screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=ENGINES)
+
+
+def moved(name: str):
+    """Joint coordinates by name, and world positions of points of bodies, at all samples."""
+    results, mechanism = solved(name), load_mechanism(name)
+    q = results.values("joint_position")
+    at = pose(layout(mechanism), q)
+
+    def point(body: str, p) -> np.ndarray:
+        i = mechanism.body_index[body]
+        return at.p[:, i] + at.R[:, i] @ np.array(p, dtype=float)
+
+    return dict(zip(mechanism.coordinates, q.T, strict=True)), point, at.R[:, mechanism.body_index.get("platform", 0)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_engines_agree(name):
+    results = solved(name)
+    assert not results.failures
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+
+
+def test_slider_crank():
+    q, _, _ = moved("slider-crank")
+    assert np.ptp(q["crank"]) > 2 * np.pi
+    x = 0.1 * np.cos(q["crank"]) + np.sqrt(0.3**2 - (0.1 * np.sin(q["crank"])) ** 2)
+    assert q["slide"] == pytest.approx(x, abs=CLOSED)
+
+
+def test_five_bar():
+    q, point, _ = moved("five-bar")
+    left, right = (
+        [x, 0] + 0.2 * np.stack([-np.sin(a), np.cos(a)], 1) for x, a in ((-0.15, q["left"]), (0.15, q["right"]))
+    )
+    half, middle = (right - left) / 2, (right + left) / 2
+    size = np.linalg.norm(half, axis=1)[:, None]
+    tip = middle + np.stack([-half[:, 1], half[:, 0]], 1) / size * np.sqrt(0.3**2 - size**2)
+    assert point("left.rod", [0, 0.3, 0])[:, :2] == pytest.approx(tip, abs=CLOSED)
+
+
+def test_bennett():
+    q, _, _ = moved("bennett")
+    ratio = np.sin(np.pi / 4) / np.sin(np.pi / 12)
+    assert np.tan(q["j1"] / 2) * np.tan(q["j2"] / 2) == pytest.approx(np.full(len(q["j1"]), ratio), rel=CLOSED)
+    assert q["j3"] == pytest.approx(-q["j1"], abs=CLOSED)
+
+
+def test_sarrus():
+    q, point, R = moved("sarrus")
+    rise = 2 * (0.1 * np.sin(q["a1"]) + 0.2 * np.cos(q["a1"])) - 0.4
+    assert point("platform", [0, 0, 0]) == pytest.approx(np.outer(rise, [0, 0, 1]), abs=CLOSED)
+    assert pytest.approx(np.tile(np.eye(3), (len(R), 1, 1)), abs=CLOSED) == R
+
+
+def test_rccc():
+    """Angles by Rodrigues' formula on the directions alone, slides by one linear system."""
+    q, _, _ = moved("rccc")
+    axes = np.array([[0, 0, 1], [2 / 3, -1 / 3, 2 / 3], [2 / 7, 3 / 7, 6 / 7], [-4 / 9, 1 / 9, 8 / 9]])
+    points = np.array([[0, 0, 0], [0.2, 0.3, 0.1], [0.5, 0.3, 0.3], [0.6, 0, 0.1]])
+
+    def about(e, angle, v):
+        return v * np.cos(angle) + np.cross(e, v) * np.sin(angle) + e * (e @ v) * (1 - np.cos(angle))
+
+    for crank, rocker, slides in zip(
+        q["crank"], q["fourth.q1"], np.stack([q["second.q2"], q["third.q2"], q["fourth.q2"]], 1), strict=True
+    ):
+        second, third = about(axes[0], crank, axes[1]), about(axes[3], rocker, axes[2])
+        assert second @ third == pytest.approx(axes[1] @ axes[2], abs=CLOSED)  # the spherical four-bar
+        start = about(axes[0], crank, points[1])
+        end = points[3] + about(axes[3], rocker, points[2] - points[3])
+        normal = np.cross(second, third) / np.linalg.norm(np.cross(axes[1], axes[2]))
+        # the coupler, as its two axes say how it is turned
+        turned = np.stack([second, third, normal], 1) @ np.linalg.inv(
+            np.stack([axes[1], axes[2], np.cross(axes[1], axes[2]) / np.linalg.norm(np.cross(axes[1], axes[2]))], 1)
+        )
+        right = end - start - turned @ (points[2] - points[1])
+        found = np.linalg.solve(np.stack([second, third, -axes[3]], 1), right)
+        assert slides == pytest.approx(found, abs=CLOSED)
+
+
+def spin(k: int) -> np.ndarray:
+    c, s = np.cos(2 * np.pi * k / 3), np.sin(2 * np.pi * k / 3)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def test_planar_3_rrr():
+    q, point, _ = moved("3-rrr")
+    for k in range(3):
+        base, elbow, tip = (spin(k) @ p for p in ([0.5, 0, 0], [0.3, 0.2, 0], [0.15, 0, 0]))
+        way = point("platform", tip) - base
+        l1, l2, far = np.linalg.norm(elbow - base), np.linalg.norm(tip - elbow), np.linalg.norm(way, axis=1)
+        bend = np.arccos((l1**2 + far**2 - l2**2) / (2 * l1 * far))
+        heading = np.arctan2(way[:, 1], way[:, 0]) - bend
+        angle = heading - np.arctan2(*(elbow - base)[1::-1])
+        assert np.angle(np.exp(1j * (q[f"leg{k + 1}.base"] - angle))) == pytest.approx(0 * angle, abs=CLOSED)
+
+
+def test_3_rps_moves_sideways_as_it_tilts():
+    q, point, R = moved("3-rps")
+    x, y, _ = point("platform", [0, 0, 0.6]).T
+    assert np.abs(y).max() > 1e-3
+    assert R[:, 1, 0] == pytest.approx(R[:, 0, 1], abs=CLOSED)
+    assert x == pytest.approx(0.15 * (R[:, 0, 0] - R[:, 1, 1]), abs=CLOSED)
+    assert y == pytest.approx(-0.3 * R[:, 1, 0], abs=CLOSED)
+    for k in range(3):
+        length = np.linalg.norm(point("platform", spin(k) @ [0.3, 0, 0.6]) - spin(k) @ [0.5, 0, 0], axis=1)
+        assert q[f"leg{k + 1}.slide"] == pytest.approx(length, abs=CLOSED)
+
+
+def spheres(centres: np.ndarray, radii: np.ndarray, side: float) -> np.ndarray:
+    """Where three spheres meet, above (1) or below (-1) the plane of their centres. Shapes (3, 3), (3,)."""
+    a, b, c = centres
+    e = (b - a) / np.linalg.norm(b - a)
+    f = c - a - e * (e @ (c - a))
+    f /= np.linalg.norm(f)
+    x = (radii[0] ** 2 - radii[1] ** 2 + (b - a) @ (b - a)) / (2 * np.linalg.norm(b - a))
+    y = (radii[0] ** 2 - radii[2] ** 2 + (c - a) @ (c - a) - 2 * x * (e @ (c - a))) / (2 * (f @ (c - a)))
+    n = np.cross(e, f)
+    return a + x * e + y * f + side * np.sign(n[2]) * np.sqrt(radii[0] ** 2 - x**2 - y**2) * n
+
+
+def test_3_upu_does_not_turn():
+    q, point, R = moved("3-upu")
+    assert pytest.approx(np.tile(np.eye(3), (len(R), 1, 1)), abs=CLOSED) == R
+    centres = np.array([spin(k) @ [0.2, 0, 0] for k in range(3)])
+    lengths = np.stack([q[f"leg{k}.slide"] for k in (1, 2, 3)], 1)
+    met = np.array([spheres(centres, row, 1.0) for row in lengths])
+    assert point("platform", [0, 0, 0.6]) == pytest.approx(met, abs=CLOSED)
+
+
+@pytest.mark.parametrize("name", ["stewart", "stewart-legs"])
+def test_stewart_has_the_leg_lengths_of_its_pose(name):
+    q, point, _ = moved(name)
+    mechanism = load_mechanism(name)
+    for k in range(1, 7):
+        base, top = (mechanism.joint(f"leg{k}.{end}").child_frame.p for end in ("base", "ball"))
+        length = np.linalg.norm(point("platform", top) - base, axis=1)
+        assert q[f"leg{k}.slide"] == pytest.approx(length, abs=CLOSED)
+
+
+def test_delta_does_not_turn():
+    q, point, R = moved("delta")
+    assert pytest.approx(np.tile(np.eye(3), (len(R), 1, 1)), abs=CLOSED) == R
+    for i, row in enumerate(np.stack([q[f"arm{k}.hip"] for k in (1, 2, 3)], 1)):
+        c, s = np.cos(row), np.sin(row)  # about the tangent, which turns z towards the radius
+        elbows = [spin(k) @ [0.2 + 0.24 * c[k] - 0.18 * s[k] - 0.08, 0, -0.18 * c[k] - 0.24 * s[k]] for k in range(3)]
+        met = spheres(np.array(elbows), np.full(3, 0.6), -1.0)
+        assert point("platform", [0, 0, -0.66])[i] == pytest.approx(met, abs=CLOSED)
+
+
+def test_hooke_joints_in_z_cancel():
+    q, point, _ = moved("double-cardan")
+    turns = np.exp(1j * (q["output"] - q["input"]))
+    assert turns == pytest.approx(np.ones(len(turns)), abs=CLOSED)
+    # the middle shaft turns about its own axis: how far its fork across it has come round
+    along, fork = np.array([np.sqrt(3) / 2, 0.5, 0]), np.array([-0.5, np.sqrt(3) / 2, 0])
+    now = point("middle", fork) - point("middle", [0, 0, 0])
+    middle = np.arctan2(now @ np.cross(along, fork), now @ fork)
+    assert np.tan(middle) == pytest.approx(np.tan(q["input"]) * np.cos(np.pi / 6), rel=1e-10)
+
+
+def test_arm_of_seven_joints_holds_its_weight():
+    """Torques at rest by transforms of published Denavit-Hartenberg parameters: moments of the weights about axes."""
+    scene = screwgauge.load_scene("arm7")
+    y = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.4, -0.6])
+    zero = np.zeros((1, 7))
+    results = screwgauge.run(replace(scene, task=GivenMotion(np.zeros(1), y[None], zero, zero)), engines=ENGINES)
+    assert results.ok
+    T, axes, origins, centres = np.eye(4), [], [], []
+    for angle, alpha, a, d, body in zip(
+        y,
+        [0, -np.pi / 2, np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2, np.pi / 2],
+        [0, 0, 0, 0.0825, -0.0825, 0, 0.088],
+        [0.333, 0, 0.316, 0, 0.384, 0, 0],
+        scene.mechanism.bodies,
+        strict=True,
+    ):
+        ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(angle), np.sin(angle)
+        T = T @ [[ct, -st, 0, a], [st * ca, ct * ca, -sa, -d * sa], [st * sa, ct * sa, ca, d * ca], [0, 0, 0, 1]]
+        axes.append(T[:3, 2])
+        origins.append(T[:3, 3])
+        centres.append(T[:3, :3] @ body.com + T[:3, 3])
+    weights = scene.mechanism.masses[:, None] * [0, 0, 9.81]
+    torques = [sum(axes[i] @ np.cross(centres[k] - origins[i], weights[k]) for k in range(i, 7)) for i in range(7)]
+    assert results.values("actuator_force")[0] == pytest.approx(np.array(torques), abs=1e-12)
