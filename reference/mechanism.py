@@ -14,8 +14,8 @@ from screwgauge.reference.rotations import Array
 GROUND = "ground"
 
 #: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are
-#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. F constrains nothing:
-#: it gives a body's pose coordinates, which slide along the parent frame's x, y and z.
+#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. F constrains
+#: nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three angles.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),

@@ -182,7 +182,8 @@ def _open_tree(lay: Layout) -> tuple[Array, list[int]]:
         the coordinates of the tree.
     """
     links, index = lay_out(lay.mechanism, "minimal").links, lay.mechanism.body_index
-    ways, path, parts = {GROUND: np.zeros_like(lay.path[0])}, np.zeros_like(lay.path), Counter(x.original for x in links)
+    parts = Counter(link.original for link in links)
+    ways, path = {GROUND: np.zeros_like(lay.path[0])}, np.zeros_like(lay.path)
     for link in links:
         ways[link.name] = ways[link.near].copy()
         ways[link.name][lay.columns[link.joint.name]] = -1.0 if link.reverse else 1.0

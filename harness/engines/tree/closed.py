@@ -112,6 +112,10 @@ class ClosedTree:
         """The bodies of the description among those of the tree, ground being 0."""
         return [self.loops.index[name] for name in self.file.bodies]
 
+    def inwards(self, body: int) -> list[int]:
+        """A body of the tree, those that carry it, and ground."""
+        return [body, *self.inwards(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
+
     def cut_joint(self, name: str) -> Joint:
         return next(joint for joint in self.loops.cut if joint.name == name)
 
