@@ -119,12 +119,11 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
     of its own force, (n_anchor,)."""
     loops = closed.loops
     if joint in loops.cut:
-        shares = [anchor.joint == joint.name for anchor in loops.anchors]
-        return np.zeros((len(alone), 3)), np.array(shares, dtype=float)
+        return np.zeros((len(alone), 3)), np.array([float(anchor.joint == joint.name) for anchor in loops.anchors])
     body = _outer(joint, closed)
-    beyond = [body in closed.inwards(side) for side in range(alone.shape[1])]
-    shares = [not a.angular and int(beyond[a.parent]) - int(beyond[a.child]) for a in loops.anchors]
-    return alone[:, body, :3], np.array(shares, dtype=float)
+    beyond = [float(body in closed.inwards(side)) for side in range(alone.shape[1])]
+    shares = [0.0 if anchor.angular else beyond[anchor.parent] - beyond[anchor.child] for anchor in loops.anchors]
+    return alone[:, body, :3], np.array(shares)
 
 
 def _outer(joint: Joint, closed: ClosedTree) -> int:
@@ -158,7 +157,7 @@ def joint_reactions(
     file, loops, n = closed.file, closed.loops, len(at.p)
     force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
     sides = [joint_sides(joint, loops) for joint in file.joints]
-    for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):
+    for j, (joint, (_, child)) in enumerate(zip(file.joints, sides, strict=True)):
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
         else:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear, rotations
-from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
 
@@ -88,14 +87,7 @@ class Chart:
 
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
-    """Angles of a cut joint from the orientations of its bodies. Shapes (n, 3, 3).
-
-    Raises:
-        ModelFileError: The joint slides.
-    """
-    if joint.kind not in "RS":
-        what = f"a {joint.kind} joint cannot be read when it is cut"
-        raise ModelFileError(what, f"joint '{joint.name}'", "cut another joint")
+    """Angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
