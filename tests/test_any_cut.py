@@ -40,6 +40,8 @@ def legs(wrist: str, places: list[tuple[float, float]]) -> dict[str, tuple[objec
     return joints
 
 
+STEWART = {"pose": ("F", "ground platform", [0, 0, 0.7], [Z, Y, X])}
+STEWART |= legs("S", [(0.2, 0.8), (1.9, 1.4), (2.3, 2.9), (4, 3.5), (4.4, 5), (-0.2, -0.8)])
 #: Name -> independent coordinates, and joints with their points and axes at home, where frames are those of the world.
 #: A star after the kind marks an actuator.
 MECHANISMS = {
@@ -90,11 +92,7 @@ MECHANISMS = {
         },
     ),
     "3-upu": (["s0", "s1", "s2"], legs("U", [(0.1, 0.1), (2.2, 2.2), (4.1, 4.1)])),
-    "stewart": (
-        [f"pose.{name}" for name in ("x", "y", "z", "q1", "q2", "q3")],
-        {"pose": ("F", "ground platform", [0, 0, 0.7], [Z, Y, X])}
-        | legs("S", [(0.2, 0.8), (1.9, 1.4), (2.3, 2.9), (4, 3.5), (4.4, 5), (-0.2, -0.8)]),
-    ),
+    "stewart": ([f"pose.{name}" for name in ("x", "y", "z", "q1", "q2", "q3")], STEWART),
 }
 
 
