@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import Edge, spanning_tree
+from screwgauge.reference.graph import POINTS, Edge, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
 #: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint
-#: that closes a loop leads to a copy of its body, welded to the body itself.
+#: that closes a loop leads to a copy of its body, welded to the body itself, as does in the minimal cut one that points
+#: cannot close, or that is actuated.
 CUTS = ("minimal", "full")
 
 
@@ -127,21 +128,20 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
 
     Raises:
         UnknownNameError: There is no such cut.
-        DescriptionError: A joint cannot be cut, or a name is taken.
+        DescriptionError: A name is taken.
     """
     if cut not in CUTS:
         raise UnknownNameError("cut", cut, CUTS)
     spanning = spanning_tree(mechanism)
-    copies = [_copied(joint) for joint in spanning.cuts] if cut == "full" else []
+    cuts = spanning.cuts
+    copies = [_copied(j) for j in cuts if cut == "full" or j.actuated or j.kind not in POINTS]
     edges = [*spanning.edges, *copies]
     shares = Counter(edge.far for edge in edges)
     links = [_link(edge, mechanism, shares, edge in copies) for edge in edges]
     _check_names(links, mechanism)
-    if cut == "full":
-        closures = [_weld(link) for link in links[len(spanning.edges) :]]
-    else:
-        closures = [_closure(joint, mechanism) for joint in spanning.cuts]
-    return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), tuple(closures))
+    welds = {link.joint.name: _weld(link) for link in links[len(spanning.edges) :]}
+    closures = tuple(welds.get(joint.name) or _points(joint, mechanism) for joint in cuts)
+    return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), closures)
 
 
 def length_scale(mechanism: Mechanism) -> float:
@@ -172,19 +172,12 @@ def _weld(link: Link) -> Closure:
     return Closure(link.joint.name, "weld", link.original, link.name, none, none, frame, frame)
 
 
-def _closure(joint: Joint, mechanism: Mechanism) -> Closure:
+def _points(joint: Joint, mechanism: Mechanism) -> Closure:
     """Points of both bodies that a cut joint keeps together."""
-    if joint.kind == "S":
-        kind, arms = "point", np.zeros((1, 3))
-    elif joint.kind == "R":
+    kind, arms = "point", np.zeros((1, 3))
+    if joint.kind == "R":
         half = 0.5 * length_scale(mechanism) * joint.axes[0]
         kind, arms = "points", np.array([half, -half])
-    else:
-        raise DescriptionError(
-            f"a {joint.kind} joint that closes a loop cannot be cut as points",
-            joint.where or joint.name,
-            "write it as R, P and S joints on bodies of their own, or use the full cut",
-        )
     near, far = joint.parent_frame, joint.child_frame
     points = near.p + arms @ near.R.T, far.p + arms @ far.R.T
     return Closure(joint.name, kind, joint.parent, joint.child, points[0], points[1], near, far)

@@ -22,6 +22,8 @@ _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "a
 _JOINT |= {"parent_frame", "child_frame"}
 #: Tables that are one thing: what extends a description replaces all of their entries.
 WHOLE = ("inertia", "independent")
+#: Default of three axes.
+XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -162,11 +164,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     kind = required(table, "kind", where)
     if not isinstance(kind, str) or kind not in KINDS:
         raise UnknownNameError("joint kind", kind, KINDS, where)
-    n = len(KINDS[kind])
-    n_axes = 1 if kind == "C" else n
-    axes, at = required(table, "axes", where), f"{where}.axes"
+    n, n_axes = len(KINDS[kind]), max(1, sum(KINDS[kind]))
+    axes, at = table.get("axes", XYZ) if n_axes == 3 else required(table, "axes", where), f"{where}.axes"
     _check_length(axes, n_axes, f"a {kind} joint has {n_axes} axes", at, "write a list of unit vectors")
-    coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.q{i + 1}" for i in range(n)])
+    slides = ["x", "y", "z"] if kind == "F" else []
+    labels = [*slides, *(f"q{i + 1}" for i in range(n - len(slides)))]
+    coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.{label}" for label in labels])
     what = f"a {kind} joint has {n} coordinates"
     _check_length(coordinates, n, what, f"{where}.coordinates", f"write {n} names")
     actuated = table.get("actuated", False)

@@ -143,7 +143,7 @@ def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Arr
         moment = S[:, :3] if turns else np.zeros((n, 3))
         point = joint_point(joint, at.R[:, child], at.p[:, child])
         act(m + k, mechanism.joints.index(joint), f, moment, point)
-    return c[:, 1:].reshape(n, -1, m + len(mechanism.actuators))
+    return c[:, 1:].reshape(n, 6 * len(mechanism.bodies), c.shape[3])
 
 
 def min_norm(B: Array, Q: Array) -> Array:

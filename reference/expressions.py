@@ -19,7 +19,10 @@ _BINARY: dict[type, Callable[[float, float], float]] = {
     getattr(ast, name): getattr(operator, function)
     for name, function in (("Add", "add"), ("Sub", "sub"), ("Mult", "mul"), ("Div", "truediv"), ("Pow", "pow"))
 }
-_FUNCTIONS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
+_CONSTANTS = {"pi": math.pi, "deg": math.pi / 180}
+#: Name -> function and number of arguments.
+_FUNCTIONS = {name: (getattr(math, name), 1) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
+_FUNCTIONS["atan2"] = math.atan2, 2
 #: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
 LARGEST = 1e100
 _REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
@@ -29,17 +32,19 @@ def _evaluate(node: ast.expr) -> float:
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             return float(value)
-        case ast.Name(id="pi"):
-            return math.pi
+        case ast.Name(id=name) if name in _CONSTANTS:
+            return _CONSTANTS[name]
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_evaluate(operand)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
             return _evaluate(operand)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             return _BINARY[type(op)](_evaluate(left), _evaluate(right))
-        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
-            return float(_FUNCTIONS[name](_evaluate(argument)))
-    raise ValueError("only numbers, pi, + - * / **, sqrt and trigonometric functions are read")
+        case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in _FUNCTIONS:
+            function, count = _FUNCTIONS[name]
+            if len(given) == count:
+                return float(function(*map(_evaluate, given)))
+    raise ValueError("only numbers, pi, deg, + - * / **, sqrt and trigonometric functions are read")
 
 
 @lru_cache(maxsize=4096)

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 
+#: Kinds of joint whose loop is closed by points of the two bodies that coincide.
+POINTS = "RS"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
@@ -34,12 +37,13 @@ class SpanningTree:
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningTree:
-    """The tree with the fewest coordinates: joints with many freedoms are cut, actuated joints last.
+    """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
-    Kruskal's algorithm over (actuated first, few freedoms first, by name): the order of the description says nothing.
+    Kruskal's algorithm: F joints, which close no loop, those asked for, actuated ones, kinds that points cannot close,
+    then few freedoms first, by name: the order of the description says nothing.
 
     Args:
-        keep: Names of joints that come before all others: cut only where they close a loop among themselves.
+        keep: Names of joints that are cut only where they close a loop among themselves.
     """
     group = {name: name for name in mechanism.body_index}
 
@@ -48,8 +52,9 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
             name = group[name]
         return name
 
-    def rank(joint: Joint) -> tuple[bool, bool, int, str]:
-        return joint.name not in keep, not joint.actuated, len(joint.coordinates), joint.name
+    def rank(joint: Joint) -> tuple[bool, bool, bool, bool, int, str]:
+        free, wanted, few = joint.kind == "F", joint.name in keep, len(joint.coordinates)
+        return not free, not wanted, not joint.actuated, joint.kind in POINTS, few, joint.name
 
     kept = []
     for joint in sorted(mechanism.joints, key=rank):
@@ -77,8 +82,12 @@ def _edge(joint: Joint, near: str) -> Edge:
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
-    """Refuses a body that no joint connects to ground."""
-    reached = {GROUND, *(edge.far for edge in spanning_tree(mechanism).edges)}
+    """Refuses a body that no joint connects to ground, and a loop of F joints alone."""
+    tree = spanning_tree(mechanism)
+    for joint in tree.cuts:
+        if joint.kind == "F":
+            raise DescriptionError("F joints alone make a loop", joint.where, "remove one of them")
+    reached = {GROUND, *(edge.far for edge in tree.edges)}
     for body in mechanism.bodies:
         if body.name not in reached:
             what = f"body '{body.name}' is not connected to {GROUND}"

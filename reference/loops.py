@@ -71,8 +71,6 @@ class LoopEquations:
     def components(self) -> Reactions:
         """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
         cuts, dtype = self.lay.tree.cuts, self.lay.path.dtype
-        if not cuts:
-            return Reactions((), (), (), *[np.zeros((1, 0, 3))] * 3)
         upright, origin = [np.eye(3, dtype=dtype)[None]] * len(cuts), [np.zeros((1, 3), dtype=dtype)] * len(cuts)
         return reaction_components(cuts, upright, upright, origin)
 

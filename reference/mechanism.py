@@ -14,13 +14,15 @@ from screwgauge.reference.rotations import Array
 GROUND = "ground"
 
 #: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are
-#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin.
+#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. F constrains
+#: nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three angles.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),
     "U": (True, True),
     "S": (True, True, True),
     "C": (True, False),
+    "F": (False, False, False, True, True, True),
 }
 
 
@@ -78,7 +80,8 @@ class Joint:
 
     Attributes:
         kind: One of `KINDS`.
-        axes: Unit axes in the joint frame, at zero of the freedoms before. Shape (n_axes, 3); C has one axis.
+        axes: Unit axes in the joint frame, at zero of the freedoms before. Shape (n_axes, 3); C has one axis, F those
+            of its angles.
         coordinates: Names of its coordinates, in the order of its freedoms.
         home: Their values at the home pose [rad or m]. Shape (n,).
         limits: Their bounds [rad or m], infinite where free. Shape (n, 2).
@@ -100,8 +103,8 @@ class Joint:
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
         """(turns, axis in the joint frame) of each freedom."""
-        turns = KINDS[self.kind]
-        return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
+        axes = [*np.eye(3, dtype=self.axes.dtype), *self.axes] if self.kind == "F" else self.axes
+        return [(turn, axes[min(i, len(axes) - 1)]) for i, turn in enumerate(KINDS[self.kind])]
 
     @property
     def role(self) -> str:
@@ -112,7 +115,7 @@ class Joint:
         where = self.where or self.name
         if self.actuated and len(self.coordinates) != 1:
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
-        if self.kind in "US":
+        if self.kind in "USF":
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
                 what = "the axes of a composite joint are not orthogonal"

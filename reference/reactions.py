@@ -80,12 +80,16 @@ def reaction_components(
             zero = np.zeros_like(direction)
             arrays = (direction, zero, point) if is_force else (zero, direction, point)
             rows.append((f"{joint.name}.{label}", "N" if is_force else "N m", i, *arrays))
+    if not rows:
+        return Reactions((), (), (), *[np.zeros((len(R_child[0]) if joints else 1, 0, 3))] * 3)
     names, units, owners, *stacks = zip(*rows, strict=True)
     return Reactions(names, units, owners, *(np.stack(arrays, axis=1) for arrays in stacks))
 
 
 def _directions(joint: Joint, R_parent: Array, R_child: Array) -> list[tuple[str, bool, Array]]:
     """(label, is a force, direction in the world) of each component of one joint."""
+    if joint.kind == "F":
+        return []
     n = len(R_child)
     world = [(f"f{name}", True, np.tile(axis, (n, 1))) for name, axis in zip(_WORLD, np.eye(3), strict=True)]
     if joint.kind == "S":

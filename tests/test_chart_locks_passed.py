@@ -133,15 +133,3 @@ def test_an_independent_angle_chooses_its_triple():
     for i in range(3):
         off = chart.agreeing(i, q[:, i]).q[:, i] - q[:, i]
         assert np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max() < READ * BY_LOCK
-
-
-def test_a_universal_joint_has_no_lock():
-    universal = next(j for j in load_mechanism(NAME).joints if j.kind == "U")
-    t = np.linspace(-3.0, 3.0, 13)
-    q = np.stack([0.3 * t, np.pi / 2 * np.round(t)], axis=1)
-    v = np.stack([1.0 + t, 2.0 - t], axis=1)
-    chart = read(universal, turned(universal.axes, q))
-    found = chart.near(q)
-    assert np.abs(found.q - q).max() < READ
-    assert np.abs(found.rates(angular(universal, q, v)[..., None])[..., 0] - v).max() < READ
-    assert (chart.condition == 1.0).all()

@@ -13,6 +13,7 @@ from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.registry import load as load_case
 
+
 def mechanisms() -> dict[str, str]:
     """Name -> title, below the names of the groups."""
     known = sorted(map(load_mechanism, mechanism_names()), key=lambda one: (one.group, one.name))

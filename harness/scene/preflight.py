@@ -21,6 +21,7 @@ from screwgauge.reference.singular import near_singularity
 from screwgauge.scene.scene import Scene
 
 PART = 2048
+FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: worth a word
 FARTHEST = 1000.0  # [rad or m]: takes ten thousand steps of `continuation.STEP`, seconds
 
 
@@ -54,6 +55,25 @@ def check_scene(scene: Scene) -> Mobility:
     Raises:
         ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
     """
+    try:
+        return _walked(scene)
+    except (ClosureError, JointLimitError, SingularPoseError) as error:
+        remedy = "; ".join([error.remedy, *far_from_home(scene)])
+        raise type(error)(error.what, error.where, remedy) from None
+
+
+def far_from_home(scene: Scene) -> tuple[str, ...]:
+    """A sentence if the motion starts far from home, as it does where its values are meant to count from there."""
+    mechanism, start = scene.mechanism, scene.motion.y[0]
+    home = mechanism.home[mechanism.independent_columns]
+    size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
+    if (np.abs(start - home) <= FAR * size).all():
+        return ()
+    said = mechanism.described(start), mechanism.described(home)
+    return (f"the motion starts at {said[0]}, home is {said[1]} (coordinates do not count from home)",)
+
+
+def _walked(scene: Scene) -> Mobility:
     lay = check_home(scene.mechanism)
     _check_jumps(scene)
     before: tuple[float, float] | None = None

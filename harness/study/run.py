@@ -24,7 +24,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.scene.observables import Known, known_values, observe
-from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene
+from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene, far_from_home
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
@@ -157,7 +157,8 @@ def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
         (counted.names[: counted.constraints], ()),
     )
     # those of a tree are the engine's own
-    return _Checked(counted, {name: table[name][0] for name in table if not name.startswith("tree_force")})
+    expected = {name: table[name][0] for name in table if not name.startswith("tree_force")}
+    return _Checked(counted, expected, warnings=far_from_home(scene))
 
 
 def _check_simulated(scene: Scene) -> _Checked:

@@ -29,10 +29,10 @@ def folder() -> Path:
 
 
 def digest(*parts: Any) -> str:
-    """Hash of texts, bytes and tables."""
+    """Hash of texts, bytes and tables. Their order counts: it is that of the columns."""
     total = hashlib.sha256()
     for part in parts:
-        data = part if isinstance(part, bytes) else json.dumps(part, sort_keys=True, default=str).encode()
+        data = part if isinstance(part, bytes) else json.dumps(part, default=str).encode()
         total.update(len(data).to_bytes(8, "big") + data)
     return total.hexdigest()
 

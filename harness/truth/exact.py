@@ -17,9 +17,10 @@ _OPERATIONS: dict[type, Callable[[arb, arb], arb]] = {
     getattr(ast, name): getattr(operator, function)
     for name, function in (("Add", "add"), ("Sub", "sub"), ("Mult", "mul"), ("Div", "truediv"), ("Pow", "pow"))
 }
-_FUNCTIONS: dict[str, Callable[[arb], arb]] = {
+_FUNCTIONS: dict[str, Callable[..., arb]] = {
     name: getattr(arb, name) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
 }
+_FUNCTIONS["atan2"] = arb.atan2
 
 
 def number(value: Any) -> arb:
@@ -43,13 +44,15 @@ def _evaluate(node: ast.expr, text: str) -> arb:
             return arb(fmpq(exact.numerator, exact.denominator))
         case ast.Name(id="pi"):
             return arb.pi()
+        case ast.Name(id="deg"):
+            return arb.pi() / 180
         case ast.UnaryOp(op=op, operand=operand):
             inner = _evaluate(operand, text)
             return -inner if isinstance(op, ast.USub) else inner
         case ast.BinOp(left=left, op=op, right=right):
             return _OPERATIONS[type(op)](_evaluate(left, text), _evaluate(right, text))
-        case ast.Call(func=ast.Name(id=name), args=[argument]):
-            return _FUNCTIONS[name](_evaluate(argument, text))
+        case ast.Call(func=ast.Name(id=name), args=given):
+            return _FUNCTIONS[name](*(_evaluate(argument, text) for argument in given))
     raise ValueError(f"'{text}' cannot be read as a number")
 
 

@@ -85,6 +85,8 @@ def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
 
 
 def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
+    if joint.kind == "F":
+        return []
     frames, index = linkage.frames[joint.name], linkage.mechanism.body_index
     parent = now.bodies[index[joint.parent]][0] * frames.parent
     child = now.bodies[index[joint.child]][0] * frames.child

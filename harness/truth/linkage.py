@@ -8,6 +8,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
+from screwgauge.reference.description import XYZ
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.truth.exact import (
@@ -41,7 +42,7 @@ class Mass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """A joint in balls: its frames on parent and child (4, 4), and its axes in them."""
+    """A joint in balls: its frames on parent and child (4, 4), and the axes of its freedoms in them."""
 
     parent: arb_mat
     child: arb_mat
@@ -83,7 +84,7 @@ class Linkage:
 
     def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any]) -> None:
         self.mechanism = mechanism
-        self.frames = {joint.name: _frames(tables["joints"][joint.name]) for joint in mechanism.joints}
+        self.frames = {joint.name: _frames(joint.kind, tables["joints"][joint.name]) for joint in mechanism.joints}
         axial = tables.get("spherical_axial")
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
@@ -179,11 +180,12 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
     return Move(column, sign, turns, D, D * D)
 
 
-def _frames(table: Mapping[str, Any]) -> Frames:
+def _frames(kind: str, table: Mapping[str, Any]) -> Frames:
+    axes = [*(XYZ if kind == "F" else ()), *table.get("axes", XYZ)]
     return Frames(
         parent=placement(table.get("parent_frame", {})),
         child=placement(table.get("child_frame", {})),
-        axes=[unit_vector(axis) for axis in table["axes"]],
+        axes=[unit_vector(axis) for axis in axes],
     )
 
 

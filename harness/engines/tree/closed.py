@@ -22,7 +22,7 @@ class Sizes:
     """What each number is divided by.
 
     Attributes:
-        length: Largest distance between bodies and closing points at home [m].
+        length: Largest distance between joint points and centres of mass at home [m].
         q: Unit of each tree coordinate, 1 rad or that length. Shape (n_v,).
         turning: Which of them are angles. Shape (n_v,).
         y: Unit of each independent coordinate. Shape (k,).
@@ -39,8 +39,9 @@ class Sizes:
 def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     """Units for a tree whose home pose is known. `home`: its coordinates there, shape (n_v,)."""
     at = tree.poses(home[None])
-    sides = [side for anchor in loops.anchors if not anchor.angular for side in anchor.sides]
-    cloud = np.array([*at.p[0], *(at.p[0, body] + at.R[0, body] @ where for body, where in sides)])
+    sides = [side for j in file.joints for side in ((j.parent, j.parent_frame.p), (j.child, j.child_frame.p))]
+    places = [*((loops.index[body], point) for body, point in sides), *enumerate(tree.com, 1)]
+    cloud = np.array([at.p[0, body] + at.R[0, body] @ where for body, where in places])
     length = float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
     turns = {name: turn for j in file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
     unit = {name: 1.0 if turn else length for name, turn in turns.items()}
@@ -110,6 +111,10 @@ class ClosedTree:
     def bodies(self) -> list[int]:
         """The bodies of the description among those of the tree, ground being 0."""
         return [self.loops.index[name] for name in self.file.bodies]
+
+    def inwards(self, body: int) -> list[int]:
+        """A body of the tree, those that carry it, and ground."""
+        return [body, *self.inwards(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
 
     def cut_joint(self, name: str) -> Joint:
         return next(joint for joint in self.loops.cut if joint.name == name)

@@ -17,7 +17,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.dynamics import across_direction, min_norm
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import GROUND, Joint
+from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State, applied_wrenches
@@ -68,7 +68,8 @@ def closed_forces(
     f, condition = min_norm(K[:, driven], Q), linear.condition(K[:, driven])
     conditions = {"actuator_force": condition}
     if problem.rule == "spherical_axial":
-        f, condition = axial_forces(closed, at, need)
+        alone = closed.tree.transmitted(at, *motion[:3], wrench)
+        f, condition = axial_forces(closed, at, need, alone)
         conditions = dict.fromkeys(("actuator_force", "reaction"), condition)
     values["actuator_force"] = f
     if "reaction" not in wanted:
@@ -83,34 +84,52 @@ def closed_forces(
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
 
 
-def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array) -> tuple[Array, Array]:
+def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array, alone: Array) -> tuple[Array, Array]:
     """Actuator forces for which the force of the spherical joint lies along its line (eq. 56).
 
     Args:
         need: Joint forces that actuators and closures must deliver together. Shape (n, n_v).
+        alone: Wrench on each body from its tree parent without closures. Shape (n, n_body + 1, 6).
 
     Returns:
         Forces, shape (n, n_actuator), and the condition of the equations, (n,).
 
     Raises:
-        ModelFileError: The joint is not among the cut ones.
+        ModelFileError: The loops file names no joint for this rule.
     """
-    file, loops, driven = closed.file, closed.loops, closed.driven
-    name, direction = file.axial if file.axial else ("", np.zeros(3))
-    columns = [k for k, anchor in enumerate(loops.anchors) if anchor.joint == name and not anchor.angular]
-    joint = next((joint for joint in loops.cut if joint.name == name), None)
-    if joint is None or len(columns) != 1:
-        what = f"joint '{name}' is not cut in the {file.cut} cut"
-        raise ModelFileError(what, "rule spherical_axial", "use the minimal cut")
+    loops, driven = closed.loops, closed.driven
+    if closed.file.axial is None:
+        raise ModelFileError("has no [spherical_axial]", "rule spherical_axial", "add it to the loops file")
+    name, direction = closed.file.axial
+    joint = next(joint for joint in closed.file.joints if joint.name == name)
+    constant, shares = _force(joint, closed, alone)
+    across = across_direction(at.R[:, loops.index[joint.child]], direction)
     G = loops.jacobian(at)
     n, m, nv = G.shape
     system = np.zeros((n, nv + 2, len(driven) + m))
     system[:, driven, range(len(driven))] = 1.0
     system[:, :nv, len(driven) :] = G.swapaxes(1, 2)
-    first = len(driven) + 3 * columns[0]
-    system[:, nv:, first : first + 3] = across_direction(at.R[:, loops.index[joint.child]], direction)
-    right = np.concatenate([need, np.zeros((n, 2))], axis=1)
+    system[:, nv:, len(driven) :] = (shares[:, None] * across[:, :, None]).reshape(n, 2, m)
+    right = np.concatenate([need, -(across @ constant[..., None])[..., 0]], axis=1)
     return linear.solve(system, right[..., None])[:, : len(driven), 0], linear.condition(system)
+
+
+def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
+    """Force of a joint on one of its bodies [N]: what it is without closures, (n, 3), and what each anchor adds to it
+    of its own force, (n_anchor,)."""
+    loops = closed.loops
+    if joint in loops.cut:
+        return np.zeros((len(alone), 3)), np.array([float(anchor.joint == joint.name) for anchor in loops.anchors])
+    body = _outer(joint, closed)
+    beyond = [float(body in closed.inwards(side)) for side in range(alone.shape[1])]
+    shares = [0.0 if anchor.angular else beyond[anchor.parent] - beyond[anchor.child] for anchor in loops.anchors]
+    return alone[:, body, :3], np.array(shares)
+
+
+def _outer(joint: Joint, closed: ClosedTree) -> int:
+    """The body of a joint of the tree that is farther from ground."""
+    parent, child = joint_sides(joint, closed.loops)
+    return child if child and closed.inwards(child)[1] == parent else parent
 
 
 def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) -> Array:
@@ -135,16 +154,15 @@ def joint_reactions(
     Returns:
         The components, and their values [N or N m], shape (n, m).
     """
-    file, tree, loops, n = closed.file, closed.tree, closed.loops, len(at.p)
+    file, loops, n = closed.file, closed.loops, len(at.p)
     force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
     sides = [joint_sides(joint, loops) for joint in file.joints]
-    for j, (joint, (parent, child)) in enumerate(zip(file.joints, sides, strict=True)):
+    for j, (joint, (_, child)) in enumerate(zip(file.joints, sides, strict=True)):
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
-        elif loops.index[tree.parents[child - 1] if child else GROUND] == parent:
-            wrench, body = transmitted[:, child], child
-        else:  # declared against the direction of the tree
-            wrench, body = -transmitted[:, parent], parent
+        else:
+            body = _outer(joint, closed)
+            wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
         point = joint_point(joint, at.R[:, child], at.p[:, child])
         force[:, j] = wrench[:, :3]
         moment[:, j] = wrench[:, 3:] - np.cross(point - at.p[:, body], wrench[:, :3])

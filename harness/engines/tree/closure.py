@@ -12,6 +12,7 @@ from screwgauge.engines.tree.protocol import BodyPoses, Tree
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array, vee
 
@@ -139,11 +140,15 @@ def make_loops(tree: Tree, file: LoopsFile) -> Loops:
     """Binds the closures and the independent coordinates to the bodies and coordinates of a tree.
 
     Raises:
-        ModelFileError: The model lacks one of them.
+        ModelFileError: The model lacks one of them, or a joint that only a tree can hold.
     """
     index = {name: i for i, name in enumerate([GROUND, *tree.bodies])}
     anchors = [anchor for closure in tree.closures for anchor in _anchors(closure, index)]
     cut = tuple(j for j in file.joints if not set(j.coordinates) <= set(tree.coordinates))
+    for joint in cut:
+        if joint.kind not in POINTS or joint.actuated:
+            what = f"joint '{joint.name}' is not in the tree"
+            raise ModelFileError(what, f"model of {tree.engine}", "leave out R and S joints without actuator only")
     rows: list[tuple[int | None, str, int]] = []
     for name in file.independent.values():
         if name in tree.coordinates:

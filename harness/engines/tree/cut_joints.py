@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear, rotations
-from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
 
@@ -88,19 +87,10 @@ class Chart:
 
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
-    """Angles of a cut joint from the orientations of its bodies. Shapes (n, 3, 3).
-
-    Raises:
-        ModelFileError: The joint slides.
-    """
-    if joint.kind not in "RUS":
-        what = f"a {joint.kind} joint cannot be read when it is cut"
-        raise ModelFileError(what, f"joint '{joint.name}'", "cut another joint")
+    """Angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
-    if joint.kind == "U":
-        return _two_axes(M, R, axes)
     angles = triad_angles(M, axes)
     turned = np.empty((len(R), 3, 3))
     M = np.tile(np.eye(3), (len(R), 1, 1))
@@ -114,22 +104,6 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
         condition = np.linalg.norm(turned, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) / 3.0
         condition = np.where(np.isnan(condition) & np.isfinite(turned).all(axis=(1, 2)), np.inf, condition)
     return Chart(angles[:, :m], R, inverse[:, :m], turned[:, :m], condition)
-
-
-def _two_axes(M: Array, R: Array, axes: Array) -> Chart:
-    """The chart of a universal joint, which locks nowhere: its two axes stay at right angles.
-
-    Args:
-        M: Child side in the parent side's axes. Shape (n, 3, 3).
-        R: As in `Chart`.
-        axes: Right-handed triad, first the joint's own axes. Shape (3, 3).
-    """
-    second, turned = M @ axes[1], M @ axes[0]  # as the first angle turns the second axis; the second angle, the first
-    first = np.arctan2(second @ axes[2], second @ axes[1])
-    own = np.stack([np.broadcast_to(axes[0], second.shape), rotation(axes[0], first) @ axes[1]], axis=1)
-    across = np.cross(own[:, 0], own[:, 1])
-    angle = np.arctan2(-np.sum(turned * across, axis=1), turned @ axes[0])
-    return Chart(np.stack([first, angle], axis=1), R, own, own, np.ones(len(R)))
 
 
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:

@@ -15,8 +15,8 @@ WIDTH, TALL, MARGIN = 576.0, 380.0, 24.0  # of the picture; of the drawing, at m
 #: Parallel projection from above; turned so that what is symmetric about the axes of the world does not look flat.
 (S1, S2), (C1, C2) = np.sin(np.radians([30.0, 20.0])), np.cos(np.radians([30.0, 20.0]))
 VIEW = np.array([[-S1, C1, 0.0], [-S2 * C1, -S2 * S1, C2]])
-KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical"}
-MARKERS = {"R": "o", "P": "s", "U": "D", "S": "*", "C": "X"}
+KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical", "F": "free"}
+MARKERS = {"R": "o", "P": "s", "U": "D", "S": "*", "C": "X", "F": "P"}
 INK, HATCH = "#333333", Look(GREY)
 #: A short line below a point, with strokes below it [pt].
 FLOOR = [[-10, -6], [10, -6], *(at for x in (-6, -1, 4, 9) for at in ([np.nan] * 2, [x, -6], [x - 5, -11]))]

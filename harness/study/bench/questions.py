@@ -12,9 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.graph import spanning_tree
 from screwgauge.solution import Solution, Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
 from screwgauge.study.posed import Posed
@@ -72,8 +72,9 @@ def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: boo
 @lru_cache(maxsize=2)
 def _on_tree(posed: Posed, pushed: bool) -> Problem:
     """Many methods are asked this."""
-    tree = {edge.joint.name for edge in spanning_tree(posed.scene.mechanism).edges}
-    coordinates = tuple(c for joint in posed.scene.mechanism.joints if joint.name in tree for c in joint.coordinates)
+    mechanism = posed.scene.mechanism
+    tree = lay_out(mechanism, "minimal").coordinates
+    coordinates = tuple(name for name in mechanism.coordinates if name in tree)
     if pushed:
         return posed.pushed(coordinates)
     return posed.problem("actuator_force", task=posed.moving(coordinates))
