@@ -129,7 +129,7 @@ class Certifier:
 
     def _verify(self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         d = Y * self._error(m, y, rows)
-        r = max((x.abs_upper() for x in d.entries()), key=float) * 4 + arb(2) ** (8 - ctx.prec)
+        r = max((x.abs_upper() for x in d.entries()), key=float) * 5 / 4 + arb(2) ** (8 - ctx.prec)
         for _ in range(3):
             radius = float(r)
             box = [arb(x, radius) for x in m]
@@ -138,7 +138,7 @@ class Certifier:
             step = (identity(self.n) - Y * J) * offset - d
             image = [x + dx for x, dx in zip(m, step.entries(), strict=True)]
             if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
-                return image, J
+                return image, self._square(image, rows)
             r = r * 64
         raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
 

@@ -20,6 +20,7 @@ from screwgauge.truth.exact import (
     skew,
     unit_vector,
     vector,
+    widened,
 )
 from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
 from screwgauge.truth.jets import inverse as jet_inverse
@@ -81,9 +82,14 @@ class Linkage:
         loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
     """
 
-    def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any]) -> None:
+    def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any], *, rounded: bool = False) -> None:
+        """Reads the text.
+
+        Args:
+            rounded: Long decimals of frames and axes stand for all that may have been rounded to them.
+        """
         self.mechanism = mechanism
-        self.frames = {joint.name: _frames(tables["joints"][joint.name]) for joint in mechanism.joints}
+        self.frames = {joint.name: _frames(tables["joints"][joint.name], rounded) for joint in mechanism.joints}
         axial = tables.get("spherical_axial")
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
@@ -179,17 +185,17 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
     return Move(column, sign, turns, D, D * D)
 
 
-def _frames(table: Mapping[str, Any]) -> Frames:
-    return Frames(
-        parent=placement(table.get("parent_frame", {})),
-        child=placement(table.get("child_frame", {})),
-        axes=[unit_vector(axis) for axis in table["axes"]],
-    )
+def _frames(table: Mapping[str, Any], rounded: bool) -> Frames:
+    parts = table.get("parent_frame", {}), table.get("child_frame", {}), table["axes"]
+    parent, child, axes = (widened(part) for part in parts) if rounded else parts
+    return Frames(placement(parent), placement(child), [unit_vector(axis) for axis in axes])
 
 
 def _mass(table: Mapping[str, Any]) -> Mass:
     mass, c = number(table["mass"]), vector(table.get("com", [0, 0, 0]))
-    xx, xy, xz, yy, yz, zz = (number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    xx, xy, xz, yy, yz, zz = (
+        number(table.get("inertia", {}).get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
+    )
     J = arb_mat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if "inertia_rotation" in table:
         R = rotation_matrix(table["inertia_rotation"])

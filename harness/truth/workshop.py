@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from pathlib import Path
 
 from flint import arb, ctx
 
-from screwgauge.models.catalog import mechanism_tables
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Clock
 from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.linkage import Linkage
@@ -27,25 +24,24 @@ class Workshop:
 
     def __init__(
         self,
-        linkage: tuple[Path, Mechanism],
+        linkage: Callable[[], Linkage],
         problem: Problem,
         motion: GivenMotion,
         depth: str,
         clock: Clock,
         bits: int,
     ) -> None:
-        self.file, self.mechanism = linkage
-        self.problem, self.motion, self.depth, self.clock, self.bits = problem, motion, depth, clock, bits
+        self.linkage, self.problem, self.motion = linkage, problem, motion
+        self.depth, self.clock, self.bits = depth, clock, bits
 
     @cached_property
     def sampler(self) -> Sampler:
-        linkage = Linkage(self.mechanism, mechanism_tables(self.file))
-        return Sampler(linkage, self.problem, self.depth, self.clock)
+        return Sampler(self.linkage(), self.problem, self.depth, self.clock)
 
     @cached_property
     def terms(self) -> Terms | None:
         said = self.problem.wording.motion
-        return None if said is None else read_terms(said, list(self.mechanism.independent))
+        return None if said is None else read_terms(said, list(self.sampler.linkage.mechanism.independent))
 
     def sample(self, row: int, start: Sequence[float]) -> dict[str, list[arb]]:
         """All quantities of one sample of the motion.
