@@ -136,8 +136,11 @@ FALLING = "[forward]\nstart = { a = 0.3, b = 0.4 }\nrates = { a = 1, b = -2 }"
 @pytest.fixture
 def scene(write):
     def make(text, lines):
+        end = 0.1 if "[forward]" in lines else 0.5
         write("m.toml", text)
-        return load_scene(write("s.toml", f'mechanism = "m.toml"\ntime = {{ duration = 0.5, step = 0.1 }}\n{lines}\n'))
+        return load_scene(
+            write("s.toml", f'mechanism = "m.toml"\ntime = {{ duration = {end}, step = 0.1 }}\n{lines}\n')
+        )
 
     return make
 
