@@ -8,16 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flint import arb, arb_mat, ctx
 from tolerances import LINEAR, ROUNDING
 
 import screwgauge
+from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import rotation
+from screwgauge.truth.balance import newton_euler
+from screwgauge.truth.certify import Certifier
 from screwgauge.truth.exact import number, widened
+from screwgauge.truth.kinematics import state
+from screwgauge.truth.linkage import Linkage
 
 DATA = Path(__file__).with_name("data")
-#: Radii where doubles of the geometry are read as rounded: 2^-50 times what velocities and accelerations make of it.
-RADIUS_OF_ROUNDED = 1e-9
+#: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
+RADIUS_OF_ROUNDED = 1e-8
 
 
 @pytest.fixture
@@ -120,6 +126,34 @@ def test_only_long_decimals_are_widened():
     assert long.contains(number("1/3"))
     tiny = widened([["6.123233995736766e-17", "1.0"], [0, 1]])[0][0]
     assert tiny.contains(0)
+
+
+def scaled(text, size):
+    """A description of four hinges with all lengths times a size, its moments of inertia with its square."""
+
+    def vector(match):
+        entries = [entry.strip(' "') for entry in match[2].split(",")]
+        return f"{match[1]}{[f'{size}*({entry})' for entry in entries]}"
+
+    text = re.sub(r"((?:position|com) = )\[(.*?)\]", vector, text)
+    return re.sub(r"((?:xx|yy|zz|xy|yz) = )([-.e\d]+)", rf'\1"\2*{size}**2"', text)
+
+
+@pytest.mark.parametrize("size", ["1e-9", "1e9"])
+@pytest.mark.parametrize("name", ["four-bar", "bennett"])
+def test_size_does_not_matter(name, size, write):
+    forces = []
+    for factor in ("1", size):
+        path = write("m.toml", scaled((DATA / f"{name}.toml").read_text(), factor))
+        mechanism = load_mechanism(path)
+        with ctx.workprec(192):
+            linkage = Linkage(mechanism, mechanism_tables(path))
+            now = state(Certifier(linkage), [[number("1.6"), arb(1), arb(2)]], mechanism.home.tolist())
+            B = arb_mat([[now.partial[i, 0]] for i in mechanism.actuated_columns])
+            forces.append(newton_euler(linkage, now, B, [arb(0)] * 3, (), axial=False)[1][0, 0])
+    with ctx.workprec(192):
+        assert (forces[0] * number(size) ** 2).overlaps(forces[1])
+        assert float(forces[1].rel_accuracy_bits()) > 100
 
 
 @pytest.mark.parametrize("name", ["slider-crank", "four-bar"])

@@ -28,7 +28,7 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """n rows of full rank, the selection (last) rows first; all rows where there are only n.
+    """n rows of full rank, the selection (last) rows first; all rows where there are only n. J has no dimension.
 
     A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
     checked: they hold within the enclosures.
@@ -61,7 +61,10 @@ class Certifier:
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
-        self.n = len(linkage.mechanism.coordinates)
+        units = np.array([linkage.length if unit == "m" else 1.0 for unit in linkage.mechanism.units])
+        self.n, self.columns = len(units), units
+        closing = np.tile(np.repeat([1.0, linkage.length], 3), len(linkage.cuts))
+        self.rows = np.concatenate([closing, units[linkage.mechanism.independent_columns]])
 
     def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
         """Encloses the joint coordinates.
@@ -77,7 +80,7 @@ class Certifier:
             NotCertified: No box could be verified.
         """
         J = floats(self.linkage.jacobian([arb(x) for x in start]))
-        rows = independent_rows(J, self.n)
+        rows = independent_rows(J * self.columns / self.rows[:, None], self.n)
         for J_start in (J, None):  # the second only where the first does not do
             try:
                 return *self._verify(*self._newton(start, y, rows, J_start), y, rows), rows

@@ -78,6 +78,7 @@ class Linkage:
         mechanism: Structure and names; none of its numbers are used.
         frames: Joint name -> frames and axes in balls.
         masses: Of each body.
+        length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
         axial: Joint and direction, as text, of the rule ``spherical_axial``.
         loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
     """
@@ -90,6 +91,8 @@ class Linkage:
         """
         self.mechanism = mechanism
         self.frames = {joint.name: _frames(tables["joints"][joint.name], rounded) for joint in mechanism.joints}
+        places = [T[i, 3] for f in self.frames.values() for T in (f.parent, f.child) for i in range(3)]
+        self.length = max(abs(float(x.mid())) for x in places) or 1.0
         axial = tables.get("spherical_axial")
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
