@@ -111,15 +111,15 @@ home = ["-atan({head} - ({foot}))"]
 #: A platform on three legs in a plane, its pose being the coordinates of a chain of massless carriers.
 PLATFORM = """
 name = "platform"
-independent = { x = "x", z = "z", turn = "turn" }
+independent = { x = "carried.x", z = "carried.z", turn = "carried.turn" }
 [bodies]
 slide = { mass = 0 }
 carrier = { mass = 0, inertia = {} }
 top = { mass = 2, com = [0.02, 0, 0.03], inertia = { xx = 2e-2, yy = 3e-2, zz = 2e-2 } }
 [joints]
-x = { kind = "P", parent = "ground", child = "slide", axes = [[1, 0, 0]] }
-z = { kind = "P", parent = "slide", child = "carrier", axes = [[0, 0, 1]], home = [1] }
-turn = { kind = "R", parent = "carrier", child = "top", axes = [[0, 1, 0]] }
+"carried.x" = { kind = "P", parent = "ground", child = "slide", axes = [[1, 0, 0]] }
+"carried.z" = { kind = "P", parent = "slide", child = "carrier", axes = [[0, 0, 1]], home = [1] }
+"carried.turn" = { kind = "R", parent = "carrier", child = "top", axes = [[0, 1, 0]] }
 """ + "".join(
     _LEG.format(k=k, foot=foot, head=head) for k, (foot, head) in enumerate(((-0.6, -0.2), (-0.1, 0.3), (0.6, 0.2)), 1)
 )
