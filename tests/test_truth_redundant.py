@@ -96,7 +96,7 @@ def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
     exact = screwgauge.run(scene(text), engines=["truth"])
     results = screwgauge.run(scene(decimals(text, digits)), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
-    assert "the numbers hold for every mechanism whose frames and axes round to them" in notes(results)
+    assert "the radii hold every mechanism whose frames and axes round to them" in notes(results)
     for name, values in exact.solutions["truth"].values.items():
         radius = results.radius(name)
         assert radius.max() < RADIUS_OF_ROUNDED

@@ -36,8 +36,8 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import ruled
-from screwgauge.truth.workshop import Workshop, enclosed
+from screwgauge.truth.samples import Sampler, ruled
+from screwgauge.truth.workshop import Workshop, centred, enclosed
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
@@ -160,16 +160,24 @@ def _table(
     rounded: bool = False,
 ) -> _Table:
     mechanism, clock = model.mechanism, Clock()
-    linkage = partial(Linkage, mechanism, mechanism_tables(model.file), rounded=rounded)
+    tables = mechanism_tables(model.file)
+
+    def sampler(*, wide: bool = False) -> Sampler:
+        linkage = Linkage(mechanism, tables, rounded=wide)
+        return Sampler(linkage, problem, depth, clock, redundant=wide or not rounded)
+
+    if rounded:
+        wide, exact = (Workshop(make, problem, motion, BITS) for make in (partial(sampler, wide=True), sampler))
+        sample = partial(centred, wide, exact)
+    else:
+        sample = partial(enclosed, [Workshop(sampler, problem, motion, bits) for bits in (BITS, 2 * BITS)])
     start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
     remedy = ""
-    bits = (BITS,) if rounded else (BITS, 2 * BITS)
-    workshops = [Workshop(linkage, problem, motion, depth, clock, precision) for precision in bits]
     for i, row in enumerate(rows.tolist()):
         try:
-            found.append(enclosed(workshops, row, start[i]))
+            found.append(sample(row, start[i]))
         except RoutesDisagree as error:
             raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:
@@ -259,7 +267,7 @@ def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> 
     notes = [note]
     if table.rounded:
         notes.append(
-            f"redundant loops close only if decimals of {LONG} digits and more are rounded: the numbers hold for "
+            f"redundant loops close only if decimals of {LONG} digits and more are rounded: the radii hold "
             "every mechanism whose frames and axes round to them, as far as its loops close"
         )
     if 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.independent) > len(mechanism.coordinates):

@@ -48,9 +48,7 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
     left = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])] + [-x[2] for x in y]
     q2 = _solve(J, arb_mat([[-left[i]] for i in rows])).entries()
     q = [[a, b, c] for a, b, c in zip(q0, q1, q2, strict=True)]
-    bodies = linkage.place(q)
-    check_closed(linkage, q, bodies)
-    return State(q, partial, bodies)
+    return State(q, partial, linkage.place(q))
 
 
 def _solve(J: arb_mat, right: arb_mat) -> arb_mat:

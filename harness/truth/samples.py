@@ -15,7 +15,7 @@ from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import Vector, number, vector
 from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
-from screwgauge.truth.jets import Jet
+from screwgauge.truth.jets import Jet, MatrixJet
 from screwgauge.truth.kinematics import State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
 
@@ -31,8 +31,13 @@ def ruled(problem: Problem) -> bool:
 class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
-    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock) -> None:
-        self.linkage, self.depth, self.clock = linkage, depth, clock
+    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
+        """Reads what acts.
+
+        Args:
+            redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
+        """
+        self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier = Certifier(linkage)
         self.ruled = ruled(problem)
         self.axial = problem.rule == "spherical_axial"
@@ -60,14 +65,19 @@ class Sampler:
             with self.clock.stage("positions"):
                 q, _, _ = self.certifier.solve([x[0] for x in y], start)
                 jets = [[x] for x in q]
-                check_closed(self.linkage, jets, self.linkage.place(jets))
+                self._check_closed(jets, self.linkage.place(jets))
             return {"joint_position": q}
         with self.clock.stage("positions, rates and accelerations"):
             now = state(self.certifier, y, start)
+            self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
         if self.depth == "f":
             out |= self._forces(now)
         return out
+
+    def _check_closed(self, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
+        if self.redundant:
+            check_closed(self.linkage, q, bodies)
 
     def _forces(self, now: State) -> dict[str, list[arb]]:
         linkage, k = self.linkage, now.partial.ncols()
@@ -89,7 +99,7 @@ class Sampler:
             f = f_second
         else:
             pairs += zip(f.entries(), f_second.entries(), strict=True)
-        if not all(a.overlaps(b) for a, b in pairs):
+        if self.redundant and not all(a.overlaps(b) for a, b in pairs):
             raise RoutesDisagree("the two routes to the forces do not overlap", "", "report this")
         return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
 
