@@ -21,10 +21,15 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     tree = lay_out(mechanism, cut)
     poses = home_poses(mechanism)
     bodies, screws = {}, {}
+    massless: dict[str, tuple[str, tuple[str, ...]]] = {}  # nearest body with mass, and the joints between
     for link in tree.links:
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
-        pose = poses[link.original]
-        bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, pose)
+        near, between = massless.get(link.near, (link.near, ()))
+        if body.mass:
+            pose = poses[link.original]
+            bodies[link.name] = BodyReading(near, between + names, body.mass, body.com, body.inertia, pose)
+        else:
+            massless[link.name] = near, between + names
         screws.update(_screws(link, poses))
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     actuators = {name: joint.coordinates[0] for name, joint in driven}

@@ -14,6 +14,9 @@ from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 from screwgauge.reference.rotations import Array
 
+#: MuJoCo refuses a moving body of less mass or inertia [kg, kg m^2]. One that has just as little stands for a body
+#: without any, and has none once our readers have loaded it.
+LEAST = 1e-15
 #: What a model can have beyond its mechanics. Contacts bring geoms with them.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
@@ -124,7 +127,10 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
 
 
 def _inertial(element: ET.Element, body: Body) -> None:
-    inertial = ET.SubElement(element, "inertial", pos=vector_text(body.com), mass=number_text(body.mass))
+    inertial = ET.SubElement(element, "inertial", pos=vector_text(body.com), mass=number_text(body.mass or LEAST))
+    if not body.mass:
+        inertial.set("diaginertia", vector_text([LEAST] * 3))
+        return
     order = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx yy zz xy xz yz, not URDF's order
     inertial.set("fullinertia", vector_text(body.inertia[order]))
 

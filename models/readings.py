@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.mjcf import LEAST
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
@@ -179,7 +180,7 @@ def read_mujoco(path: Path, home: Mapping[str, float]) -> Reading:
         data.qpos[model.jnt_qposadr[i]] = home.get(name, 0.0)
     mujoco.mj_kinematics(model, data)
     names = [model.body(i).name for i in range(model.nbody)]
-    solid = {names[i]: i for i in range(1, model.nbody) if model.body_mass[i] > 0.0}
+    solid = {names[i]: i for i in range(1, model.nbody) if model.body_mass[i] > LEAST}
     carried = [tuple(joint for joint, j in joints.items() if model.jnt_bodyid[j] == i) for i in range(model.nbody)]
     above = {names[i]: (names[model.body_parentid[i]], carried[i]) for i in range(1, model.nbody)}
     bodies = {}

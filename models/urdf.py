@@ -1,4 +1,4 @@
-"""Writes URDF. A link's frame is the description's body frame; crosses of composite joints are massless."""
+"""Writes URDF. A link's frame is the description's body frame; crosses of composite joints have no inertial."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
         mount = ET.SubElement(robot, "joint", name=f"{name}.mount", type="fixed")
         _placement(mount, inverse(link.far_frame))
         _ends(mount, near, link.name)
-    _inertial(ET.SubElement(robot, "link", name=link.name), link.body)
+    element = ET.SubElement(robot, "link", name=link.name)
+    if link.body.mass:
+        _inertial(element, link.body)
 
 
 def frame_link(link: Link) -> str:

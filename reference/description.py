@@ -107,6 +107,8 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     )
     _check_names(mechanism, where)
     check_connected(mechanism, where)
+    if not mechanism.mass:
+        raise DescriptionError("no body has mass", f"{where}, bodies", "give mass to one at least")
     return mechanism
 
 
@@ -146,7 +148,7 @@ def _body(name: str, table: Any, where: str) -> Body:
     check_keys(table, _BODY, where)
     mass = number(required(table, "mass", where), f"{where}.mass")
     com = vector(table.get("com", [0, 0, 0]), f"{where}.com")
-    entries = required(table, "inertia", where)
+    entries = table.get("inertia", {}) if mass == 0.0 else required(table, "inertia", where)
     check_keys(entries, _TENSOR, f"{where}.inertia")
     xx, xy, xz, yy, yz, zz = (number(entries.get(key, 0), f"{where}.inertia.{key}") for key in _TENSOR)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -43,7 +43,7 @@ class Body:
     """A rigid body.
 
     Attributes:
-        mass: Mass [kg], positive.
+        mass: Mass [kg], not negative. Without mass there is no inertia and no com.
         com: Centre of mass in the body frame [m]. Shape (3,).
         inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin
             rods (zero principal moments) are legal.
@@ -57,10 +57,14 @@ class Body:
 
     def __post_init__(self) -> None:
         where = self.where or self.name
-        if not self.mass > 0.0:
-            raise DescriptionError(f"mass {self.mass:g} kg is not positive", where, "give a positive mass")
+        if not self.mass >= 0.0:
+            what = f"mass {self.mass:g} kg is not positive"
+            raise DescriptionError(what, where, "give a positive mass, or 0 to a body without mass")
         if not (np.isfinite(self.inertia).all() and np.isfinite([self.mass, *self.com]).all()):
             raise DescriptionError("mass, com or inertia is not finite", where, "give finite numbers")
+        if self.mass == 0.0 and (self.inertia.any() or self.com.any()):
+            what = "a body without mass has an inertia or a centre of mass"
+            raise DescriptionError(what, where, "give it mass, or leave inertia and com out")
         moments = np.linalg.eigvalsh(self.inertia)
         slack = 1e-12 * max(float(np.trace(self.inertia)), 0.0)
         if moments[0] < -slack:

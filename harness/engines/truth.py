@@ -8,6 +8,7 @@ nothing rests on: they are certified anew.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import flint
@@ -31,8 +32,12 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache
 from screwgauge.truth.certify import NotCertified
+from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
-from screwgauge.truth.workshop import Workshop, enclosed
+from screwgauge.truth.kinematics import LoopsOpen
+from screwgauge.truth.linkage import Linkage
+from screwgauge.truth.samples import Sampler, ruled
+from screwgauge.truth.workshop import Workshop, centred, enclosed
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
@@ -41,12 +46,17 @@ _OPEN = ("tree_force", "tree_force_soft")  # of the open tree: nothing to certif
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any."""
+    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any.
+
+    Attributes:
+        rounded: Long decimals of the geometry were read as rounded.
+    """
 
     mid: dict[str, Array]
     radius: dict[str, Array]
     reasons: list[str]
     spent: dict[str, float]
+    rounded: bool
 
     def pack(self) -> dict[str, Array]:
         return {
@@ -55,6 +65,7 @@ class _Table:
             "reasons": np.array(self.reasons, dtype=str),
             "stages": np.array(list(self.spent), dtype=str),
             "seconds": np.array(list(self.spent.values())),
+            "rounded": np.array(self.rounded),
         }
 
     @classmethod
@@ -64,7 +75,7 @@ class _Table:
             for part in ("mid.", "radius.")
         )
         spent = dict(zip(stored["stages"].tolist(), stored["seconds"].tolist(), strict=True))
-        return cls(mid, radius, stored["reasons"].tolist(), spent)
+        return cls(mid, radius, stored["reasons"].tolist(), spent, bool(stored["rounded"]))
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -124,49 +135,82 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
         [said.gravity, gravity],
         [said.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),
-        [problem.rule, depth, BITS],
+        [problem.rule, depth, ruled(problem), BITS],
     )
 
 
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
 ) -> _Table:
+    """Reads the decimals exactly; where redundant loops then stay open, long ones as rounded."""
+    try:
+        return _table(model, problem, motion, rows, depth, progress)
+    except LoopsOpen:
+        return _table(model, problem, motion, rows, depth, progress, rounded=True)
+
+
+def _table(
+    model: TruthModel,
+    problem: Problem,
+    motion: GivenMotion,
+    rows: Rows,
+    depth: str,
+    progress: Progress,
+    *,
+    rounded: bool = False,
+) -> _Table:
     mechanism, clock = model.mechanism, Clock()
+    tables = mechanism_tables(model.file)
+
+    def sampler(*, wide: bool = False) -> Sampler:
+        linkage = Linkage(mechanism, tables, rounded=wide)
+        return Sampler(linkage, problem, depth, clock, redundant=wide or not rounded)
+
+    if rounded:
+        wide, exact = (Workshop(make, problem, motion, BITS) for make in (partial(sampler, wide=True), sampler))
+        sample = partial(centred, wide, exact)
+    else:
+        sample = partial(enclosed, [Workshop(sampler, problem, motion, bits) for bits in (BITS, 2 * BITS)])
     start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
-    workshops = [Workshop((model.file, mechanism), problem, motion, depth, clock, bits) for bits in (BITS, 2 * BITS)]
+    remedy = ""
     for i, row in enumerate(rows.tolist()):
         try:
-            found.append(enclosed(workshops, row, start[i]))
+            found.append(sample(row, start[i]))
         except RoutesDisagree as error:
             raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:
+            if isinstance(error, LoopsOpen) and not rounded:
+                raise
             found.append(None)
+            remedy = remedy or error.remedy
             reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
         progress((i + 1) / len(rows))
     if all(one is None for one in found):
         where, _, what = reasons[0].partition(": ")
-        raise NotCertified(f"no sample can be certified: {what}", where, "keep the motion away from singular poses")
-    return _Table(*_arrays(found), reasons, dict(clock.spent))
+        raise NotCertified(f"no sample can be certified: {what}", where, remedy)
+    return _Table(*_arrays(found, rounded), reasons, dict(clock.spent), rounded)
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:
     return f"t = {t:g} s, {mechanism.described(y)}"
 
 
-def _arrays(found: list[dict[str, list[arb]] | None]) -> tuple[dict[str, Array], dict[str, Array]]:
+def _arrays(found: list[dict[str, list[arb]] | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
     """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
 
-    A ball that holds zero is centred there: what vanishes by symmetry is zero, not 1e-58.
+    A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
+    rounded, it may be as wide as a number that does not vanish.
     """
     first = next(one for one in found if one is not None)
     mid = {name: np.full((len(found), len(balls)), np.nan) for name, balls in first.items()}
     radius = {name: array.copy() for name, array in mid.items()}
     for i, one in enumerate(found):
         for name, balls in (one or {}).items():
-            mid[name][i] = [0.0 if ball.contains(0) else float(ball.mid()) for ball in balls]
-            size = [float(ball.abs_upper() if ball.contains(0) else ball.rad()) for ball in balls]
+            centred = [not rounded and ball.contains(0) for ball in balls]
+            mid[name][i] = [0.0 if zero else float(b.mid()) for b, zero in zip(balls, centred, strict=True)]
+            size = [float(b.abs_upper() if zero else b.rad()) for b, zero in zip(balls, centred, strict=True)]
             radius[name][i] = np.nextafter(size, np.inf)
     return mid, radius
 
@@ -221,6 +265,11 @@ def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> 
     if "reaction" in table.mid:
         note += "; the two routes to the forces overlap at every one"
     notes = [note]
+    if table.rounded:
+        notes.append(
+            f"redundant loops close only if decimals of {LONG} digits and more are rounded: the radii hold "
+            "every mechanism whose frames and axes round to them, as far as its loops close"
+        )
     if 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.independent) > len(mechanism.coordinates):
         notes.append(
             "the mechanism is overconstrained: that its redundant loops close was seen to hold within the balls, "
@@ -232,5 +281,5 @@ def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> 
 
 
 def _scaled_radius(table: _Table, name: str, columns: list[int]) -> float:
-    largest = float(np.nanmax(np.abs(table.mid[name][:, columns])))
-    return float(np.nanmax(table.radius[name][:, columns])) / (largest or 1.0)
+    mid, radius = table.mid[name][:, columns], table.radius[name][:, columns]
+    return float(np.nanmax(radius)) / (float(np.nanmax(np.abs(mid) + radius)) or 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from flint import arb, arb_mat
 
 from screwgauge.truth.certify import NotCertified, floats, independent_rows
@@ -41,16 +42,18 @@ def newton_euler(
         for row in _axial_rows(linkage, now, [part.name for part in parts]):
             columns = [[*column, row.get(i, arb(0))] for i, column in enumerate(columns)]
             right = [*right, arb(0)]
-    solution = _solve(columns, right)
+    solution = _solve(columns, right, linkage.length)
     forces = arb_mat([[x] for x in solution[len(reactions) :]])
     return solution[: len(reactions)], forces if axial else B * forces
 
 
-def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb]:
+def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:
     """Solves for the coefficients of the columns; of dependent ones, those that are left out are zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
-        chosen = independent_rows(floats(arb_mat(columns)), len(right))
+        table = floats(arb_mat(columns)) / np.resize(np.repeat([1.0, length], 3), len(right))
+        sizes = np.linalg.norm(table, axis=1, keepdims=True)
+        chosen = independent_rows(table / np.where(sizes > 0.0, sizes, 1.0), len(right))
     system = arb_mat([columns[i] for i in chosen]).transpose()
     try:
         x = solve(system, arb_mat([[value] for value in right])).entries()

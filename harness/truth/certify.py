@@ -28,7 +28,7 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """n rows of full rank, the selection (last) rows first; all rows where there are only n.
+    """n rows of full rank, the selection (last) rows first; all rows where there are only n. J has no dimension.
 
     A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
     checked: they hold within the enclosures.
@@ -61,7 +61,10 @@ class Certifier:
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
-        self.n = len(linkage.mechanism.coordinates)
+        units = np.array([linkage.length if unit == "m" else 1.0 for unit in linkage.mechanism.units])
+        self.n, self.columns = len(units), units
+        closing = np.tile(np.repeat([1.0, linkage.length], 3), len(linkage.cuts))
+        self.rows = np.concatenate([closing, units[linkage.mechanism.independent_columns]])
 
     def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
         """Encloses the joint coordinates.
@@ -77,7 +80,7 @@ class Certifier:
             NotCertified: No box could be verified.
         """
         J = floats(self.linkage.jacobian([arb(x) for x in start]))
-        rows = independent_rows(J, self.n)
+        rows = independent_rows(J * self.columns / self.rows[:, None], self.n)
         for J_start in (J, None):  # the second only where the first does not do
             try:
                 return *self._verify(*self._newton(start, y, rows, J_start), y, rows), rows
@@ -129,7 +132,7 @@ class Certifier:
 
     def _verify(self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
         d = Y * self._error(m, y, rows)
-        r = max((x.abs_upper() for x in d.entries()), key=float) * 4 + arb(2) ** (8 - ctx.prec)
+        r = max((x.abs_upper() for x in d.entries()), key=float) * 5 / 4 + arb(2) ** (8 - ctx.prec)
         for _ in range(3):
             radius = float(r)
             box = [arb(x, radius) for x in m]
@@ -138,7 +141,7 @@ class Certifier:
             step = (identity(self.n) - Y * J) * offset - d
             image = [x + dx for x, dx in zip(m, step.entries(), strict=True)]
             if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
-                return image, J
+                return image, self._square(image, rows)
             r = r * 64
         raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -23,13 +24,19 @@ _FUNCTIONS: dict[str, Callable[..., arb]] = {
 _FUNCTIONS["atan2"] = arb.atan2
 
 
+#: A decimal of so many digits may be a rounded one.
+LONG = 15
+#: Rounding of a computed double, as a share of it: four units of its last place.
+ROUNDED = 2.0**-50
+
+
 def number(value: Any) -> arb:
     """A ball that holds the number which the text means, of the working precision.
 
     Args:
-        value: A checked entry of a description: int or text. A float stands for itself, exactly.
+        value: A checked entry of a description: int or text. A float stands for itself, exactly, as a ball does.
     """
-    if isinstance(value, float):
+    if isinstance(value, (float, arb)):
         return arb(value)
     text = str(value).strip()
     return _evaluate(ast.parse(text, mode="eval").body, text)
@@ -54,6 +61,31 @@ def _evaluate(node: ast.expr, text: str) -> arb:
         case ast.Call(func=ast.Name(id=name), args=given):
             return _FUNCTIONS[name](*(_evaluate(argument, text) for argument in given))
     raise ValueError(f"'{text}' cannot be read as a number")
+
+
+def widened(value: Any) -> Any:
+    """A table of numbers whose decimals of `LONG` digits and more have become balls that hold what they may stand for.
+
+    That is half a unit of their last digit, or the rounding of a double as large as the largest of their vector.
+    """
+    if isinstance(value, Mapping):
+        return {key: widened(entry) for key, entry in value.items()}
+    if not isinstance(value, list):
+        return widened([value])[0]
+    if any(isinstance(entry, (list, Mapping)) for entry in value):
+        return [widened(entry) for entry in value]
+    rounding = max((abs(number(entry)).upper() for entry in value), key=float) * ROUNDED if value else arb(0)
+    return [_widened(entry, rounding) for entry in value]
+
+
+def _widened(value: Any, rounding: arb) -> Any:
+    try:
+        _, digits, exponent = Decimal(str(value)).as_tuple()
+    except InvalidOperation:  # an expression
+        return value
+    if len(digits) < LONG or not isinstance(exponent, int):
+        return value
+    return number(value) + arb(0, max(rounding, arb(10) ** exponent / 2, key=float))
 
 
 def vector(values: Any) -> Vector:

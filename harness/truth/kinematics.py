@@ -48,9 +48,7 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
     left = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])] + [-x[2] for x in y]
     q2 = _solve(J, arb_mat([[-left[i]] for i in rows])).entries()
     q = [[a, b, c] for a, b, c in zip(q0, q1, q2, strict=True)]
-    bodies = linkage.place(q)
-    _check(linkage, q, bodies)
-    return State(q, partial, bodies)
+    return State(q, partial, linkage.place(q))
 
 
 def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
@@ -60,13 +58,23 @@ def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
         raise NotCertified("the closing equations may be singular", "", "keep the motion away from this pose") from None
 
 
-def _check(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
-    """Every coefficient of every closing error must hold zero, those left out of the solution too."""
+class LoopsOpen(NotCertified):
+    """Redundant loops that do not close."""
+
+
+def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
+    """Every coefficient of every closing error must hold zero, those left out of the solution too.
+
+    Raises:
+        LoopsOpen: One does not.
+    """
     for G in linkage.close(q, bodies):
         check_near(G[0])
-        if not all(e.contains(0) for coefficient in G for e in error(coefficient)):
-            remedy = "correct the placements; their text must close exactly"
-            raise NotCertified("the redundant loops do not close", "", remedy)
+        gap = max(float(e.abs_lower()) for coefficient in G for e in error(coefficient))
+        if gap:
+            what = f"redundant loops stay open by {gap:.1g} (rad, m or their derivatives in time)"
+            remedy = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
+            raise LoopsOpen(what, "", remedy)
 
 
 def spin(T: MatrixJet, order: int) -> Vector:

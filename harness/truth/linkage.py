@@ -21,6 +21,7 @@ from screwgauge.truth.exact import (
     skew,
     unit_vector,
     vector,
+    widened,
 )
 from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
 from screwgauge.truth.jets import inverse as jet_inverse
@@ -78,13 +79,23 @@ class Linkage:
         mechanism: Structure and names; none of its numbers are used.
         frames: Joint name -> frames and axes in balls.
         masses: Of each body.
+        length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
         axial: Joint and direction, as text, of the rule ``spherical_axial``.
         loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
     """
 
-    def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any]) -> None:
+    def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any], *, rounded: bool = False) -> None:
+        """Reads the text.
+
+        Args:
+            rounded: Long decimals of frames and axes stand for all that may have been rounded to them.
+        """
         self.mechanism = mechanism
-        self.frames = {joint.name: _frames(joint.kind, tables["joints"][joint.name]) for joint in mechanism.joints}
+        self.frames = {
+            joint.name: _frames(joint.kind, tables["joints"][joint.name], rounded) for joint in mechanism.joints
+        }
+        places = [T[i, 3] for f in self.frames.values() for T in (f.parent, f.child) for i in range(3)]
+        self.length = max(abs(float(x.mid())) for x in places) or 1.0
         axial = tables.get("spherical_axial")
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
@@ -180,18 +191,18 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
     return Move(column, sign, turns, D, D * D)
 
 
-def _frames(kind: str, table: Mapping[str, Any]) -> Frames:
-    axes = [*(XYZ if kind == "F" else ()), *table.get("axes", XYZ)]
-    return Frames(
-        parent=placement(table.get("parent_frame", {})),
-        child=placement(table.get("child_frame", {})),
-        axes=[unit_vector(axis) for axis in axes],
-    )
+def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
+    parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
+    parent, child, axes = (widened(part) for part in parts) if rounded else parts
+    axes = [*(XYZ if kind == "F" else ()), *axes]
+    return Frames(placement(parent), placement(child), [unit_vector(axis) for axis in axes])
 
 
 def _mass(table: Mapping[str, Any]) -> Mass:
     mass, c = number(table["mass"]), vector(table.get("com", [0, 0, 0]))
-    xx, xy, xz, yy, yz, zz = (number(table["inertia"].get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    xx, xy, xz, yy, yz, zz = (
+        number(table.get("inertia", {}).get(key, 0)) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
+    )
     J = arb_mat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if "inertia_rotation" in table:
         R = rotation_matrix(table["inertia_rotation"])

@@ -8,26 +8,38 @@ from typing import Any
 from flint import arb, arb_mat
 
 from screwgauge.problem import Problem
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.applied import Load
 from screwgauge.solution import Clock
 from screwgauge.truth.balance import newton_euler
-from screwgauge.truth.certify import Certifier
+from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import Vector, number, vector
 from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
-from screwgauge.truth.jets import Jet
-from screwgauge.truth.kinematics import State, point, spin, state
+from screwgauge.truth.jets import Jet, MatrixJet
+from screwgauge.truth.kinematics import State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
 
 Balls = Mapping[str, Sequence[arb]]
 """Quantity -> its components."""
 
 
+def ruled(problem: Problem) -> bool:
+    """Whether forces are wanted that rest on a rule, of actuators or of reactions."""
+    return any(QUANTITIES[name].ruled for name in problem.wanted)
+
+
 class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
-    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock) -> None:
-        self.linkage, self.depth, self.clock = linkage, depth, clock
+    def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
+        """Reads what acts.
+
+        Args:
+            redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
+        """
+        self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier = Certifier(linkage)
+        self.ruled = ruled(problem)
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
             self.gravity = [arb(0), arb(0), number("-9.81")]
@@ -52,21 +64,33 @@ class Sampler:
         if self.depth == "q":
             with self.clock.stage("positions"):
                 q, _, _ = self.certifier.solve([x[0] for x in y], start)
+                jets = [[x] for x in q]
+                self._check_closed(jets, self.linkage.place(jets))
             return {"joint_position": q}
         with self.clock.stage("positions, rates and accelerations"):
             now = state(self.certifier, y, start)
+            self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
         if self.depth == "f":
             out |= self._forces(now)
         return out
 
+    def _check_closed(self, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
+        if self.redundant:
+            check_closed(self.linkage, q, bodies)
+
     def _forces(self, now: State) -> dict[str, list[arb]]:
         linkage, k = self.linkage, now.partial.ncols()
-        rows = linkage.mechanism.actuated_columns
-        B = arb_mat([[now.partial[row, j] for j in range(k)] for row in rows])
         with self.clock.stage("forces by virtual power"):
             Q = generalized_force(linkage, now, self.gravity, self.loads)
-            f = min_norm(B, Q)
+        if not self.ruled:
+            return {"generalized_force": Q}
+        rows = linkage.mechanism.actuated_columns
+        if len(rows) < k:
+            what = f"the actuated joints drive {len(rows)} of {k} freedoms"
+            raise NotCertified(what, "", "ask for no actuator_force and reaction")
+        B = arb_mat([[now.partial[row, j] for j in range(k)] for row in rows])
+        f = min_norm(B, Q)
         with self.clock.stage("forces by the balance of all bodies"):
             reactions, f_second = newton_euler(linkage, now, B, self.gravity, self.loads, self.axial)
         Q_second = (B.transpose() * f_second).entries()
@@ -75,7 +99,7 @@ class Sampler:
             f = f_second
         else:
             pairs += zip(f.entries(), f_second.entries(), strict=True)
-        if not all(a.overlaps(b) for a, b in pairs):
+        if self.redundant and not all(a.overlaps(b) for a, b in pairs):
             raise RoutesDisagree("the two routes to the forces do not overlap", "", "report this")
         return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
 

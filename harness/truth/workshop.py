@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from pathlib import Path
 
 from flint import arb, ctx
 
-from screwgauge.models.catalog import mechanism_tables
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.solution import Clock
 from screwgauge.truth.certify import NotCertified
-from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.motion import Terms, drive, read_terms, samples
 from screwgauge.truth.samples import Sampler
 
@@ -25,27 +20,17 @@ WIDE = 1e-25
 class Workshop:
     """All that depends on the precision, made when it is first needed."""
 
-    def __init__(
-        self,
-        linkage: tuple[Path, Mechanism],
-        problem: Problem,
-        motion: GivenMotion,
-        depth: str,
-        clock: Clock,
-        bits: int,
-    ) -> None:
-        self.file, self.mechanism = linkage
-        self.problem, self.motion, self.depth, self.clock, self.bits = problem, motion, depth, clock, bits
+    def __init__(self, sampler: Callable[[], Sampler], problem: Problem, motion: GivenMotion, bits: int) -> None:
+        self.make, self.problem, self.motion, self.bits = sampler, problem, motion, bits
 
     @cached_property
     def sampler(self) -> Sampler:
-        linkage = Linkage(self.mechanism, mechanism_tables(self.file))
-        return Sampler(linkage, self.problem, self.depth, self.clock)
+        return self.make()
 
     @cached_property
     def terms(self) -> Terms | None:
         said = self.problem.wording.motion
-        return None if said is None else read_terms(said, list(self.mechanism.independent))
+        return None if said is None else read_terms(said, list(self.sampler.linkage.mechanism.independent))
 
     def sample(self, row: int, start: Sequence[float]) -> dict[str, list[arb]]:
         """All quantities of one sample of the motion.
@@ -77,6 +62,22 @@ def enclosed(workshops: Sequence[Workshop], row: int, start: Sequence[float]) ->
         if all(_narrow(balls) for balls in quantities.values()):
             return quantities
     return workshops[-1].sample(row, start)
+
+
+def centred(wide: Workshop, exact: Workshop, row: int, start: Sequence[float]) -> dict[str, list[arb]]:
+    """A sample that `wide` encloses, in balls around what the exact text gives, whose redundant rows were left out.
+
+    Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
+
+    Raises:
+        NotCertified: Something could not be enclosed.
+    """
+    enclosures, values = wide.sample(row, start), exact.sample(row, start)
+    with ctx.workprec(wide.bits):
+        return {
+            name: [arb(b.mid(), (a - b.mid()).abs_upper()) for a, b in zip(balls, values[name], strict=True)]
+            for name, balls in enclosures.items()
+        }
 
 
 def _narrow(balls: Sequence[arb]) -> bool:

@@ -16,6 +16,7 @@ from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
+from screwgauge.models.mjcf import LEAST
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, cross
@@ -26,6 +27,12 @@ _SITE = mujoco.mjtObj.mjOBJ_SITE
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
+def take_mass(model: mujoco.MjModel) -> None:
+    """Makes bodies massless whose mass and inertia are no more than MuJoCo's compiler insists on."""
+    stand_in = (model.body_mass <= LEAST) & (model.body_inertia <= LEAST).all(axis=1)
+    model.body_mass[stand_in], model.body_inertia[stand_in] = 0.0, 0.0
+
+
 class MujocoTree:
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
 
@@ -33,7 +40,12 @@ class MujocoTree:
         try:
             self.model = mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
-            raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), "correct the MJCF") from None
+            small = "mass and inertia" in str(error) or "eigenvalues" in str(error)
+            remedy = (
+                f"give every body more than {LEAST:g} kg and kg m^2, or no mass at all" if small else "correct the MJCF"
+            )
+            raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), remedy) from None
+        take_mass(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
@@ -49,7 +61,7 @@ class MujocoTree:
         self.ids = [b for name, b in names.items() if name != "ground"]
         self.bodies = tuple(name for name in names if name != "ground")
         self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
-        self.com = model.body_ipos[self.ids].copy()
+        self.mass, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
         self.closures = self._closures(file)
         self._check_motors(file)
 
@@ -172,7 +184,7 @@ class MujocoTree:
         data, rows = self.data, self.data.nefc
         K, B, imp, _ = data.efc_KBIP.reshape(-1, 4)[:rows].T
         f = data.efc_D[:rows] * (K * imp * residuals[0] + B * residuals[1] + residuals[2])
-        return float((np.abs(data.efc_J.reshape(rows, -1)).T @ f).max(initial=0.0))
+        return float((np.abs(data.efc_J[: rows * self.model.nv].reshape(rows, self.model.nv)).T @ f).max(initial=0.0))
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         n, b = len(q), len(self.ids)

@@ -70,7 +70,9 @@ class PinocchioTree:
         self.parents = tuple(self._parent(joint) for joint in self.joints)
         # a fixed joint merges the inertia of its link into the moving joint before it
         placed = [(self.model.frames[i].placement, joint) for i, joint in zip(self.frames, self.joints, strict=True)]
-        self.com = np.array([place.actInv(self.model.inertias[joint].lever) for place, joint in placed])
+        self.mass = np.array([self.model.inertias[joint].mass for joint in self.joints])
+        com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
+        self.com = np.where(self.mass[:, None] > 0.0, com, 0.0)
 
     def under(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
@@ -107,7 +109,8 @@ class PinocchioTree:
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         out = np.empty((len(q), len(self.frames), 3))
-        placements = [pin.SE3(np.eye(3), self.model.inertias[joint].lever) for joint in self.joints]
+        placed = [self.model.frames[i].placement for i in self.frames]
+        placements = [pin.SE3(np.eye(3), M.act(com)) for M, com in zip(placed, self.com, strict=True)]
         for i in range(len(q)):
             pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
             for k, (joint, at) in enumerate(zip(self.joints, placements, strict=True)):

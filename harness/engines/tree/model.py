@@ -63,6 +63,8 @@ class TreeModel:
             return solve_motion(closed, problem, task, progress)
         if dynamics is None:
             raise ModelFileError("takes given motions only", self._where, "name another engine")
+        if isinstance(task, InitialValue) or task.tau is not None:
+            self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
         if dynamics.dt is None:
@@ -86,6 +88,18 @@ class TreeModel:
                 self._where,
                 "name a model of the same mechanism",
             )
+
+    def _check_mass(self) -> None:
+        """Refuses to accelerate a tree with branches that have no mass: its own mass matrix is singular."""
+        tree, heavy = self.closed.tree, {GROUND}
+        above = dict(zip(tree.bodies, tree.parents, strict=True))
+        for body, mass in zip(tree.bodies, tree.mass, strict=True):
+            while mass and body not in heavy:
+                heavy.add(body)
+                body = above[body]
+        if light := [body for body in tree.bodies if body not in heavy]:
+            what = f"'{light[0]}' has no mass and carries none in the open tree, which {tree.engine} has to accelerate"
+            raise ModelFileError(what, self._where, "run it with screw, or give it mass")
 
 
 def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
