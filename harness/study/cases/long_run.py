@@ -18,7 +18,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
@@ -117,21 +116,3 @@ class PaperScheme(Method):
         q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))
         values = {"joint_position": Values(mechanism.coordinates, mechanism.units, q)}
         return Solution(self.engine, "", values, empty(len(q)), cost=clock.cost())
-
-
-LONG_RUN = Case(
-    name="long-run",
-    title="Long runs",
-    axis="samples [1]",
-    about="The default scene at 1 ms, streamed through `screw` part by part (`screwgauge.stream`): memory does not "
-    "grow with the samples. Joint positions and generalised forces against the truth at up to eight samples, "
-    "the last among them. Beside it the paper's own scheme, its twist set right, which integrates joint "
-    "velocities in steps of 10 ms: Euler's method drifts, Runge and Kutta's hardly does.",
-    drawn="joint_position",
-    low=10.0,
-    high=1e8,
-    full=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
-    quick=(1e1, 3e1, 1e2, 1e3, 3e3, 1e4),
-    ask=long_run,
-    whole=True,
-)

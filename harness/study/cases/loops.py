@@ -12,7 +12,6 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import ENGINES
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, by_size, files_of
@@ -106,40 +105,3 @@ def _forces(posed: Posed) -> Question:
             f"({counts.overconstraints} redundant constraints)"
         },
     )
-
-
-CASES = (
-    Case(
-        name="proximal",
-        title="Proximal settings of Pinocchio",
-        axis="mu [1]",
-        about="Accelerations by `constraintDynamics`. Full rank: the loaded default scene, twelve closure rows of rank "
-        "twelve. Deficient: a planar four-bar closed by a 3D point, three rows of rank two, where mu = 0 divides "
-        "by zero and returns NaN without a word. One iteration leaves an error ~ mu, k iterations ~ mu^k (1x, 2x, "
-        "5x). Closing rows are off by exactly mu times the last change of the multipliers, which Pinocchio returns "
-        "as `relative_residual`: so much is admitted. safe: the settings by which motions are integrated here.",
-        drawn=ACCELERATION,
-        low=0.0,
-        high=1e-2,
-        full=(0.0, *(10.0**-k for k in range(14, 1, -1))),
-        quick=(0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2),
-        ask=proximal,
-    ),
-    Case(
-        name="redundant-constraints",
-        title="Redundant constraints in planar loops",
-        axis="number of loops [1]",
-        about="Four-bars in a row, every hinge a full R joint: three constraints too many in every loop, one freedom "
-        "in all. Generalised force and those reactions that are unique, by inverse dynamics; accelerations from "
-        "the true torque at the crank, with the loops closed by points on the hinge's axis (3D, connect) and by "
-        "whole frames (6D, weld), which locks the hinge that was cut. In a plane the forces in the plane stay "
-        "unique; forces across it and moments in it depend on how the parts were forced together.",
-        drawn=ACCELERATION,
-        low=1.0,
-        high=40.0,
-        whole=True,
-        full=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0),
-        quick=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
-        ask=redundant_constraints,
-    ),
-)

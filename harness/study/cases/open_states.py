@@ -23,8 +23,7 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.case import Case
-from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, decades, moving
+from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, moving
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
 from screwgauge.study.cases.question import Question, by_size, files_of, findings
 from screwgauge.study.method import Method
@@ -163,23 +162,3 @@ def read_accelerations(question: Question, solution: Solution) -> Mapping[str, V
 def read_soft_forces(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Forces of the tree with soft constraints by the name that they have in this case."""
     return {SOFT_FORCE: solution.values["tree_force_soft"]}
-
-
-CLOSURE_VIOLATION = Case(
-    name="closure-violation",
-    title="States that do not close",
-    axis="gap [m], [m/s]",
-    about="Coordinates and velocities of the engines' open tree, with the cut joints apart by the gap and parting "
-    "as fast. *projected*: the loops are closed by Newton's method first, as `screwgauge run` does, with the "
-    "independent coordinates held. *raw*: the engine is called with the state as it is. The truth is that of the "
-    "closed state. Raw, `actuator_force` is inverse dynamics of the open tree, projected on the actuators, which "
-    "hardly amplifies the gap; `tree_force` is `mj_inverse` with its equality constraints on, whose stiff rows "
-    "turn the gap into force; `forward_acceleration` is what the true actuator forces are said to cause. MuJoCo's "
-    "projected accelerations are refined (d = 0.9999, 7 passes). Raw answers carry no warning.",
-    drawn=FORWARD,
-    low=1e-14,
-    high=1e-2,
-    full=decades(-12, -3),
-    quick=decades(-13, -3, 2),
-    ask=closure_violation,
-)

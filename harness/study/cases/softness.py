@@ -22,7 +22,6 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import (
     SCREW,
@@ -144,38 +143,3 @@ def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference
     }
     closed = Values(gap.components, gap.units, np.zeros_like(gap.array))
     return Reference("screw", {**values, "loop_gap": closed}, "", scales)
-
-
-CASES = (
-    Case(
-        name="softness",
-        title="Soft loops of MuJoCo over the time step",
-        axis="time step [s]",
-        about="The loaded default scene from t = 1 s on under the actuator forces of that instant, for 1 s. Loop gap, "
-        "constraint forces, energy and joint positions against a motion that `screw` integrated at 1e-12. "
-        "The softness of solref and solimp is a floor that the time step does not remove; applying the last "
-        "constraint force from outside and solving again (refined: four such passes a step) removes it, and "
-        "what is left falls with the step.",
-        drawn="loop_gap",
-        low=1e-6,
-        high=4e-3,
-        full=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5),
-        quick=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5),
-        ask=softness,
-    ),
-    Case(
-        name="refinement",
-        title="MuJoCo's softness refined away",
-        axis="softness 1 - d of solimp [1]",
-        about="Accelerations of the loaded default scene from its actuator forces, at three instants. MuJoCo is solved "
-        "once (0 passes), then again with the last constraint force applied from outside, pass by pass. The error "
-        "goes as ((1 - d) / d)^(passes + 1): straight lines of slope 1, 2, 3 ... down to rounding. MuJoCo's "
-        "default is 1 - d = 0.1 for closed loops, its least 1e-4.",
-        drawn="joint_acceleration",
-        low=1e-4,
-        high=0.5,
-        full=(1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1),
-        quick=(1e-4, 5e-4, 2e-3, 1e-2, 3e-2, 1e-1),
-        ask=refinement,
-    ),
-)

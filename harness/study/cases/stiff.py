@@ -20,7 +20,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.collocation import collocate
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, loop_condition, push, true_velocities
@@ -207,23 +206,3 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
         "motion": solution.values["joint_position"],
         "energy": Values(("energy",), ("J",), (missing - missing[0])[:, None]),
     }
-
-
-STIFF_LEGS = Case(
-    name="stiff-legs",
-    title="Stiff springs and dampers in the legs",
-    axis="stiffness [N/m]",
-    about="Springs and dampers across all four prismatic joints, damping 1.2 times critical; the eigenvalues grow "
-    "with the root of the stiffness to 1e5 1/s. Accelerations: round trip at the loaded default scene, "
-    "the actuators taking over what the springs exert; a length is known to eps, a force to eps times "
-    "stiffness times length, and so much is admitted. Motion: 0.1 s from rest, 0.01 rad off, against "
-    "collocation of order nineteen, and energy; Radau is given a tolerance of 1e-5, and steps times tolerance "
-    "is what it admits. DOP853 is refused where stability alone asks for more than a hundred steps. The "
-    "engines' own steps are of 0.1 ms, MuJoCo's loops as hard as it allows (d = 0.9999).",
-    drawn="motion",
-    low=1.0,
-    high=1e11,
-    full=(1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10),
-    quick=(1e2, 1e8, 1e10),
-    ask=stiff_legs,
-)
