@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,10 +11,9 @@ import numpy as np
 from screwgauge.reference.paper import printed
 from screwgauge.scene.scene import Scene
 from screwgauge.study.paper import dynamics, kinematics
-from screwgauge.study.paper.axial import AxialRule, axial_rule, axial_values
-from screwgauge.study.paper.case import SCENE, STEP, every, paper_case
-from screwgauge.study.paper.errata import Erratum, tabulated
-from screwgauge.study.paper.reach import Reach, reach
+from screwgauge.study.paper.case import SCENE, STEP, Case, every
+from screwgauge.study.paper.errata import Erratum, Values, tabulated
+from screwgauge.study.paper.reach import Reach
 from screwgauge.study.paper.scheme import SchemeRuns, scheme_runs, scheme_values
 
 NUMBERS = range(1, 19)
@@ -27,7 +26,7 @@ class Paper:
     errata: tuple[Erratum, ...]
     reach: Reach
     runs: SchemeRuns
-    axial: AxialRule
+    axial: dynamics.AxialRule
 
     @property
     def complete(self) -> bool:
@@ -37,34 +36,16 @@ class Paper:
 
 def measure(progress: Callable[[str, float], None] = lambda step, share: None) -> Paper:
     """Measures all errata: some seconds, most of them for the paper's 10 000 steps."""
-    case = paper_case(every(STEP))
+    case = Case(every(STEP))
     progress("kinematics", 0.0)
-    values = {
-        1: kinematics.overconstraint(case),
-        2: kinematics.free_axes(case),
-        3: kinematics.reciprocal_screws(case),
-        4: kinematics.subtraction(case),
-        5: kinematics.joint_places(case),
-        6: kinematics.references(),
-        7: kinematics.units(case),
-        9: kinematics.bracket(case),
-        10: kinematics.last_bracket(case),
-        11: kinematics.point_acceleration(case),
-        17: kinematics.trajectory(case),
-        18: kinematics.leg_halves(case),
-    }
+    values: dict[int, Iterable[Values]] = {number: found(case) for number, found in kinematics.ERRATA.items()}
     progress("dynamics", 0.1)
-    forces, axial = dynamics.solve_forces(case), axial_rule()
-    values |= {
-        12: dynamics.gravity(case, forces),
-        13: dynamics.levers(case, forces),
-        14: dynamics.platform(case, forces),
-        15: axial_values(axial),
-        16: dynamics.right_inverse(forces),
-    }
+    forces = dynamics.Forces(case)
+    values |= {number: found(case, forces) for number, found in dynamics.ERRATA.items()}
+    axial, values[15] = dynamics.axial_rule()
     runs = scheme_runs(case, lambda share: progress("scheme", 0.3 + 0.7 * share))
     values[8] = scheme_values(runs)
-    return Paper(tabulated(values), reach(case), runs, axial)
+    return Paper(tabulated(values), Reach(case), runs, axial)
 
 
 @lru_cache(maxsize=1)

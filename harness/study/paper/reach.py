@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from screwgauge.reference import dynamics, screws
@@ -13,9 +11,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.study.paper.case import Case, largest, percent
 
 
-@dataclass(frozen=True, slots=True)
 class Reach:
-    """What the paper's own case can test.
+    """Q_a split into its causes, and a wrong bracket carried through to the driving forces.
 
     Attributes:
         load, gravity, inertia: Largest share of each in the generalised force Q_a [N m].
@@ -24,12 +21,14 @@ class Reach:
         joint_error: Largest error that the same bracket makes in joint accelerations [%].
     """
 
-    load: float
-    gravity: float
-    inertia: float
-    driving: float
-    bracket: float
-    joint_error: float
+    def __init__(self, case: Case) -> None:
+        inertia = case.generalized(*case.wrench(np.zeros(3), loaded=False))[:, 0]
+        self.load = largest(case.generalized(*case.wrench(np.zeros(3)))[:, 0] - inertia)
+        self.gravity = largest(case.generalized(*case.wrench(loaded=False))[:, 0] - inertia)
+        self.inertia = largest(inertia)
+        (right, _), (wrong, beta) = (_by_bracket(case, form) for form in (screws.lie_bracket, printed.lie_bracket))
+        self.driving, self.bracket = largest(right), largest(wrong - right)
+        self.joint_error = percent(beta, case.side.gather(case.beta))
 
     @property
     def sentence(self) -> str:
@@ -40,22 +39,6 @@ class Reach:
             f"{self.joint_error:.0f} % in joint accelerations changes its driving forces by {self.bracket:.2g} N "
             f"of {self.driving:.0f} N, {share:.2g} %."
         )
-
-
-def reach(case: Case) -> Reach:
-    """Splits Q_a into its causes, and carries the wrong bracket through to the driving forces."""
-    inertia = case.generalized(*case.wrench(np.zeros(3), loaded=False))[:, 0]
-    load = case.generalized(*case.wrench(np.zeros(3)))[:, 0] - inertia
-    gravity = case.generalized(*case.wrench(loaded=False))[:, 0] - inertia
-    (right, _), (wrong, beta) = (_by_bracket(case, form) for form in (screws.lie_bracket, printed.lie_bracket))
-    return Reach(
-        load=largest(load),
-        gravity=largest(gravity),
-        inertia=largest(inertia),
-        driving=largest(right),
-        bracket=largest(wrong - right),
-        joint_error=percent(beta, case.side.gather(case.beta)),
-    )
 
 
 def _by_bracket(case: Case, bracket: Bracket) -> tuple[Array, Array]:
