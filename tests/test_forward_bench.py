@@ -162,7 +162,7 @@ def test_command_line(monkeypatch, tmp_path, capsys):
 
 
 def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
-    plan = replace(FULL, share=0.2, rounds=1)
+    plan = replace(FULL, share=0.2, rounds=1, quick=True)
     found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
     (one,) = found.fits
     assert one.ok, one.slope

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
 from screwgauge.study.method import Method
-from screwgauge.study.posed import QUANTITIES, Posed
+from screwgauge.study.posed import Posed
 
-FROM_Y = "from y and its derivatives"
 #: The quantity of a contestant that computes none.
 NOTHING = "none"
 
@@ -72,10 +71,3 @@ class Contestant:
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
             scores[quantity] = score.max_scaled, score.rms_scaled, reason
         return scores
-
-
-def of_each_quantity(*members: Callable[..., Contestant]) -> Iterator[Contestant]:
-    """All members for the first quantity, then for the next; each takes the quantities that it is to compute."""
-    for quantity in QUANTITIES:
-        for member in members:
-            yield member(quantities=(quantity,))

@@ -13,7 +13,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
 from screwgauge.study.ask import model_files
-from screwgauge.study.bench.contestant import FROM_Y, Contestant
+from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import FAILED, Row
 from screwgauge.study.method import Method
@@ -79,7 +79,7 @@ def _everything(posed: Posed, engine: str) -> Reference:
 def contestants() -> Iterator[Contestant]:
     """All rows; the first of each engine is everything."""
     for engine in ENGINES:
-        covers = f"{FROM_Y}: the engine {engine}, model loaded"
+        covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
         yield trial(EVERYTHING, question=less, quantities=GIVEN)
