@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
 
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
 NOTHING = "none"
 

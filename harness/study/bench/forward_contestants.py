@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
-from typing import Any
 
 from screwgauge.engines.methods import METHODS
 from screwgauge.engines.registry import engines
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.scene.simulation import EXPLICIT
-from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
@@ -28,19 +27,6 @@ LEAST_CONSTRAINED = 1e-10
 #: Fixed steps over the whole motion.
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
-#: Impedance that leaves least softness, and refinements that remove the rest of it.
-STIFF = {"solimp": 0.9999, "passes": 20}
-_PROJECTED, _SOFT = "{} with projection, dt {:g} s", "{}, dt {:g} s, solref default, solimp default, raw"
-_REFINED = "{}, dt {:g} s, solref default, solimp 0.9999, at most 20 refinements"
-#: Family, engine, integrator, whatever is not default, and the words of the engine for it.
-STEPPERS: tuple[tuple[str, str, str, dict[str, Any], str], ...] = (
-    ("pinocchio-Euler", "pinocchio", "Euler", {}, "semi-implicit " + _PROJECTED),
-    ("pinocchio-RK4", "pinocchio", "RK4", {}, _PROJECTED),
-    ("mujoco-Euler", "mujoco", "Euler", {}, _SOFT),
-    ("mujoco-implicitfast", "mujoco", "implicitfast", {}, _SOFT),
-    ("mujoco-RK4", "mujoco", "RK4", {}, _SOFT),
-    ("mujoco-Euler-refined", "mujoco", "Euler", STIFF, _REFINED),
-)
 
 
 def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0) -> Asked:
@@ -88,10 +74,10 @@ def _climbing(own: str, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
 
 def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
     """The engines' own steppers, each over fixed steps."""
-    for family, engine, integrator, more, words in STEPPERS:
-        found = []
+    for stepper in TABLE["steppers"]:
+        family, engine, found = stepper["family"], stepper["engine"], list[Contestant]()
         for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS)):
-            method, setting = Method(engine, {"integrator": integrator, "dt": dt, **more}), words.format(integrator, dt)
+            method, setting = Method(engine, {"dt": dt, **stepper["settings"]}), stepper["setting"].format(dt=dt)
             parameter = "dt [s]", dt
             found.append(_MEMBER(family, family, setting, method, simulation, parameter=parameter, label=_label(dt)))
         yield found

@@ -18,7 +18,7 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.solution import Solution, Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
 from screwgauge.study.posed import Posed
-from screwgauge.study.reference import Reference, Score, reference_values
+from screwgauge.study.reference import Reference, Score, joined, reference_values
 
 EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
 
@@ -42,8 +42,7 @@ class Asked:
 
     def score(self, quantity: str, solutions: Sequence[Solution]) -> Score:
         """Error of the answers."""
-        parts = [solution.values[quantity] for solution in solutions]
-        whole = Values(parts[0].components, parts[0].units, np.concatenate([part.array for part in parts]))
+        whole = joined(solution.values[quantity] for solution in solutions)
         return self.reference.score(quantity, whole if self.rows is None else whole.at(self.rows))
 
 

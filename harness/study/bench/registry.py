@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.expressions import number
 from screwgauge.study.bench import leaving_out, questions
-from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.method import Method
 from screwgauge.study.posed import QUANTITIES
 
-LINES = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))["lines"]
 #: What an entry may say as a contestant has it.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
     """All of them, family by family. `quick`: settings that take longest are left out."""
-    return [*(one for entry in LINES for one in _expanded(entry, quick)), *leaving_out.contestants()]
+    return [*(one for entry in TABLE["lines"] for one in _expanded(entry, quick)), *leaving_out.contestants()]
 
 
 def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:

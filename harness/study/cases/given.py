@@ -14,7 +14,7 @@ from screwgauge.quantities import QUANTITIES as KNOWN
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.question import UNKNOWN, Question, by_size, files_of
+from screwgauge.study.cases.question import UNKNOWN, Question, by_size, put
 from screwgauge.study.method import Method
 from screwgauge.study.reference import TRUTH
 
@@ -70,12 +70,6 @@ def compare(
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
     truth = solve(scene, (TRUTH,), quantities)[0].get(TRUTH)
     known = truth is not None and truth.rows is None
-    return Question(
-        mechanism=scene.mechanism,
-        files=files_of(scene, folder, methods),
-        problem=scene.problem(quantities if known else JUDGED),
-        methods=methods,
-        quantities=quantities,
-        right=by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN,
-        cause=cause,
-    )
+    right = by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
+    question = put(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
+    return replace(question, cause=cause)

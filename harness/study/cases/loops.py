@@ -14,7 +14,7 @@ from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.given import ENGINES
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
-from screwgauge.study.cases.question import Question, by_size, files_of
+from screwgauge.study.cases.question import Question, by_size, put
 from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
@@ -48,19 +48,11 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     posed = loaded(folder)
     yield push(posed, SCREW)
     yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
-    methods = _proximal("deficient", mu)
-    files = write_four_bar(folder)
+    methods, mechanism = _proximal("deficient", mu), load_mechanism(FILE)
+    files = dict.fromkeys((method.engine for method in methods), write_four_bar(folder))
     problem, exact = four_bar_states(SAMPLES)
-    mechanism = load_mechanism(FILE)
-    yield Question(
-        mechanism=mechanism,
-        files={method.engine: files for method in methods},
-        problem=problem,
-        methods=methods,
-        quantities=(ACCELERATION,),
-        right=by_size("exact", mechanism, {ACCELERATION: exact}),
-        by=_RESIDUAL,
-    )
+    right = by_size("exact", mechanism, {ACCELERATION: exact})
+    yield Question(mechanism, files, problem, methods, (ACCELERATION,), right, by=_RESIDUAL)
 
 
 def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
@@ -89,19 +81,20 @@ def _forces(posed: Posed) -> Question:
     reactions = counts.names[: counts.constraints]
     unique = tuple(name for name, flag in zip(reactions, counts.unique, strict=False) if flag)
     kinds = [sorted({name.split(".")[1] for name in group}) for group in (unique, {*reactions} - {*unique})]
-    quantities, methods = ("generalized_force", "reaction"), tuple(Method(engine) for engine in ENGINES)
+    quantities = "generalized_force", "reaction"
     right = reference_values(posed.scene, posed.t, quantities)
     values = {**right.values, "reaction": right.values["reaction"].pick(unique)}
-    return Question(
-        mechanism=mechanism,
-        files=files_of(posed.scene, posed.folder, methods),
-        problem=posed.problem(*quantities),
-        methods=methods,
-        quantities=quantities,
-        right=by_size(right.engine, mechanism, values),
-        admitted=dict.fromkeys(quantities, 0.0),  # what is open has no digit, which says nothing of what is unique
-        remarks={
-            "reaction": f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
-            f"({counts.overconstraints} redundant constraints)"
-        },
+    question = put(
+        posed.scene,
+        posed.folder,
+        posed.problem(*quantities),
+        tuple(map(Method, ENGINES)),
+        quantities,
+        by_size(right.engine, mechanism, values),
     )
+    remark = (
+        f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
+        f"({counts.overconstraints} redundant constraints)"
+    )
+    # what is open has no digit, which says nothing of what is unique
+    return replace(question, admitted=dict.fromkeys(quantities, 0.0), remarks={"reaction": remark})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,9 +12,8 @@ import numpy as np
 
 from screwgauge.judging.kinetics import walk
 from screwgauge.models.generate import write_models
-from screwgauge.problem import Problem, States
+from screwgauge.problem import States
 from screwgauge.reference import linear
-from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.loops import loop_equations
@@ -27,13 +27,13 @@ from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, moving
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
 from screwgauge.study.cases.question import Question, by_size, files_of, findings
 from screwgauge.study.method import Method
-from screwgauge.study.posed import along_tree
+from screwgauge.study.posed import pushed
 from screwgauge.study.reference import TRUTH
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
 HARD, PASSES = 0.9999, 7
-FORWARD, SOFT_FORCE = "forward_acceleration", "tree_force"
+FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that reach rounding on loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
 _PROJECTED = Method("screw", {"projected": True})
@@ -126,12 +126,10 @@ def _forces(given: Question, method: Method, states: States) -> Question:
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
     """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
-    needed = solve(scene, (SCREW.engine,), (SOFT_FORCE,))[0][SCREW.engine]
+    needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), by_size(SCREW.engine, scene.mechanism, needed.values)
-    problem = replace(question.problem, wanted=frozenset(("tree_force_soft",)))
-    return replace(
-        question, problem=problem, right=right, quantities=(SOFT_FORCE,), read=read_soft_forces, cause=_STIFF
-    )
+    problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
+    return replace(question, problem=problem, right=right, quantities=(TREE_FORCE,), read=read, cause=_STIFF)
 
 
 def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
@@ -139,26 +137,18 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
     mechanism, names, true = given.mechanism, states.coordinates, given.right
     q = np.zeros((len(states), len(mechanism.coordinates)))
     q[:, mechanism.columns(names)] = states.q
-    tau = along_tree(mechanism, names, q, given.problem.applied)
-    driven = [names.index(joint.coordinates[0]) for joint in mechanism.actuators]
-    tau[:, driven] += true.values["actuator_force"].array
     values, scales = {FORWARD: true.values[ACCELERATION].pick(names)}, {FORWARD: true.scales[ACCELERATION]}
     return replace(
         given,
-        problem=Problem(Applied(gravity=given.problem.applied.g), replace(states, tau=tau), frozenset((ACCELERATION,))),
+        problem=pushed(mechanism, given.problem.applied, states, q, true.values["actuator_force"].array),
         methods=(method,),
         quantities=(FORWARD,),
         right=replace(true, values=values, scales=scales),
-        read=read_accelerations,
+        read=partial(renamed, has=ACCELERATION),
         cause=cause,
     )
 
 
-def read_accelerations(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Accelerations of given states by the name that they have in this case."""
-    return {FORWARD: solution.values[ACCELERATION]}
-
-
-def read_soft_forces(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Forces of the tree with soft constraints by the name that they have in this case."""
-    return {SOFT_FORCE: solution.values["tree_force_soft"]}
+def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
+    """What a solution has, by the name that it has in this case."""
+    return {question.quantities[0]: solution.values[has]}

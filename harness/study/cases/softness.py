@@ -32,7 +32,7 @@ from screwgauge.study.cases.pushed import (
     tree_coordinates,
     true_velocities,
 )
-from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated
+from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
 from screwgauge.study.method import Method
 from screwgauge.study.reference import Reference
 
@@ -94,15 +94,8 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
     applied = scene.under(motors=hold(dict(zip(driven, forces.tolist(), strict=True)))).applied
     integration, t = Integration(rtol=tolerance, atol=tolerance), np.linspace(0.0, duration, samples)
     task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, t, integration)
-    question = Question(
-        mechanism=mechanism,
-        files=files_of(scene, Path(), (SCREW,)),
-        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction"))),
-        methods=(SCREW,),
-        quantities=QUANTITIES,
-        right=UNKNOWN,
-        read=read,
-    )
+    problem = Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction")))
+    question = replace(put(scene, Path(), problem, (SCREW,), QUANTITIES, UNKNOWN), read=read)
     solution = SCREW.load(question.files["screw"]).solve(question.problem)
     if solution.stopped:
         raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")

@@ -23,7 +23,7 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.cases.collocation import collocate
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, loop_condition, push, true_velocities
-from screwgauge.study.cases.question import Question, files_of, integrated
+from screwgauge.study.cases.question import Question, integrated, put
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
 from screwgauge.study.reference import Reference
@@ -154,18 +154,11 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
         "motion": {"rad": float(change[lay.turns].max()), "m": float(change[~lay.turns].max())},
         "energy": {"J": float(np.abs(E - E[0]).max())},
     }
-    task = InitialValue(start, rest, 0.0, grid[looked_at])
-    question = Question(
-        mechanism=mechanism,
-        files=files_of(scene, folder, _RADAU),
-        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity"))),
-        methods=(),
-        quantities=QUANTITIES,
-        right=Reference("collocation", values, "", scales),
-        read=read,
-        condition=float(np.linalg.cond(rate.A).max()),
-    )
-    return question, fastest
+    task, wanted = InitialValue(start, rest, 0.0, grid[looked_at]), frozenset(("joint_position", "joint_velocity"))
+    right = Reference("collocation", values, "", scales)
+    question = put(scene, folder, Problem(applied, task, wanted), _RADAU, QUANTITIES, right)
+    condition = float(np.linalg.cond(rate.A).max())
+    return replace(question, methods=(), read=read, condition=condition), fastest
 
 
 def _velocities(lay: Layout, states: Array) -> Velocities:
