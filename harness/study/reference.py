@@ -82,6 +82,12 @@ def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, d
     }
 
 
+def sizes(values: Values) -> dict[str, float]:
+    """Unit -> largest magnitude."""
+    size = np.abs(values.array).max(axis=0)
+    return {unit: float(size[[u == unit for u in values.units]].max()) for unit in dict.fromkeys(values.units)}
+
+
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
     """Values of a scene at chosen times.
 

@@ -12,6 +12,7 @@ from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
+from screwgauge.study.reference import joined
 
 TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
@@ -71,7 +72,8 @@ class Contestant:
         """Quantity -> largest and RMS scaled error, and why there is none."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
-            score = asked.score(quantity, solutions)
+            found = joined(solution.values[quantity] for solution in solutions)
+            score = asked.reference.score(quantity, found if asked.rows is None else found.at(asked.rows))
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
             scores[quantity] = score.max_scaled, score.rms_scaled, reason
         return scores

@@ -18,7 +18,7 @@ from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import FAILED, Row
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference import Reference, sizes
 
 #: Family of these contestants, which have a table of their own.
 LEAVING_OUT = "leaving-out"
@@ -68,11 +68,7 @@ def less(
 def _everything(posed: Posed, engine: str) -> Reference:
     """All that an engine says of a scene, measured by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
-    scales: dict[str, dict[str, float]] = {}
-    for name, has in values.items():
-        size = np.abs(has.array).max(axis=0)
-        largest = {unit: max(size[[u == unit for u in has.units]]) for unit in dict.fromkeys(has.units)}
-        scales[name] = {unit: float(value) or 1.0 for unit, value in largest.items()}
+    scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)
 
 

@@ -34,7 +34,7 @@ from screwgauge.study.cases.pushed import (
 )
 from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
 from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference import Reference, sizes
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.
@@ -127,12 +127,12 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
     """Values as what is right, loops being closed, each quantity measured by the largest size that it has."""
     gap, force, energy, q = (values[name] for name in QUANTITIES)
-    largest, size = float(np.abs(force.array).max()), np.abs(q.array).max(axis=0)
+    largest = float(np.abs(force.array).max())
     scales = {
         "loop_gap": {"m": natural_scales(mechanism)["m"]},
         "constraint_force": {"N": largest, "N m": largest},
         "energy": {"J": float(np.abs(energy.array - energy.array[0]).max())},
-        "joint_position": {unit: float(size[[u == unit for u in q.units]].max()) for unit in ("rad", "m")},
+        "joint_position": sizes(q),
     }
     closed = Values(gap.components, gap.units, np.zeros_like(gap.array))
     return Reference("screw", {**values, "loop_gap": closed}, "", scales)
