@@ -31,7 +31,6 @@ from screwgauge.study.provenance import provenance
 SHORT = 1.0
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
 LONGER = 1.5
-FOREVER = 1e9  # [s]
 #: Of what has not run yet [s]: screw runs under Python throughout.
 FIRST = {"screw": 2.0}
 #: Orders where steps can show them: RK4's reach rounding before they are fine, MuJoCo's softness has a floor.
@@ -128,7 +127,7 @@ def _foreseen(contestant: Contestant, before: Sequence[Outcome]) -> float:
         return max([FIRST.get(engine, 0.0), *alike[:1]])
     last, longer = same[-1], LONGER
     if last.status == CUT:
-        return FOREVER
+        return np.inf
     if contestant.parameter and last.contestant.parameter:
         longer = last.contestant.parameter[1] / contestant.parameter[1]
     return last.wall * longer if np.isfinite(last.wall) else 0.0

@@ -61,14 +61,8 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
     )
 
 
-def names() -> list[str]:
-    """Everything that `choose` understands: families and contestants."""
-    everyone = contestants(quick=False)
-    return list(dict.fromkeys([*(c.family for c in everyone), *(c.name for c in everyone)]))
-
-
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """The named families and contestants, all by default.
+    """The named families and contestants, of a quick bench or a full one; all by default.
 
     Raises:
         ScrewgaugeError: A name is not known, or there is none.
@@ -76,5 +70,7 @@ def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contest
     everyone = contestants(quick=quick)
     if wanted is None:
         return everyone
-    chosen = set(check_choice("contestant", wanted, names()))
+    known = contestants(quick=False)
+    names = dict.fromkeys([*(c.family for c in known), *(c.name for c in known)])
+    chosen = set(check_choice("contestant", wanted, names))
     return [contestant for contestant in everyone if {contestant.family, contestant.name} & chosen]
