@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pickle
+import re
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -22,6 +23,7 @@ from screwgauge.reference.precision import in_precision
 from screwgauge.solution import Values
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
+from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.forward_contestants import contestants as simulators
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
@@ -55,6 +57,17 @@ def test_every_row_has_an_error_and_a_time_or_a_reason(found):
         else:
             assert row.reason
     assert [r.contestant.name for r in found.rows if r.status != "ok"] == ["four-bar"]
+
+
+@pytest.mark.parametrize(
+    "entry", TABLE["lines"], ids=lambda entry: entry["name"] if "name" in entry else entry["family"]
+)
+def test_an_entry_says_nothing_that_no_contestant_has(entry):
+    values = [value for values in entry.get("over", {}).values() for value in values if isinstance(value, dict)]
+    said = {*entry, *entry.get("over", {}), *(name for value in values for name in value)}
+    understood = {field.name for field in fields(Contestant)} | {"engine", "settings", "over", "each", "slow", "named"}
+    odd = [name for name in said - understood if not re.search(rf"(\{{|\$){name}\b", str(entry))]
+    assert set(odd) <= {"which"}  # an axis of tables, whose name is never asked for
 
 
 def test_no_two_contestants_share_a_key(found):

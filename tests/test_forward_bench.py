@@ -20,8 +20,8 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.bench.forward_drawing import make_plots
 from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
 from screwgauge.study.bench import forward_run as module
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_contestants import STEPPERS, contestants, simulation
+from screwgauge.study.bench.contestant import TABLE, Contestant
+from screwgauge.study.bench.forward_contestants import contestants, simulation
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest
 from screwgauge.study.bench.forward_score import simulated
 from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK, bench_table
@@ -122,7 +122,7 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
     assert np.isnan(absolute_table([refused])["max_abs"]).all()
 
 
-@pytest.mark.parametrize("family", [stepper[0] for stepper in STEPPERS])
+@pytest.mark.parametrize("family", [stepper["family"] for stepper in TABLE["steppers"]])
 def test_rows_of_steppers_say_what_their_engines_say(family, tmp_path):
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.01])
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
@@ -162,7 +162,7 @@ def test_command_line(monkeypatch, tmp_path, capsys):
 
 
 def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
-    plan = replace(FULL, share=0.2, rounds=1)
+    plan = replace(FULL, share=0.2, rounds=1, quick=True)
     found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
     (one,) = found.fits
     assert one.ok, one.slope

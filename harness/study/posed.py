@@ -56,16 +56,25 @@ class Posed:
         return States(coordinates, q, v, a=a)
 
     def pushed(self, coordinates: tuple[str, ...]) -> Problem:
-        """The question for accelerations at the true states of a tree, under the true actuator forces and the loads.
+        """The question for accelerations at the true states of a tree, see `pushed`."""
+        q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
+        return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
-        Loads are among the forces along the coordinates, so that engines need not turn them.
-        """
-        states, mechanism = self.moving(coordinates), self.scene.mechanism
-        tau = along_tree(mechanism, coordinates, self.reference.values["joint_position"].array, self.scene.applied)
-        driven = [coordinates.index(joint.coordinates[0]) for joint in mechanism.actuators]
-        tau[:, driven] += self.reference.values["actuator_force"].array
-        task = States(coordinates, states.q, states.v, tau=tau)
-        return Problem(Applied(gravity=self.scene.applied.g), task, frozenset(("joint_acceleration",)))
+
+def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
+    """The question for accelerations of a tree under actuator forces and the loads.
+
+    Loads are among the forces along the coordinates, so that engines need not turn them.
+
+    Args:
+        q: All joint coordinates, see `along_tree`. Shape (n, n_q).
+        force: Of the actuators. Shape (n, n_actuator).
+    """
+    names = states.coordinates
+    tau = along_tree(mechanism, names, q, applied)
+    tau[:, [names.index(joint.coordinates[0]) for joint in mechanism.actuators]] += force
+    task = States(names, states.q, states.v, tau=tau)
+    return Problem(Applied(gravity=applied.g), task, frozenset(("joint_acceleration",)))
 
 
 def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, applied: Applied) -> Array:

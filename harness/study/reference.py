@@ -82,6 +82,12 @@ def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, d
     }
 
 
+def sizes(values: Values) -> dict[str, float]:
+    """Unit -> largest magnitude."""
+    size = np.abs(values.array).max(axis=0)
+    return {unit: float(size[[u == unit for u in values.units]].max()) for unit in dict.fromkeys(values.units)}
+
+
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
     """Values of a scene at chosen times.
 
@@ -108,7 +114,10 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
         if engine in results.failures:
             return results.failures[engine]
         parts.append(results.solutions[engine].values)
-    return {
-        name: Values(has.components, has.units, np.concatenate([part[name].array for part in parts]))
-        for name, has in parts[0].items()
-    }
+    return {name: joined(part[name] for part in parts) for name in parts[0]}
+
+
+def joined(parts: Iterable[Values]) -> Values:
+    """Samples of one quantity, one part after the other."""
+    found = list(parts)
+    return Values(found[0].components, found[0].units, np.concatenate([part.array for part in found]))

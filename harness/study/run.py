@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -35,14 +35,8 @@ from screwgauge.study.provenance import provenance
 _MOTION = SIMULATED[:3]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Checked:
-    """What the description alone says of a scene."""
-
-    mobility: Mobility
-    expected: Expected
-    lay: Layout | None = None
-    warnings: tuple[str, ...] = ()
+_Checked = tuple[Mobility, Expected, Layout | None, tuple[str, ...]]
+"""What the description alone says of a scene; a layout if it is simulated; warnings."""
 
 
 def run(
@@ -68,11 +62,11 @@ def run(
     """
     names, wanted = _asked(scene, engines, quantities)
     progress("preflight", 0.0)
-    checked = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
-    for sentence in checked.warnings:
+    counted, expected, lay, warnings = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
+    for sentence in warnings:
         warn(sentence)
     with generated(scene) as folder:
-        answers, failures = ask_engines(scene, names, wanted, folder, progress, checked.expected)
+        answers, failures = ask_engines(scene, names, wanted, folder, progress, expected)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
@@ -82,15 +76,13 @@ def run(
         answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
     judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
     solutions, lost = dict(answers), list[dict[str, Any]]()
-    if checked.lay is not None:
-        solutions = {name: _observed(scene, checked.lay, answer, wanted) for name, answer in answers.items()}
+    if lay is not None:
+        solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in answers.items()}
         if scene.known is not None and "observable" in wanted:
             solutions[REFERENCE] = _reference(scene, scene.known)
         lost = list(_lost(scene, wanted, answers, failures, list(solutions)))
-    compared_failures = {} if scene.simulated else failures
-    errors, pairs = compare(
-        mechanism, problem, solutions, compared_failures, checked.mobility, scene.tolerance, refused
-    )
+    failed = {} if scene.simulated else failures
+    errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
     if lost:
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
     return Comparison(
@@ -100,9 +92,9 @@ def run(
         errors=errors,
         pairs=pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
-        mobility=facts(checked.mobility),
+        mobility=facts(counted),
         environment=environment(),
-        warnings=checked.warnings,
+        warnings=warnings,
         refusals=refused,
         provenance=judged_files,
     )
@@ -158,13 +150,13 @@ def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
     )
     # those of a tree are the engine's own
     expected = {name: table[name][0] for name in table if not name.startswith("tree_force")}
-    return _Checked(counted, expected, warnings=far_from_home(scene))
+    return counted, expected, None, far_from_home(scene)
 
 
 def _check_simulated(scene: Scene) -> _Checked:
     lay, warnings = check_start(scene)
     counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return _Checked(counted, dict.fromkeys(_MOTION, tuple(scene.mechanism.coordinates)), lay, warnings)
+    return counted, dict.fromkeys(_MOTION, tuple(scene.mechanism.coordinates)), lay, warnings
 
 
 def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:

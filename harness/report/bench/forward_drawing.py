@@ -15,8 +15,8 @@ from screwgauge.report.plots import Plot, drawn
 from screwgauge.study.bench.rows import OK
 
 if TYPE_CHECKING:
-    from screwgauge.study.bench.forward_run import Contest
     from screwgauge.study.bench.forward_score import Outcome
+    from screwgauge.study.bench.run import Bench as Contest
 
 SENSELESS = 10.0  # scaled error from which a motion has nothing to do with the scene: it is in the table only
 #: What is measured, its axis, and its error.

@@ -17,9 +17,9 @@ from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
 from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_run import Contest
 from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
+from screwgauge.study.bench.run import Bench as Contest
 from screwgauge.study.bench.slopes import table as slope_table
 
 ABSOLUTE = [

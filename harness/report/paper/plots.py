@@ -15,7 +15,7 @@ from screwgauge.report.figures.render import render
 from screwgauge.report.plots import Plot
 
 if TYPE_CHECKING:
-    from screwgauge.study.paper.axial import AxialRule
+    from screwgauge.study.paper.dynamics import AxialRule
     from screwgauge.study.paper.scheme import SchemeRuns
 
 LINES = [Look(colour, dash) for colour, dash in zip(COLOURS, DASHES, strict=False)]

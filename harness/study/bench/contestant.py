@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
 from screwgauge.study.method import Method
-from screwgauge.study.posed import QUANTITIES, Posed
+from screwgauge.study.posed import Posed
+from screwgauge.study.reference import joined
 
-FROM_Y = "from y and its derivatives"
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
 NOTHING = "none"
 
@@ -68,14 +72,8 @@ class Contestant:
         """Quantity -> largest and RMS scaled error, and why there is none."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
-            score = asked.score(quantity, solutions)
+            found = joined(solution.values[quantity] for solution in solutions)
+            score = asked.reference.score(quantity, found if asked.rows is None else found.at(asked.rows))
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
             scores[quantity] = score.max_scaled, score.rms_scaled, reason
         return scores
-
-
-def of_each_quantity(*members: Callable[..., Contestant]) -> Iterator[Contestant]:
-    """All members for the first quantity, then for the next; each takes the quantities that it is to compute."""
-    for quantity in QUANTITIES:
-        for member in members:
-            yield member(quantities=(quantity,))

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from itertools import zip_longest
 
 from screwgauge.engines.methods import METHODS
 from screwgauge.engines.registry import engines
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.scene.simulation import EXPLICIT
-from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
 
-COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+_COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+_MEMBER = partial(Contestant, quantities=("observable",), covers=_COVERS)
 #: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
@@ -26,19 +27,6 @@ LEAST_CONSTRAINED = 1e-10
 #: Fixed steps over the whole motion.
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
-#: Impedance that leaves least softness, and refinements that remove the rest of it.
-STIFF = {"solimp": 0.9999, "passes": 20}
-_PROJECTED, _SOFT = "{} with projection, dt {:g} s", "{}, dt {:g} s, solref default, solimp default, raw"
-_REFINED = "{}, dt {:g} s, solref default, solimp 0.9999, at most 20 refinements"
-#: Family, engine, integrator, whatever is not default, and the words of the engine for it.
-STEPPERS: tuple[tuple[str, str, str, dict[str, Any], str], ...] = (
-    ("pinocchio-Euler", "pinocchio", "Euler", {}, "semi-implicit " + _PROJECTED),
-    ("pinocchio-RK4", "pinocchio", "RK4", {}, _PROJECTED),
-    ("mujoco-Euler", "mujoco", "Euler", {}, _SOFT),
-    ("mujoco-implicitfast", "mujoco", "implicitfast", {}, _SOFT),
-    ("mujoco-RK4", "mujoco", "RK4", {}, _SOFT),
-    ("mujoco-Euler-refined", "mujoco", "Euler", STIFF, _REFINED),
-)
 
 
 def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0) -> Asked:
@@ -62,55 +50,37 @@ def contestants(method: str, duration: float, *, stiff: bool, quick: bool) -> li
         duration: Of the motion [s].
         stiff: Whether an explicit method would have to take very many steps.
     """
-    families = [*_screw(method, stiff=stiff, quick=quick)]
-    rungs = _rungs(method, quick, LEAST_CONSTRAINED)
-    others = (name for name, engine in engines().items() if InitialValue in engine.tasks and name != "screw")
-    families += [_ladder(engine, engine, method, rungs) for engine in others]
-    families += [_steps(*stepper, duration, quick=quick) for stepper in STEPPERS]
-    ranked = ((rank, contestant) for family in families for rank, contestant in enumerate(family))
-    return [contestant for _, contestant in sorted(ranked, key=lambda pair: pair[0])]
+    families = *_climbing(method, stiff, quick), *_stepping(duration, quick)
+    return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
 
 
-def _screw(own: str, *, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
-    for method in METHODS:
-        rungs = _rungs(method, quick)
-        # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
-        if (quick and method != own) or (stiff and method in EXPLICIT):
-            rungs = rungs[:1]
-        yield _ladder(f"screw-{method}", "screw", method, rungs)
+def _climbing(own: str, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
+    """Engines by scipy's methods, each a ladder of tolerances."""
+    for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
+        screw = engine == "screw"
+        for method in METHODS if screw else (own,):
+            least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
+            rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
+            # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
+            if screw and ((quick and method != own) or (stiff and method in EXPLICIT)):
+                rungs = rungs[:1]
+            family, found = f"screw-{method}" if screw else engine, list[Contestant]()
+            for rtol in rungs:
+                question, setting = partial(simulation, method=method, rtol=rtol), f"{method}, rtol = atol = {rtol:.0e}"
+                label = f"{rtol:.0e}".replace("e-0", "e-")
+                found.append(_MEMBER(family, family, setting, Method(engine), question, label=label))
+            yield found
 
 
-def _rungs(method: str, quick: bool, least: float = 0.0) -> list[float]:
-    least = max(least, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
-    return [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
-
-
-def _ladder(family: str, engine: str, method: str, rungs: Sequence[float]) -> list[Contestant]:
-    member = partial(Contestant, family, family, method=Method(engine), quantities=("observable",), covers=COVERS)
-    return [
-        member(
-            f"{method}, rtol = atol = {rtol:.0e}",
-            question=partial(simulation, method=method, rtol=rtol),
-            label=f"{rtol:.0e}".replace("e-0", "e-"),
-        )
-        for rtol in rungs
-    ]
-
-
-def _steps(
-    family: str, engine: str, integrator: str, settings: dict[str, Any], words: str, duration: float, *, quick: bool
-) -> list[Contestant]:
-    """An engine's own stepper at fixed steps."""
-    member = partial(Contestant, family, family, question=simulation, quantities=("observable",), covers=COVERS)
-    return [
-        member(
-            words.format(integrator, dt),
-            Method(engine, {"integrator": integrator, "dt": dt, **settings}),
-            parameter=("dt [s]", dt),
-            label=_label(dt),
-        )
-        for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS))
-    ]
+def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
+    """The engines' own steppers, each over fixed steps."""
+    for stepper in TABLE["steppers"]:
+        family, engine, found = stepper["family"], stepper["engine"], list[Contestant]()
+        for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS)):
+            method, setting = Method(engine, {"dt": dt, **stepper["settings"]}), stepper["setting"].format(dt=dt)
+            parameter = "dt [s]", dt
+            found.append(_MEMBER(family, family, setting, method, simulation, parameter=parameter, label=_label(dt)))
+        yield found
 
 
 def _label(dt: float) -> str:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,10 @@ from screwgauge.study.ask import Report, TooLongError, ask, generated, silent, w
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.forward_contestants import contestants as all_contestants
 from screwgauge.study.bench.forward_score import Outcome, outcome, simulated
-from screwgauge.study.bench.rows import CUT, FAILED, Row
-from screwgauge.study.bench.slopes import Fit, Rule, fits
+from screwgauge.study.bench.leaving_out import table as leaving_out
+from screwgauge.study.bench.rows import CUT, FAILED
+from screwgauge.study.bench.run import Bench, Plan, models_of
+from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.posed import Posed, compared_rows
 from screwgauge.study.provenance import provenance
@@ -30,7 +31,6 @@ from screwgauge.study.provenance import provenance
 SHORT = 1.0
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
 LONGER = 1.5
-FOREVER = 1e9  # [s]
 #: Of what has not run yet [s]: screw runs under Python throughout.
 FIRST = {"screw": 2.0}
 #: Orders where steps can show them: RK4's reach rounding before they are fine, MuJoCo's softness has a floor.
@@ -38,56 +38,8 @@ FIRST = {"screw": 2.0}
 RULES = (Rule("pinocchio-Euler", "energy", 1.0),)
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """How much is measured.
-
-    Attributes:
-        samples: Times compared, at most.
-        rounds: Measurements of what is short.
-        budget: Seconds after which nothing further begins or goes on.
-        each: Seconds after which a contestant is stopped.
-        share: Share of the duration that is integrated.
-    """
-
-    samples: int
-    rounds: int
-    budget: float
-    each: float
-    share: float
-
-
-FULL = Plan(samples=41, rounds=3, budget=90.0, each=45.0, share=1.0)
-QUICK = Plan(samples=9, rounds=1, budget=25.0, each=8.0, share=0.2)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Contest:
-    """What was measured.
-
-    Attributes:
-        reference: What errors are measured against, in words.
-        provenance: Files that were judged, and the date.
-    """
-
-    scene: Scene
-    plan: Plan
-    outcomes: tuple[Outcome, ...]
-    fits: tuple[Fit, ...]
-    reference: str
-    notes: tuple[str, ...]
-    environment: Mapping[str, Any]
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def complete(self) -> bool:
-        """Nothing was cut short."""
-        return all(outcome.status != CUT for outcome in self.outcomes)
-
-    @property
-    def rows(self) -> tuple[Row, ...]:
-        """One for each contestant and quantity, as in ``bench.csv``."""
-        return tuple(row for outcome in self.outcomes for row in outcome.rows)
+FULL = Plan(samples=41, rounds=3, budget=90.0, quick=False, each=45.0)
+QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
 
 
 def contest(
@@ -96,7 +48,7 @@ def contest(
     plan: Plan = FULL,
     contestants: Iterable[str] | None = None,
     progress: Report = silent,
-) -> Contest:
+) -> Bench:
     """Measures errors, energy and run times of contestants on a simulated scene.
 
     Args:
@@ -116,14 +68,13 @@ def contest(
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
     stiff = _stiff(short, lay)
-    waiting = _chosen(short, contestants, stiff=stiff, quick=plan.share < 1.0)
+    waiting = _chosen(short, contestants, stiff=stiff, quick=plan.quick)
     late = {f"screw-{name}" for name in EXPLICIT} if stiff else set[str]()
     outcomes: list[Outcome] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
         posed, n = simulated(short, folder), len(waiting)
-        engines = dict.fromkeys(contestant.method.engine for contestant in waiting)
-        judged = provenance(short, {name: posed.files(name).model for name in engines})
+        judged = provenance(short, models_of(waiting, posed))
         while waiting:
             # the shortest first, as far as the family's last one tells; what is known to take very long comes last
             contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, outcomes)))
@@ -132,12 +83,15 @@ def contest(
             outcomes.append(_turn(posed, plan, contestant, outcomes, plan.budget - perf_counter() + begin))
     names = list(dict.fromkeys(o.contestant.family for o in outcomes))
     outcomes.sort(key=lambda o: (o.contestant.method.engine != "screw", names.index(o.contestant.family)))
-    slopes = fits([row for outcome in outcomes for row in outcome.rows], RULES)
-    return Contest(
+    rows = [row for outcome in outcomes for row in outcome.rows]
+    return Bench(
         scene=short,
         plan=plan,
-        outcomes=tuple(outcomes),
-        fits=tuple(fit for fit in slopes if np.isfinite(fit.slope)),  # three points between saturation and rounding
+        rows=rows,
+        outcomes=outcomes,
+        # three points between saturation and rounding
+        fits=[fit for fit in fits(rows, RULES) if np.isfinite(fit.slope)],
+        leaving_out=leaving_out([]),
         reference=posed.reference.engine,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
@@ -167,15 +121,13 @@ def _foreseen(contestant: Contestant, before: Sequence[Outcome]) -> float:
     """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
     same = [o for o in before if o.contestant.family == contestant.family]
     if not same:
-        engine, alike = contestant.method.engine, list[float]()
-        if contestant.parameter is None:
-            ladders = [o for o in before if o.contestant.method.engine == engine and o.contestant.parameter is None]
-            alike = [o.wall for o in ladders if np.isfinite(o.wall)]
+        engine = contestant.method.engine
+        ladders = [o for o in before if o.contestant.method.engine == engine and o.contestant.parameter is None]
+        alike = [o.wall for o in ladders if contestant.parameter is None and np.isfinite(o.wall)]
         return max([FIRST.get(engine, 0.0), *alike[:1]])
-    last = same[-1]
+    last, longer = same[-1], LONGER
     if last.status == CUT:
-        return FOREVER
-    longer = LONGER
+        return np.inf
     if contestant.parameter and last.contestant.parameter:
         longer = last.contestant.parameter[1] / contestant.parameter[1]
     return last.wall * longer if np.isfinite(last.wall) else 0.0
@@ -194,7 +146,7 @@ def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Out
         return Outcome(contestant, CUT, f"the setting before tells that it would take more than {plan.each:g} s")
     asked, times = contestant.ask(posed), list[tuple[float, float]]()
     (problem,), most = asked.problems, min(plan.each, left)
-    while not times or (len(times) < plan.rounds and times[0][0] < SHORT):
+    while True:
         try:
             with np.errstate(all="ignore"):
                 answer = ask(contestant.method, asked.files, problem, within(most))
@@ -202,6 +154,6 @@ def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Out
             return Outcome(contestant, CUT, str(error))
         if isinstance(answer, Failure):
             return Outcome(contestant, FAILED, answer.reason)
-        solution, cost = answer, answer.cost
-        times.append((cost.wall_s, cost.cpu_s) if cost else (np.nan, np.nan))
-    return outcome(posed, contestant, problem, solution, np.array(times))
+        times.append((answer.cost.wall_s, answer.cost.cpu_s) if answer.cost else (np.nan, np.nan))
+        if len(times) >= plan.rounds or not times[0][0] < SHORT:
+            return outcome(posed, contestant, problem, answer, np.array(times))

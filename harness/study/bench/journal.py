@@ -32,60 +32,57 @@ class Journal:
         if path is None:
             return
         try:
-            lines = [_parse(line) for line in path.read_text(encoding="utf-8").splitlines()]
+            lines = path.read_text(encoding="utf-8").splitlines()
+            self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
         except (OSError, UnicodeDecodeError):
             lines = []
-        else:
-            self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
-        records = [record for record in lines if record is not None]
+        records = list(filter(None, map(_parse, lines)))
         if not records or records[0].get("stamp") != stamp:
-            self._write({"stamp": stamp}, "w")
+            self._write("w", stamp=stamp)
             return
         for record in records[1:]:
             if "result" in record:
                 self.results[record["key"]] = record["result"]
             elif "time" in record:
                 self.times.setdefault(record["key"], []).append(float(record["time"]))
-        self.note = f"Resumed: {len(self.results)} results of an interrupted bench were taken over."
-        if not self.results:
-            self.note = ""
-        if lines[-1] is None:  # cut off while it was written
-            self._write(None, "a")
+        taken = f"Resumed: {len(self.results)} results of an interrupted bench were taken over."
+        self.note = taken if self.results else ""
 
     def keep(self, key: str, result: Mapping[str, Any]) -> None:
         """Adds the result of a first call."""
         self.results[key] = dict(result)
-        self._write({"key": key, "result": self.results[key]}, "a")
+        self._write("a", key=key, result=self.results[key])
 
     def time(self, key: str, seconds: float) -> None:
         """Adds one measurement."""
         self.times.setdefault(key, []).append(seconds)
-        self._write({"key": key, "time": seconds}, "a")
+        self._write("a", key=key, time=seconds)
 
     def remove(self) -> None:
         """The bench is complete: the next one starts afresh."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 
-    def _write(self, record: Mapping[str, Any] | None, mode: str) -> None:
-        """A line with a record, or only the end of a line."""
+    def _write(self, mode: str, **record: Any) -> None:
+        """A line of its own, even after one that was cut off while it was written."""
         if self.path is None:
             return
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open(mode, encoding="utf-8") as file:
-                file.write("\n" if record is None else json.dumps(record) + "\n")
+                file.write(f"\n{json.dumps(record)}\n")
         except OSError as error:
             text = f"cannot be written ({error.strerror})"
             raise OutputError(text, str(self.path), "choose another --out") from None
 
 
-def _parse(line: str) -> dict[str, Any] | None:
+def _parse(line: str) -> dict[str, Any]:
+    """The record of a line; empty if there is none."""
     try:
         record = json.loads(line)
     except ValueError:
-        return None
-    return record if isinstance(record, dict) else None
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool) -> str:

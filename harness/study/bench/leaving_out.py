@@ -13,12 +13,12 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
 from screwgauge.study.ask import model_files
-from screwgauge.study.bench.contestant import FROM_Y, Contestant
+from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import FAILED, Row
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference import Reference, sizes
 
 #: Family of these contestants, which have a table of their own.
 LEAVING_OUT = "leaving-out"
@@ -68,18 +68,14 @@ def less(
 def _everything(posed: Posed, engine: str) -> Reference:
     """All that an engine says of a scene, measured by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
-    scales: dict[str, dict[str, float]] = {}
-    for name, has in values.items():
-        size = np.abs(has.array).max(axis=0)
-        largest = {unit: max(size[[u == unit for u in has.units]]) for unit in dict.fromkeys(has.units)}
-        scales[name] = {unit: float(value) or 1.0 for unit, value in largest.items()}
+    scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)
 
 
 def contestants() -> Iterator[Contestant]:
     """All rows; the first of each engine is everything."""
     for engine in ENGINES:
-        covers = f"{FROM_Y}: the engine {engine}, model loaded"
+        covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
         yield trial(EVERYTHING, question=less, quantities=GIVEN)

@@ -15,10 +15,10 @@ import numpy as np
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
 from screwgauge.study.posed import Posed
-from screwgauge.study.reference import Reference, Score, reference_values
+from screwgauge.study.reference import Reference, reference_values, sizes
 
 EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
 
@@ -39,12 +39,6 @@ class Asked:
     n_sample: int
     reference: Reference
     rows: Rows | None = None
-
-    def score(self, quantity: str, solutions: Sequence[Solution]) -> Score:
-        """Error of the answers."""
-        parts = [solution.values[quantity] for solution in solutions]
-        whole = Values(parts[0].components, parts[0].units, np.concatenate([part.array for part in parts]))
-        return self.reference.score(quantity, whole if self.rows is None else whole.at(self.rows))
 
 
 Question = Callable[[Posed, str, Sequence[str]], Asked]
@@ -84,8 +78,7 @@ def four_bar(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
     """Accelerations of another mechanism, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
-    scales = {unit: float(np.abs(right.array).max()) for unit in right.units}
-    reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, scales))
+    reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, sizes(right)))
     return Asked(write_four_bar(folder), (problem,), len(posed.t), reference)
 
 

@@ -12,25 +12,15 @@ from screwgauge.quantities import digits
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.table import frame
 
-_WHO = {"contestant": "contestant.name", "setting": "contestant.setting", "quantity": "quantity"}
-#: Columns of ``bench.csv`` and ``timings.csv``, and where a row has them.
-BENCH = {
-    "family": "contestant.family",
-    **_WHO,
-    **{name: name for name in ("max_scaled", "rms_scaled", "digits", "time_s", "n_sample")},
-    "covers": "contestant.covers",
-    "status": "status",
-    "reason": "reason",
+#: Columns of ``bench.csv`` and ``timings.csv``, and where a row has those that it calls otherwise.
+COLUMNS = [
+    *("family", "contestant", "setting", "quantity", "max_scaled", "rms_scaled", "digits", "time_s", "n_sample"),
+    *("covers", "status", "reason"),
+]
+TIMING = ["contestant", "setting", "quantity", "rounds", "n_sample", "min_s", "median_s", "covers"]
+_ELSEWHERE = {"contestant": "contestant.name", "min_s": "time_s"} | {
+    name: f"contestant.{name}" for name in ("family", "setting", "covers")
 }
-TIMING = {
-    **_WHO,
-    "rounds": "rounds",
-    "n_sample": "n_sample",
-    "min_s": "time_s",
-    "median_s": "median_s",
-    "covers": "contestant.covers",
-}
-COLUMNS = list(BENCH)
 REACH_COLUMNS = ["quantity", "error", "family", "seconds_per_sample", "contestant", "setting", "given"]
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 OK, FAILED, CUT = "ok", "failed", "cut short"
@@ -82,12 +72,13 @@ class Row:
 
 def bench_table(rows: Sequence[Row]) -> pd.DataFrame:
     """The rows of ``bench.csv``."""
-    return frame(rows, BENCH)
+    return frame(rows, {name: _ELSEWHERE.get(name, name) for name in COLUMNS})
 
 
 def timing_table(rows: Sequence[Row]) -> pd.DataFrame:
     """The rows of ``timings.csv``: shortest and median measurement."""
-    return frame([row for row in rows if row.seconds], TIMING)
+    timed = [row for row in rows if row.seconds]
+    return frame(timed, {name: _ELSEWHERE.get(name, name) for name in TIMING})
 
 
 def reach(rows: Sequence[Row]) -> pd.DataFrame:

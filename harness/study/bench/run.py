@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
-from itertools import groupby, zip_longest
+from itertools import count, groupby, zip_longest
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
@@ -23,59 +23,75 @@ from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
+from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.journal import Journal, stamp
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
-from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How much is measured. `budget`: seconds after which nothing further begins."""
+    """How much is measured.
+
+    Attributes:
+        samples: Times compared, at most.
+        rounds: Measurements of a contestant, at most.
+        budget: Seconds after which nothing further begins; in a simulation, nothing goes on either.
+        quick: Settings that take longest are left out.
+        each: Seconds after which a contestant of a simulation is stopped.
+        share: Share of a simulation that is integrated.
+    """
 
     samples: int
     rounds: int
     budget: float
     quick: bool
+    each: float = np.inf
+    share: float = 1.0
 
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
 QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Bench:
     """What was measured.
 
     Attributes:
         rows: One for each contestant, setting and quantity.
+        outcomes: One for each contestant of a simulation and setting.
         fits: Fitted slopes.
         leaving_out: Rows of ``leaving_out.csv``.
-        reference: Engine that errors are measured against.
+        reference: What errors are measured against, in words.
         notes: Sentences for the report.
         provenance: Files that were judged, and the date.
     """
 
     scene: Scene
     plan: Plan
-    n_compared: int
-    rows: tuple[Row, ...]
-    fits: tuple[slopes.Fit, ...]
+    rows: Sequence[Row]
+    outcomes: Sequence[Outcome] = ()
+    fits: Sequence[slopes.Fit]
     leaving_out: pd.DataFrame
     reference: str
     notes: tuple[str, ...]
     environment: Mapping[str, Any]
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any]
+
+    @property
+    def n_compared(self) -> int:
+        return len(self.scene.t)
 
     @property
     def complete(self) -> bool:
         """Nothing was cut short."""
-        return all(row.status != CUT for row in self.rows) and not (self.leaving_out["status"] == CUT).any()
+        return CUT not in {*self.leaving_out["status"], *(row.status for row in self.rows)}
 
 
 def check_budget(seconds: float) -> float:
@@ -114,27 +130,25 @@ def bench(
         raise DescriptionError(
             "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
         )
-    chosen = [c for _, group in groupby(chosen, key=_group) for c in _present(list(group))]
+    chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
     kept = Journal(journal, stamp(scene, record, plan.quick))
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
         _Work(posed, kept, protocol, progress).all(chosen)
-        engines = dict.fromkeys(contestant.method.engine for contestant in chosen)
-        judged = provenance(posed.scene, {name: posed.files(name).model for name in engines})
-    rows, less = list[Row](), list[Row]()
-    for contestant in chosen:
-        (less if contestant.family == LEAVING_OUT else rows).extend(_rows(contestant, kept))
+        judged = provenance(posed.scene, models_of(chosen, posed))
+    rows = [row for contestant in chosen for row in _rows(contestant, kept)]
+    less = [row for row in rows if row.contestant.family == LEAVING_OUT]
+    rows = [row for row in rows if row.contestant.family != LEAVING_OUT]
     found = Bench(
         scene=posed.scene,
         plan=plan,
-        n_compared=len(posed.t),
-        rows=tuple(rows),
-        fits=tuple(slopes.fits(rows)),
+        rows=rows,
+        fits=slopes.fits(rows),
         leaving_out=leaving_out.table(less),
         reference=posed.reference.engine,
-        notes=tuple(note for note in (posed.reference.note, kept.note) if note),
+        notes=tuple(filter(None, (posed.reference.note, kept.note))),
         environment=record,
         provenance=judged,
     )
@@ -143,13 +157,18 @@ def bench(
     return found
 
 
+def models_of(contestants: Iterable[Contestant], posed: Posed) -> dict[str, Path]:
+    """Engine -> the model file that it reads."""
+    engines = dict.fromkeys(contestant.method.engine for contestant in contestants)
+    return {name: posed.files(name).model for name in engines}
+
+
 def _present(group: list[Contestant]) -> list[Contestant]:
     """All settings of a contestant, or one for all of them where its engine is missing."""
-    first = group[0]
     try:
-        import_module(get_engine(first.method.engine).source.partition(":")[0])
+        import_module(get_engine(group[0].method.engine).source.partition(":")[0])
     except ImportError:
-        return [replace(first, setting="all settings", quantities=(NOTHING,), covers="nothing")]
+        return [replace(group[0], setting="all settings", quantities=(NOTHING,), covers="nothing")]
     return group
 
 
@@ -169,21 +188,24 @@ class _Work:
             if self.protocol.over:
                 return
             self.progress("errors", i / len(chosen))
-            done = self.kept.results.get(contestant.key)
-            if done is None or self._wanting(contestant.key, done):
-                self._first(contestant, new=done is None)
+            done = self.kept.results.get(contestant.key, {"status": OK, "first": 0.0})
+            times = self.kept.times.get(contestant.key, [])
+            # what an earlier bench has measured enough is not even loaded
+            if done["status"] == OK and len(times) < timing.enough(min([done["first"], *times]), self.protocol.rounds):
+                self._first(contestant)
         self._measure(self.calls, self.protocol)
 
-    def _first(self, contestant: Contestant, *, new: bool) -> None:
+    def _first(self, contestant: Contestant) -> None:
         """The error of a contestant, unless an earlier bench has it, and at once one time."""
         try:
-            asked = contestant.ask(self.posed)
-            model = self._loaded(contestant.method, asked.files)
+            asked, method = contestant.ask(self.posed), contestant.method
+            loaded = method.engine, repr(method.settings), asked.files  # once for all contestants that ask it
+            model = self.models[loaded] = self.models.get(loaded) or method.load(asked.files)
 
             def call() -> list[Solution]:
                 return [model.solve(problem) for problem in asked.problems]
 
-            if new:
+            if contestant.key not in self.kept.results:
                 self.kept.keep(contestant.key, self._scored(contestant, asked, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
@@ -191,35 +213,19 @@ class _Work:
             reason = failure(error, contestant.method, self.posed.folder).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
-    def _loaded(self, method: Method, files: ModelFiles) -> Model:
-        """A model, loaded once for all contestants that ask it."""
-        key = method.engine, repr(method.settings), files
-        if key not in self.models:
-            self.models[key] = method.load(files)
-        return self.models[key]
-
     def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
         scores = contestant.scores(asked, solutions)
         return {"status": OK, "n_sample": asked.n_sample, "first": seconds, "scores": scores}
 
-    def _wanting(self, key: str, done: Mapping[str, Any]) -> bool:
-        """Whether a result taken over still lacks measurements."""
-        if done["status"] != OK:
-            return False
-        have = self.kept.times.get(key, [])
-        return len(have) < timing.enough(min([done["first"], *have]), self.protocol.rounds)
-
     def _measure(self, calls: Mapping[str, Callable[[], Any]], protocol: timing.Protocol) -> None:
         first = {key: self.kept.results[key]["first"] for key in calls}
-        left, made = sum(timing.enough(first[key], protocol.rounds) for key in calls), 0
+        left, made = sum(timing.enough(first[key], protocol.rounds) for key in calls), count(1)
 
         def record(key: str, seconds: float) -> None:
-            nonlocal made
-            made += 1
             if len(calls) > 1:
-                self.progress("times", min(1.0, made / left))
+                self.progress("times", min(1.0, next(made) / left))
             self.kept.time(key, seconds)
 
         with np.errstate(all="ignore"):

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
+from screwgauge.study.bench.contestant import TABLE
 from screwgauge.study.bench.rows import CUT, Row
 from screwgauge.study.table import frame
 
@@ -46,16 +47,7 @@ class Rule:
     by_error: bool = True
 
 
-RULES = (
-    Rule("finite-differences (interior)", "joint_velocity", 2.0),
-    Rule("finite-differences (interior)", "joint_acceleration", 2.0),
-    Rule("paper-corrected (Euler)", "joint_position", 1.0),
-    Rule("paper-corrected (RK4)", "joint_position", 4.0),
-    Rule("pinocchio-forward (1 iteration)", "joint_acceleration", 1.0),
-    Rule("pinocchio-forward (2 iterations)", "joint_acceleration", 2.0),
-    Rule("mujoco-forward (solimp)", "joint_acceleration", 1.0, most=0.0102, by_error=False),  # from d = 0.99
-    Rule("missing-jdotv", "joint_acceleration", 2.0, by_error=False),
-)
+RULES = tuple(Rule(**entry) for entry in TABLE["slopes"])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,26 +1,20 @@
-"""Given motions: states, ladders and changed mechanisms, and every engine on them against the truth."""
+"""Given motions: states of the default scene, and every engine on them against the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import tomli_w
 
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.models.generate import write_models
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import QUANTITIES as KNOWN
-from screwgauge.reference.expressions import number
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.question import UNKNOWN, Question, by_size, files_of
+from screwgauge.study.cases.question import UNKNOWN, Question, by_size, put
 from screwgauge.study.method import Method
 from screwgauge.study.reference import TRUTH
 
@@ -35,23 +29,10 @@ QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "ac
 #: What the judge needs, and what a truth has.
 JUDGED = tuple(name for name in KNOWN if not name.startswith("tree_force"))
 
-Tables = dict[str, Any]
-
-
-def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
-    """Powers of ten with exponents from `first` to `last`, both included."""
-    sign = 1 if last >= first else -1
-    return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
-
 
 def exactly(value: float) -> str:
     """All digits of a float64: what reads the text exactly gets the number that all others get."""
     return format(Decimal(float(value)), "f")
-
-
-def times(text: Any, factor: float) -> str:
-    """A number of a description, which may be text, times a factor."""
-    return exactly(number(text, "description") * factor)
 
 
 def moving(scene: Scene, quick: bool) -> Scene:
@@ -68,21 +49,6 @@ def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = N
     zero, t = np.zeros_like(y), np.arange(len(y), dtype=float)
     motion = GivenMotion(t, y.copy(), *(zero.copy() if array is None else array for array in (yd, ydd)))
     return replace(scene, task=motion)
-
-
-def changed(change: Callable[[Tables, float], None], severity: float, folder: Path) -> Scene:
-    """The default scene without its load, its mechanism changed.
-
-    The change is written as a description, from which every engine's own model file is made as usual.
-
-    Args:
-        change: Changes the tables of the description in place.
-    """
-    tables = mechanism_tables(SCENE)
-    change(tables, severity)
-    path = folder / f"{SCENE}.toml"
-    path.write_text(tomli_w.dumps(tables), encoding="utf-8")
-    return replace(load_scene(SCENE), mechanism=load_mechanism(path), mechanism_file=path).under(loads=())
 
 
 def compare(
@@ -104,12 +70,6 @@ def compare(
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
     truth = solve(scene, (TRUTH,), quantities)[0].get(TRUTH)
     known = truth is not None and truth.rows is None
-    return Question(
-        mechanism=scene.mechanism,
-        files=files_of(scene, folder, methods),
-        problem=scene.problem(quantities if known else JUDGED),
-        methods=methods,
-        quantities=quantities,
-        right=by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN,
-        cause=cause,
-    )
+    right = by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
+    question = put(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
+    return replace(question, cause=cause)

@@ -18,11 +18,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
-from screwgauge.study.reference import reference_values
+from screwgauge.study.reference import joined, reference_values
 from screwgauge.study.stream import stream, times
 
 STEP = 1e-3  # [s] between samples
@@ -40,15 +39,10 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     """The default scene for as long as so many samples take."""
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _checked(int(count)) * STEP
-    files = ModelFiles(scene.mechanism_file)
-    whole = Question(
-        mechanism=scene.mechanism,
-        files={"screw": files, "paper": files},
-        problem=scene.at(at).problem(QUANTITIES),
-        methods=(Streamed("screw", scene=scene, count=int(count)),),
-        quantities=QUANTITIES,
-        right=reference_values(scene, at, QUANTITIES),
-    )
+    files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
+    streamed, problem = Streamed("screw", scene=scene, count=int(count)), scene.at(at).problem(QUANTITIES)
+    engines = {"screw": files, "paper": files}
+    whole = Question(scene.mechanism, engines, problem, (streamed,), QUANTITIES, right)
     yield whole
     for label, (method, cause) in SCHEMES.items():
         scheme = PaperScheme("paper", {"method": method}, label, scene=scene)
@@ -82,10 +76,7 @@ class Streamed(Method):
             for name, kept in parts.items():
                 kept.append(solution.values[name].at(rows))
             worst, done, version = max(worst, float(solution.condition.max())), done + len(t), solution.version
-        values = {
-            name: Values(kept[0].components, kept[0].units, np.concatenate([part.array for part in kept]))
-            for name, kept in parts.items()
-        }
+        values = {name: joined(kept) for name, kept in parts.items()}
         return Solution(self.engine, version, values, np.full(len(at), worst), cost=clock.cost())
 
 
@@ -117,21 +108,3 @@ class PaperScheme(Method):
         q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))
         values = {"joint_position": Values(mechanism.coordinates, mechanism.units, q)}
         return Solution(self.engine, "", values, empty(len(q)), cost=clock.cost())
-
-
-LONG_RUN = Case(
-    name="long-run",
-    title="Long runs",
-    axis="samples [1]",
-    about="The default scene at 1 ms, streamed through `screw` part by part (`screwgauge.stream`): memory does not "
-    "grow with the samples. Joint positions and generalised forces against the truth at up to eight samples, "
-    "the last among them. Beside it the paper's own scheme, its twist set right, which integrates joint "
-    "velocities in steps of 10 ms: Euler's method drifts, Runge and Kutta's hardly does.",
-    drawn="joint_position",
-    low=10.0,
-    high=1e8,
-    full=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
-    quick=(1e1, 3e1, 1e2, 1e3, 3e3, 1e4),
-    ask=long_run,
-    whole=True,
-)

@@ -12,10 +12,9 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import ENGINES
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
-from screwgauge.study.cases.question import Question, by_size, files_of
+from screwgauge.study.cases.question import Question, by_size, put
 from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
@@ -49,19 +48,11 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     posed = loaded(folder)
     yield push(posed, SCREW)
     yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
-    methods = _proximal("deficient", mu)
-    files = write_four_bar(folder)
+    methods, mechanism = _proximal("deficient", mu), load_mechanism(FILE)
+    files = dict.fromkeys((method.engine for method in methods), write_four_bar(folder))
     problem, exact = four_bar_states(SAMPLES)
-    mechanism = load_mechanism(FILE)
-    yield Question(
-        mechanism=mechanism,
-        files={method.engine: files for method in methods},
-        problem=problem,
-        methods=methods,
-        quantities=(ACCELERATION,),
-        right=by_size("exact", mechanism, {ACCELERATION: exact}),
-        by=_RESIDUAL,
-    )
+    right = by_size("exact", mechanism, {ACCELERATION: exact})
+    yield Question(mechanism, files, problem, methods, (ACCELERATION,), right, by=_RESIDUAL)
 
 
 def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
@@ -90,56 +81,20 @@ def _forces(posed: Posed) -> Question:
     reactions = counts.names[: counts.constraints]
     unique = tuple(name for name, flag in zip(reactions, counts.unique, strict=False) if flag)
     kinds = [sorted({name.split(".")[1] for name in group}) for group in (unique, {*reactions} - {*unique})]
-    quantities, methods = ("generalized_force", "reaction"), tuple(Method(engine) for engine in ENGINES)
+    quantities = "generalized_force", "reaction"
     right = reference_values(posed.scene, posed.t, quantities)
     values = {**right.values, "reaction": right.values["reaction"].pick(unique)}
-    return Question(
-        mechanism=mechanism,
-        files=files_of(posed.scene, posed.folder, methods),
-        problem=posed.problem(*quantities),
-        methods=methods,
-        quantities=quantities,
-        right=by_size(right.engine, mechanism, values),
-        admitted=dict.fromkeys(quantities, 0.0),  # what is open has no digit, which says nothing of what is unique
-        remarks={
-            "reaction": f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
-            f"({counts.overconstraints} redundant constraints)"
-        },
+    question = put(
+        posed.scene,
+        posed.folder,
+        posed.problem(*quantities),
+        tuple(map(Method, ENGINES)),
+        quantities,
+        by_size(right.engine, mechanism, values),
     )
-
-
-CASES = (
-    Case(
-        name="proximal",
-        title="Proximal settings of Pinocchio",
-        axis="mu [1]",
-        about="Accelerations by `constraintDynamics`. Full rank: the loaded default scene, twelve closure rows of rank "
-        "twelve. Deficient: a planar four-bar closed by a 3D point, three rows of rank two, where mu = 0 divides "
-        "by zero and returns NaN without a word. One iteration leaves an error ~ mu, k iterations ~ mu^k (1x, 2x, "
-        "5x). Closing rows are off by exactly mu times the last change of the multipliers, which Pinocchio returns "
-        "as `relative_residual`: so much is admitted. safe: the settings by which motions are integrated here.",
-        drawn=ACCELERATION,
-        low=0.0,
-        high=1e-2,
-        full=(0.0, *(10.0**-k for k in range(14, 1, -1))),
-        quick=(0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2),
-        ask=proximal,
-    ),
-    Case(
-        name="redundant-constraints",
-        title="Redundant constraints in planar loops",
-        axis="number of loops [1]",
-        about="Four-bars in a row, every hinge a full R joint: three constraints too many in every loop, one freedom "
-        "in all. Generalised force and those reactions that are unique, by inverse dynamics; accelerations from "
-        "the true torque at the crank, with the loops closed by points on the hinge's axis (3D, connect) and by "
-        "whole frames (6D, weld), which locks the hinge that was cut. In a plane the forces in the plane stay "
-        "unique; forces across it and moments in it depend on how the parts were forced together.",
-        drawn=ACCELERATION,
-        low=1.0,
-        high=40.0,
-        whole=True,
-        full=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0),
-        quick=(1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
-        ask=redundant_constraints,
-    ),
-)
+    remark = (
+        f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
+        f"({counts.overconstraints} redundant constraints)"
+    )
+    # what is open has no digit, which says nothing of what is unique
+    return replace(question, admitted=dict.fromkeys(quantities, 0.0), remarks={"reaction": remark})

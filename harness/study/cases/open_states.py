@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,9 +12,8 @@ import numpy as np
 
 from screwgauge.judging.kinetics import walk
 from screwgauge.models.generate import write_models
-from screwgauge.problem import Problem, States
+from screwgauge.problem import States
 from screwgauge.reference import linear
-from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.loops import loop_equations
@@ -23,18 +23,17 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.case import Case
-from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, decades, moving
+from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, moving
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
 from screwgauge.study.cases.question import Question, by_size, files_of, findings
 from screwgauge.study.method import Method
-from screwgauge.study.posed import along_tree
+from screwgauge.study.posed import pushed
 from screwgauge.study.reference import TRUTH
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
 HARD, PASSES = 0.9999, 7
-FORWARD, SOFT_FORCE = "forward_acceleration", "tree_force"
+FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that reach rounding on loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
 _PROJECTED = Method("screw", {"projected": True})
@@ -127,12 +126,10 @@ def _forces(given: Question, method: Method, states: States) -> Question:
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
     """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
-    needed = solve(scene, (SCREW.engine,), (SOFT_FORCE,))[0][SCREW.engine]
+    needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), by_size(SCREW.engine, scene.mechanism, needed.values)
-    problem = replace(question.problem, wanted=frozenset(("tree_force_soft",)))
-    return replace(
-        question, problem=problem, right=right, quantities=(SOFT_FORCE,), read=read_soft_forces, cause=_STIFF
-    )
+    problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
+    return replace(question, problem=problem, right=right, quantities=(TREE_FORCE,), read=read, cause=_STIFF)
 
 
 def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
@@ -140,46 +137,18 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
     mechanism, names, true = given.mechanism, states.coordinates, given.right
     q = np.zeros((len(states), len(mechanism.coordinates)))
     q[:, mechanism.columns(names)] = states.q
-    tau = along_tree(mechanism, names, q, given.problem.applied)
-    driven = [names.index(joint.coordinates[0]) for joint in mechanism.actuators]
-    tau[:, driven] += true.values["actuator_force"].array
     values, scales = {FORWARD: true.values[ACCELERATION].pick(names)}, {FORWARD: true.scales[ACCELERATION]}
     return replace(
         given,
-        problem=Problem(Applied(gravity=given.problem.applied.g), replace(states, tau=tau), frozenset((ACCELERATION,))),
+        problem=pushed(mechanism, given.problem.applied, states, q, true.values["actuator_force"].array),
         methods=(method,),
         quantities=(FORWARD,),
         right=replace(true, values=values, scales=scales),
-        read=read_accelerations,
+        read=partial(renamed, has=ACCELERATION),
         cause=cause,
     )
 
 
-def read_accelerations(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Accelerations of given states by the name that they have in this case."""
-    return {FORWARD: solution.values[ACCELERATION]}
-
-
-def read_soft_forces(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Forces of the tree with soft constraints by the name that they have in this case."""
-    return {SOFT_FORCE: solution.values["tree_force_soft"]}
-
-
-CLOSURE_VIOLATION = Case(
-    name="closure-violation",
-    title="States that do not close",
-    axis="gap [m], [m/s]",
-    about="Coordinates and velocities of the engines' open tree, with the cut joints apart by the gap and parting "
-    "as fast. *projected*: the loops are closed by Newton's method first, as `screwgauge run` does, with the "
-    "independent coordinates held. *raw*: the engine is called with the state as it is. The truth is that of the "
-    "closed state. Raw, `actuator_force` is inverse dynamics of the open tree, projected on the actuators, which "
-    "hardly amplifies the gap; `tree_force` is `mj_inverse` with its equality constraints on, whose stiff rows "
-    "turn the gap into force; `forward_acceleration` is what the true actuator forces are said to cause. MuJoCo's "
-    "projected accelerations are refined (d = 0.9999, 7 passes). Raw answers carry no warning.",
-    drawn=FORWARD,
-    low=1e-14,
-    high=1e-2,
-    full=decades(-12, -3),
-    quick=decades(-13, -3, 2),
-    ask=closure_violation,
-)
+def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
+    """What a solution has, by the name that it has in this case."""
+    return {question.quantities[0]: solution.values[has]}

@@ -12,8 +12,7 @@ from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.cases.case import Case
-from screwgauge.study.cases.given import QUANTITIES, SCENE, compare, decades, still
+from screwgauge.study.cases.given import QUANTITIES, SCENE, compare, still
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
 
@@ -82,58 +81,3 @@ def _passing(name: str, y: Array) -> Scene:
     """A mechanism at poses, all with the same rates and accelerations."""
     scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
-
-
-CASES = (
-    Case(
-        name="upu-singularity",
-        title="Towards the UPU leg's constraint singularity",
-        axis="distance [rad]",
-        about="The platform gains a third freedom at b = 0.356801 rad; the moment in leg 1's wrist grows as "
-        "1 / distance. `screw` sees from the description that the third rotation vanishes, and gets its forces from "
-        "virtual power; projected paths solve for that rotation, and of its rounding every derivative is divided by "
-        "the distance once more: three digits a decade in motion, two at rest. `whole system`: the actuator forces as "
-        "they come out of the equations of all bodies at once, where the wrist's moment cancels; `refined` by one step "
-        "with a residual in wider numbers.",
-        drawn="generalized_force",
-        low=1e-15,
-        high=0.3,
-        full=decades(-1, -12),
-        quick=decades(-2, -12, 2),
-        ask=upu_singularity,
-        falling=True,
-    ),
-    Case(
-        name="u-lock",
-        title="Towards the lock of a leg's base joint",
-        axis="distance [rad]",
-        about="At a tilt of 46.1 degrees leg 2 lies on the line O A2, the first axis of its base joint. Near it the "
-        "leg spins about itself, its rate as 1 / distance and its acceleration as 1 / distance^2: that is how the "
-        "mechanism moves, not a choice of coordinates. The direction of the leg is a difference of lengths near 0.8 m, "
-        "so a digit is lost with every decade by any method in doubles.",
-        drawn="generalized_force",
-        low=1e-15,
-        high=0.3,
-        full=decades(-1, -12),
-        quick=decades(-2, -12, 2),
-        ask=u_lock,
-        falling=True,
-    ),
-    Case(
-        name="wrist-chart",
-        title="Through the gimbal lock of a wrist's coordinates",
-        axis="distance [rad]",
-        about="The outer two axes of leg 2's wrist coincide at a tilt of 40.5 degrees with the orientation coordinates "
-        "`aligned`, of 51.3 degrees with `table2`. The motion passes on both sides of it. Coordinates are only a way "
-        "of writing: forces and bodies need not notice, except with the full cut, whose tree has these angles as "
-        "coordinates. There they turn by half a circle, by one way or the other, so that the joint accelerations of "
-        "the full cut are not compared.",
-        drawn="generalized_force",
-        low=1e-15,
-        high=0.03,
-        full=decades(-2, -12),
-        quick=decades(-2, -12, 2),
-        ask=wrist_chart,
-        falling=True,
-    ),
-)

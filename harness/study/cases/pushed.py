@@ -16,7 +16,7 @@ from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.given import SCENE
-from screwgauge.study.cases.question import Question, files_of
+from screwgauge.study.cases.question import Question, put
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
 
@@ -35,14 +35,8 @@ def push(posed: Posed, *methods: Method) -> Question:
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
-    return Question(
-        mechanism=mechanism,
-        files=files_of(posed.scene, posed.folder, methods),
-        problem=posed.pushed(names),
-        methods=methods,
-        quantities=(ACCELERATION,),
-        right=replace(posed.reference, values=values),  # measured by the scales of all
-    )
+    right = replace(posed.reference, values=values)  # measured by the scales of all
+    return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:

@@ -71,6 +71,13 @@ class Question:
         return bool(self.right.values)
 
 
+def put(
+    scene: Scene, folder: Path, problem: Problem, methods: tuple[Method, ...], names: tuple[str, ...], right: Reference
+) -> Question:
+    """A question about quantities of a scene, whose models have been generated in a folder."""
+    return Question(scene.mechanism, files_of(scene, folder, methods), problem, methods, names, right)
+
+
 def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...]) -> dict[str, ModelFiles]:
     """The models of a scene in a folder, generated there already."""
     return {method.engine: model_files(scene, method.engine, folder) for method in methods}
@@ -92,15 +99,20 @@ def by_size(engine: str, mechanism: Mechanism, values: Mapping[str, Values]) -> 
 def findings(question: Question) -> Iterator[Finding]:
     """What every method makes of every quantity: the error, what is admitted, and why."""
     for method in question.methods:
-        for finding in _put(question, method):
+        for finding in _of(question, method):
             yield replace(finding, engine=method.name, own=method.engine == OWN)
 
 
-def _put(question: Question, method: Method) -> Iterator[Finding]:
-    solution, refused = None, question.refused
-    if not refused:
-        solution, refused = _solve(question, method)
-    if solution is None or refused:
+def _of(question: Question, method: Method) -> Iterator[Finding]:
+    solution: Solution | Failure = Failure(method.name, question.refused)
+    if not question.refused:
+        solution = ask(method, question.files[method.engine], question.problem)
+    if isinstance(solution, Failure):
+        refused = solution.reason
+    else:  # what an engine warned of while it made steps went into every step after it
+        warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
+        refused = solution.stopped or "; ".join(warned)
+    if refused or isinstance(solution, Failure):
         for quantity in question.quantities:
             yield Finding("", quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
     elif not question.known:
@@ -109,16 +121,6 @@ def _put(question: Question, method: Method) -> Iterator[Finding]:
         values, excuses = question.read(question, solution), _excuses(question, solution)
         for quantity in question.quantities:
             yield _measured(question, solution, quantity, values[quantity], excuses)
-
-
-def _solve(question: Question, method: Method) -> tuple[Solution | None, str]:
-    """The answer, or why there is none."""
-    solution = ask(method, question.files[method.engine], question.problem)
-    if isinstance(solution, Failure):
-        return None, solution.reason
-    # what an engine warned of while it made steps went into every step after it
-    warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
-    return solution, solution.stopped or "; ".join(warned)
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> tuple[float, float]:

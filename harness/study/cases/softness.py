@@ -22,7 +22,6 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import (
     SCREW,
@@ -33,9 +32,9 @@ from screwgauge.study.cases.pushed import (
     tree_coordinates,
     true_velocities,
 )
-from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated
+from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
 from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference import Reference, sizes
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.
@@ -95,15 +94,8 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
     applied = scene.under(motors=hold(dict(zip(driven, forces.tolist(), strict=True)))).applied
     integration, t = Integration(rtol=tolerance, atol=tolerance), np.linspace(0.0, duration, samples)
     task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, t, integration)
-    question = Question(
-        mechanism=mechanism,
-        files=files_of(scene, Path(), (SCREW,)),
-        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction"))),
-        methods=(SCREW,),
-        quantities=QUANTITIES,
-        right=UNKNOWN,
-        read=read,
-    )
+    problem = Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction")))
+    question = replace(put(scene, Path(), problem, (SCREW,), QUANTITIES, UNKNOWN), read=read)
     solution = SCREW.load(question.files["screw"]).solve(question.problem)
     if solution.stopped:
         raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")
@@ -135,47 +127,12 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
     """Values as what is right, loops being closed, each quantity measured by the largest size that it has."""
     gap, force, energy, q = (values[name] for name in QUANTITIES)
-    largest, size = float(np.abs(force.array).max()), np.abs(q.array).max(axis=0)
+    largest = float(np.abs(force.array).max())
     scales = {
         "loop_gap": {"m": natural_scales(mechanism)["m"]},
         "constraint_force": {"N": largest, "N m": largest},
         "energy": {"J": float(np.abs(energy.array - energy.array[0]).max())},
-        "joint_position": {unit: float(size[[u == unit for u in q.units]].max()) for unit in ("rad", "m")},
+        "joint_position": sizes(q),
     }
     closed = Values(gap.components, gap.units, np.zeros_like(gap.array))
     return Reference("screw", {**values, "loop_gap": closed}, "", scales)
-
-
-CASES = (
-    Case(
-        name="softness",
-        title="Soft loops of MuJoCo over the time step",
-        axis="time step [s]",
-        about="The loaded default scene from t = 1 s on under the actuator forces of that instant, for 1 s. Loop gap, "
-        "constraint forces, energy and joint positions against a motion that `screw` integrated at 1e-12. "
-        "The softness of solref and solimp is a floor that the time step does not remove; applying the last "
-        "constraint force from outside and solving again (refined: four such passes a step) removes it, and "
-        "what is left falls with the step.",
-        drawn="loop_gap",
-        low=1e-6,
-        high=4e-3,
-        full=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5),
-        quick=(2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5),
-        ask=softness,
-    ),
-    Case(
-        name="refinement",
-        title="MuJoCo's softness refined away",
-        axis="softness 1 - d of solimp [1]",
-        about="Accelerations of the loaded default scene from its actuator forces, at three instants. MuJoCo is solved "
-        "once (0 passes), then again with the last constraint force applied from outside, pass by pass. The error "
-        "goes as ((1 - d) / d)^(passes + 1): straight lines of slope 1, 2, 3 ... down to rounding. MuJoCo's "
-        "default is 1 - d = 0.1 for closed loops, its least 1e-4.",
-        drawn="joint_acceleration",
-        low=1e-4,
-        high=0.5,
-        full=(1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1),
-        quick=(1e-4, 5e-4, 2e-3, 1e-2, 3e-2, 1e-1),
-        ask=refinement,
-    ),
-)

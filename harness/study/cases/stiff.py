@@ -20,11 +20,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.case import Case
 from screwgauge.study.cases.collocation import collocate
 from screwgauge.study.cases.given import SCENE
 from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, loop_condition, push, true_velocities
-from screwgauge.study.cases.question import Question, files_of, integrated
+from screwgauge.study.cases.question import Question, integrated, put
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
 from screwgauge.study.reference import Reference
@@ -155,18 +154,11 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
         "motion": {"rad": float(change[lay.turns].max()), "m": float(change[~lay.turns].max())},
         "energy": {"J": float(np.abs(E - E[0]).max())},
     }
-    task = InitialValue(start, rest, 0.0, grid[looked_at])
-    question = Question(
-        mechanism=mechanism,
-        files=files_of(scene, folder, _RADAU),
-        problem=Problem(applied, task, frozenset(("joint_position", "joint_velocity"))),
-        methods=(),
-        quantities=QUANTITIES,
-        right=Reference("collocation", values, "", scales),
-        read=read,
-        condition=float(np.linalg.cond(rate.A).max()),
-    )
-    return question, fastest
+    task, wanted = InitialValue(start, rest, 0.0, grid[looked_at]), frozenset(("joint_position", "joint_velocity"))
+    right = Reference("collocation", values, "", scales)
+    question = put(scene, folder, Problem(applied, task, wanted), _RADAU, QUANTITIES, right)
+    condition = float(np.linalg.cond(rate.A).max())
+    return replace(question, methods=(), read=read, condition=condition), fastest
 
 
 def _velocities(lay: Layout, states: Array) -> Velocities:
@@ -207,23 +199,3 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
         "motion": solution.values["joint_position"],
         "energy": Values(("energy",), ("J",), (missing - missing[0])[:, None]),
     }
-
-
-STIFF_LEGS = Case(
-    name="stiff-legs",
-    title="Stiff springs and dampers in the legs",
-    axis="stiffness [N/m]",
-    about="Springs and dampers across all four prismatic joints, damping 1.2 times critical; the eigenvalues grow "
-    "with the root of the stiffness to 1e5 1/s. Accelerations: round trip at the loaded default scene, "
-    "the actuators taking over what the springs exert; a length is known to eps, a force to eps times "
-    "stiffness times length, and so much is admitted. Motion: 0.1 s from rest, 0.01 rad off, against "
-    "collocation of order nineteen, and energy; Radau is given a tolerance of 1e-5, and steps times tolerance "
-    "is what it admits. DOP853 is refused where stability alone asks for more than a hundred steps. The "
-    "engines' own steps are of 0.1 ms, MuJoCo's loops as hard as it allows (d = 0.9999).",
-    drawn="motion",
-    low=1.0,
-    high=1e11,
-    full=(1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10),
-    quick=(1e2, 1e8, 1e10),
-    ask=stiff_legs,
-)

@@ -1,22 +1,26 @@
-"""All forces of the paper's case under a rule; errata 12 to 14 and 16, of its dynamics, each by a function."""
+"""All forces of the paper's case under a rule; errata 12 to 16, of its dynamics, each by a function."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from screwgauge.reference import dynamics
+from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.paper import printed
 from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.rotations import Array
-from screwgauge.study.paper.case import HALF, Case, largest, longest
+from screwgauge.study.paper.case import HALF, Case, every, largest, longest
 from screwgauge.study.paper.errata import Values
 
+NEAR_TURN = 6.283  # s: the sample of the paper's 1 ms grid that is nearest to t = 2 pi
+RULES = ("spherical_axial", "min_norm")
 
-@dataclass(frozen=True, slots=True, eq=False)
+
 class Forces:
-    """All forces of the case.
+    """All forces of the case under a rule.
 
     Attributes:
         c: Matrix of eq. (57). Shape (n, 54, 56).
@@ -29,54 +33,73 @@ class Forces:
         point: Where. Shape (n, n_joint, 3).
     """
 
-    c: Array
-    system: Array
-    condition: Array
-    F: Array
-    T: Array
-    actuator: Array
-    joint_F: Array
-    joint_T: Array
-    point: Array
+    def __init__(self, case: Case, rule: str = "min_norm") -> None:
+        lay, at, mechanism = case.lay, case.rate.pose, case.lay.mechanism
+        self.F, self.T = case.wrench()
+        reactions = dynamics.joint_reactions(lay, at)
+        self.c, m = dynamics.force_matrix(lay, at, case.bodies.com, reactions), len(reactions.names)
+        if rule == "min_norm":
+            rows = dynamics.preload_rows(case.B, self.c.shape[2])
+        else:
+            rows = np.zeros((len(case.t), 2, self.c.shape[2]))
+            rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
+        self.system = np.concatenate([self.c, rows], axis=1)
+        units, length = reactions.units + mechanism.actuator_units, case.rate.system.length
+        unknown, self.condition = dynamics.solve_newton_euler(self.c, self.F, self.T, rows, units, length)
+        self.actuator = unknown[:, m:]
+        self.joint_F, self.joint_T = np.zeros((2, len(case.t), len(mechanism.joints), 3))
+        for k, owner in enumerate(reactions.joints):
+            self.joint_F[:, owner] += unknown[:, k, None] * reactions.force[:, k]
+            self.joint_T[:, owner] += unknown[:, k, None] * reactions.moment[:, k]
+        for k, (joint, column) in enumerate(zip(mechanism.actuators, mechanism.actuated_columns, strict=True)):
+            self.joint_F[:, mechanism.joints.index(joint)] += unknown[:, m + k, None] * at.S[:, column, 3:]
+        child = [mechanism.body_index[joint.child] for joint in mechanism.joints]
+        points = [joint_point(j, at.R[:, i], at.p[:, i]) for j, i in zip(mechanism.joints, child, strict=True)]
+        self.point = np.stack(points, axis=1)
 
 
-def solve_forces(case: Case, rule: str = "min_norm") -> Forces:
-    """Forces under a rule, ``min_norm`` or ``spherical_axial``."""
-    lay, at, mechanism = case.lay, case.rate.pose, case.lay.mechanism
-    F, T = case.wrench()
-    reactions = dynamics.joint_reactions(lay, at)
-    c, m = dynamics.force_matrix(lay, at, case.bodies.com, reactions), len(reactions.names)
-    if rule == "min_norm":
-        rows = dynamics.preload_rows(case.B, c.shape[2])
-    else:
-        rows = np.zeros((len(case.t), 2, c.shape[2]))
-        rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
-    units = reactions.units + mechanism.actuator_units
-    unknown, condition = dynamics.solve_newton_euler(c, F, T, rows, units, case.rate.system.length)
-    force, moment = np.zeros((2, len(case.t), len(mechanism.joints), 3))
-    for k, owner in enumerate(reactions.joints):
-        force[:, owner] += unknown[:, k, None] * reactions.force[:, k]
-        moment[:, owner] += unknown[:, k, None] * reactions.moment[:, k]
-    for k, (joint, column) in enumerate(zip(mechanism.actuators, mechanism.actuated_columns, strict=True)):
-        force[:, mechanism.joints.index(joint)] += unknown[:, m + k, None] * at.S[:, column, 3:]
-    child = [mechanism.body_index[joint.child] for joint in mechanism.joints]
-    points = [joint_point(j, at.R[:, i], at.p[:, i]) for j, i in zip(mechanism.joints, child, strict=True)]
-    system, point = np.concatenate([c, rows], axis=1), np.stack(points, axis=1)
-    return Forces(c, system, condition, F, T, unknown[:, m:], force, moment, point)
+class AxialRule(NamedTuple):
+    """Driving forces under eq. (56) beside the smallest ones, every 10 ms.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        size, least: Largest driving force under each rule [N]; not a number where eq. (56) has no solution. Shape (n,).
+    """
+
+    t: Array
+    size: Array
+    least: Array
 
 
-def gravity(case: Case, forces: Forces) -> list[Values]:
-    """Generalised and driving forces, each where the two differ most."""
-    wrong, right = case.wrench(-case.scene.applied.g), (forces.F, forces.T)
-    return [
-        _farthest(case.generalized(*wrong)[:, 0], case.generalized(*right)[:, 0]),
-        _farthest(case.driving(*wrong), case.driving(*right)),
+def axial_rule() -> tuple[AxialRule, list[Values]]:
+    """Runs eq. (56) as the two equations that it stands for; and the rows of erratum 15."""
+    case = Case(np.union1d(every(0.01), [NEAR_TURN]))
+    forces = Forces(case, "spherical_axial")
+    size = np.where(forces.condition <= SINGULAR, np.abs(forces.actuator).max(axis=1), np.nan)
+    least = np.abs(case.driving(forces.F, forces.T)).max(axis=1)
+    some, turns = Case(every(0.1)[1:]), Case(np.arange(4.0) * np.pi)
+    regular = np.isfinite(size)
+    ratio = np.median(size[regular] / least[regular])
+    return AxialRule(case.t, size, least), [
+        Values(1, dynamics.axial_directions(case.lay, case.rate.pose).shape[1]),
+        # how many of t = 0, pi, 2 pi, 3 pi are singular
+        Values(*(int(np.sum(Forces(turns, rule).condition > SINGULAR)) for rule in RULES)),
+        Values(np.median(size[regular]), np.median(least[regular])),
+        Values(ratio, 1.0, effect=ratio),
+        *(Values(size[i], least[i]) for i in (np.argmin(np.abs(case.t - time)) for time in (6.28, NEAR_TURN))),
+        Values(*(np.linalg.cond(Forces(some, rule).system).min() for rule in RULES)),
     ]
 
 
-def _farthest(wrong: Array, right: Array) -> Values:
-    i = int(np.argmax(np.abs(wrong - right)))
-    return Values(wrong.flat[i], right.flat[i])
+def gravity(case: Case, forces: Forces) -> Iterator[Values]:
+    """Generalised and driving forces, each where the two differ most."""
+    wrong, right = case.wrench(-case.scene.applied.g), (forces.F, forces.T)
+    for one, other in (
+        (case.generalized(*wrong)[:, 0], case.generalized(*right)[:, 0]),
+        (case.driving(*wrong), case.driving(*right)),
+    ):
+        i = int(np.argmax(np.abs(one - other)))
+        yield Values(one.flat[i], other.flat[i])
 
 
 def _imbalance(case: Case, forces: Forces, reading: printed.Reading, kind: str) -> float:
@@ -97,33 +120,33 @@ def _imbalance(case: Case, forces: Forces, reading: printed.Reading, kind: str) 
     return worst
 
 
-_Lever = tuple[str, printed.Reading]
 #: Kind of body and wrong reading of its lever arms. Eq. (55) has terms of one kind only: there ``from`` is right.
-_WRONG: list[_Lever] = [("lower", "to"), ("lower", "from"), ("upper", "to"), ("upper", "from"), ("platform", "to")]
+_WRONG: tuple[tuple[str, printed.Reading], ...] = (
+    *(("lower", "to"), ("lower", "from"), ("upper", "to"), ("upper", "from"), ("platform", "to")),
+)
 
 
-def levers(case: Case, forces: Forces) -> list[Values]:
+def levers(case: Case, forces: Forces) -> Iterator[Values]:
     """Imbalances by each reading; T_B about C and about the end of the lower half, where that matters most."""
-    rows = [
-        Values(_imbalance(case, forces, reading, kind), _imbalance(case, forces, "right", kind))
-        for kind, reading in _WRONG
-    ]
-    base, slide = (_joints(case, *(f"leg{k}.{role}" for k in range(1, 5))) for role in ("base", "slide"))
+    for kind, reading in _WRONG:
+        yield Values(_imbalance(case, forces, reading, kind), _imbalance(case, forces, "right", kind))
+    base, slide = _joints(case, "base"), _joints(case, "slide")
     A, C, T_C = forces.point[:, base], forces.point[:, slide], forces.joint_T[:, slide]
     end = A + HALF * (C - A) / np.linalg.norm(C - A, axis=2, keepdims=True)
     shift = np.cross(C - end, forces.joint_F[:, slide])
     size = np.linalg.norm(shift, axis=2)
     worst = np.unravel_index(np.argmax(size), size.shape)
-    return [*rows, Values(longest((T_C + shift)[worst]), longest(T_C[worst]), effect=size[worst])]
+    yield Values(longest((T_C + shift)[worst]), longest(T_C[worst]), effect=size[worst])
 
 
-def _joints(case: Case, *names: str) -> list[int]:
-    joints = [joint.name for joint in case.lay.mechanism.joints]
-    return [joints.index(name) for name in names]
+def _joints(case: Case, role: str) -> list[int]:
+    """That joint of each leg."""
+    return [i for i, joint in enumerate(case.lay.mechanism.joints) if joint.name.endswith(f".{role}")]
 
 
 def platform(case: Case, forces: Forces) -> list[Values]:
-    wrist, *others, s = _joints(case, *(f"leg{k}.wrist" for k in range(1, 5)), "s")
+    wrist, *others = _joints(case, "wrist")
+    s = case.lay.mechanism.joints.index(case.lay.mechanism.joint("s"))
     T_C, rest = forces.joint_T[:, wrist], forces.joint_T[:, others].sum(axis=1)
     lever = np.cross(forces.point[:, s] - case.bodies.com[:, -1], forces.joint_F[:, s])
     return [
@@ -133,7 +156,7 @@ def platform(case: Case, forces: Forces) -> list[Values]:
     ]
 
 
-def right_inverse(forces: Forces) -> list[Values]:
+def right_inverse(case: Case, forces: Forces) -> list[Values]:
     c = forces.c
     b = np.concatenate([forces.F, forces.T], axis=2).reshape(len(c), -1)
     y = np.linalg.solve(c @ c.swapaxes(1, 2), b[..., None])
@@ -142,3 +165,6 @@ def right_inverse(forces: Forces) -> list[Values]:
     as_printed = np.concatenate([y[..., 0], np.zeros((len(y), c.shape[2] - y.shape[1]))], axis=1)
     left = (100.0 * largest((c @ q[..., None])[..., 0] - b) / largest(b) for q in (as_printed, Q))
     return [Values(y.shape[1], Q.shape[1]), Values(*left)]
+
+
+ERRATA = {12: gravity, 13: levers, 14: platform, 16: right_inverse}

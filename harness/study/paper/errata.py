@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -54,14 +54,13 @@ class Values:
     words: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
 
-def tabulated(measured: Mapping[int, Sequence[Values]]) -> tuple[Erratum, ...]:
+def tabulated(measured: Mapping[int, Iterable[Values]]) -> tuple[Erratum, ...]:
     """The rows of the table with their numbers; `measured` has the values of each erratum, row by row."""
-    rows, numbers = TABLE["rows"], sorted(measured)
-    if [number for number, *_ in rows] != [number for number in numbers for _ in measured[number]]:
+    found = [(number, values) for number in sorted(measured) for values in measured[number]]
+    if [number for number, *_ in TABLE["rows"]] != [number for number, _ in found]:
         raise ValueError("the measurements are not those of the table of the errata")
     errata = []
-    for row, values in zip(rows, (value for number in numbers for value in measured[number]), strict=True):
-        number, kind, equation, *texts, unit = row
+    for (number, kind, equation, *texts, unit), (_, values) in zip(TABLE["rows"], found, strict=True):
         measure, printed_form, right_form = (text.format(**values.words) for text in texts)
         printed, right = float(values.printed), float(values.right)
         effect = abs(printed - right) if values.effect is None else float(values.effect)

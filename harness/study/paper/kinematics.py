@@ -85,7 +85,7 @@ def joint_places(case: Case) -> list[Values]:
     return [*(Values(distance.max(), right) for distance in wrong), Values(tilt, longest(axis[:, 0] - e5))]
 
 
-def references() -> list[Values]:
+def references(case: Case) -> list[Values]:
     table = TABLE["references"]
     return [Values(sum(said != meant for _, said, meant in table), 0, words={"references": len(table)})]
 
@@ -160,3 +160,8 @@ def trajectory(case: Case) -> list[Values]:
 def leg_halves(case: Case) -> list[Values]:
     L = case.rate.pose.q[:, case.lay.mechanism.actuated_columns]
     return [Values(2.0 * HALF, L.max(), words={"shortest": L.min(), "longest": L.max()})]
+
+
+_FIRST = (overconstraint, free_axes, reciprocal_screws, subtraction, joint_places, references, units)
+_REST = {9: bracket, 10: last_bracket, 11: point_acceleration, 17: trajectory, 18: leg_halves}
+ERRATA = {**dict(enumerate(_FIRST, 1)), **_REST}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ LADDERS = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class Run(NamedTuple):
     """One run of the scheme: how far the legs' ends are from where the S chain has the platform.
 
     Attributes:
@@ -42,8 +41,7 @@ class Run:
     tilt: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SchemeRuns:
+class SchemeRuns(NamedTuple):
     """All runs: three over time at the steps of the errata, and the ladders of steps.
 
     Attributes:
