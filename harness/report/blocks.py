@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.report.formatting import FORMS, number, words
 
 if TYPE_CHECKING:
-    from screwgauge.report.plots import Plot
+    from screwgauge.report.figures.page import Plot
 
 Status = Literal["agree", "differ", "failed", "note"]
 TEXTS = Path(__file__).with_name("texts")

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from string import Template
+from typing import TYPE_CHECKING
 
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, spans
-from screwgauge.report.svg import inline
+
+if TYPE_CHECKING:
+    from screwgauge.report.figures.page import Plot
 
 PAGE = Path(__file__).with_name("page.html")
 WIDE = 8  # columns from which a table scrolls instead of wrapping
@@ -42,9 +46,15 @@ def _block(block: Block) -> str:
         case Table():
             return _table(block)
         case Picture(plot):
-            return f"<figure>{inline(plot.svg, plot.name, plot.title)}</figure>"
+            return f"<figure>{_inline(plot)}</figure>"
         case Folded(title, inside):
             return f"<details>\n<summary>{_text(title)}</summary>\n{fragment(inside)}\n</details>"
+
+
+def _inline(plot: Plot) -> str:
+    """A picture within the page: with ids of its own, and a label for screen readers."""
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{plot.name}-", plot.svg)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plot.title)}" ', 1).strip()
 
 
 def _text(text: str) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 from screwgauge.report.blocks import Picture
 from screwgauge.report.html import fragment, page
 from screwgauge.report.pages import run as run_page
-from screwgauge.report.plots import make_plots
 from screwgauge.report.terminal import terminal
 from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
@@ -41,6 +40,8 @@ class Results(Comparison):
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
+        from screwgauge.report.figures.run import make_plots
+
         return Pictures(map(Picture, make_plots(self)))
 
     def to_html(self, path: str | Path) -> Path:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.bench.drawing import make_plots
 from screwgauge.report.blocks import Banner, Block, Heading, Items, Paragraph, Picture, Table, facts, folded, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.pages.sections import judged
@@ -51,6 +50,8 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(bench: Bench, out: Path) -> Path:
     """Writes report, plots, tables and environment."""
+    from screwgauge.report.figures.bench import make_plots
+
     data = {
         "bench.csv": bench_table(bench.rows),
         "slopes.csv": slope_table(bench.fits),

@@ -9,7 +9,6 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.report import blocks
-from screwgauge.report.bench.forward_drawing import make_plots
 from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes
@@ -60,6 +59,8 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Contest, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
+    from screwgauge.report.figures.bench_simulation import make_plots
+
     data = {
         "bench.csv": bench_table(found.rows),
         "forward.csv": absolute_table(found.outcomes),

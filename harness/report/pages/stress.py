@@ -12,7 +12,6 @@ from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, words
 from screwgauge.report.pages.sections import judged
-from screwgauge.report.stress.drawing import make_plots
 from screwgauge.report.write import write_report
 from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Case
 from screwgauge.study.stress import Stress
@@ -39,6 +38,8 @@ def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Stress, out: Path) -> Path:
     """Writes report, page of small plots, table and environment."""
+    from screwgauge.report.figures.stress import make_plots
+
     data = {"stress.csv": found.table, "environment.json": found.environment}
     return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
 

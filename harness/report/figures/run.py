@@ -1,21 +1,20 @@
-"""What engines say about one quantity: their curves over each other, the differences below."""
+"""The pictures of a run: what engines say about a quantity, their curves over each other, the differences below."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
-from screwgauge.report.figures.axes import linear, log
-from screwgauge.report.figures.curves import bin_maxima, sparse, thin
-from screwgauge.report.figures.data import Axis, Diagram, Guide, Legend, Look, Panel, Row, Series
-from screwgauge.report.figures.looks import COLOURS, DASHES, GREY
-from screwgauge.report.figures.selection import select, short_labels
-from screwgauge.report.formatting import missing, number, unit_text
+from screwgauge.report.figures.page import Plot, arrange, linear_scale, log_scale, panels, saved
+from screwgauge.report.figures.selection import drawable, select, short_labels
+from screwgauge.report.figures.style import COLOURS, DASHES, GREY, INK, Look, styled
+from screwgauge.report.formatting import file_name, missing, number, unit_text
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import common_rows
 
@@ -25,9 +24,11 @@ if TYPE_CHECKING:
 MAX_CURVES = 12  # in a panel; more cannot be told apart
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 MARKERS = ("o", "x", "+", "s", "^", "D")
-TOLERANCE, ZERO, INK = Look(GREY, (8.0, 3.0), 1.6), Look(GREY, (1.0, 2.0), 1.0), "#333333"
+TOLERANCE: Look = {"color": GREY, "linestyle": (0, (8, 3)), "linewidth": 1.6}
+ZERO: Look = {"color": GREY, "linestyle": (0, (1, 2)), "linewidth": 1.0}
 UPPER, LOWER, WIDTHS = 165.0, 115.0, {1: 576.0, 2: 720.0, 3: 864.0}
 WIDE = 30.0  # ratio of largest to smallest condition number from which their axis is logarithmic
+BINS = 250  # stretches of time of which the largest difference is drawn
 
 Pair = tuple[str, str]
 
@@ -61,45 +62,61 @@ class _Subject:
         return self.values[engine].get(name, np.full(len(self.t), np.nan))
 
 
-def quantity_diagram(figure: Figure, comparison: Comparison) -> Diagram:
-    """The diagram of one figure that a scene asks for."""
+@styled
+def make_plots(comparison: Comparison) -> list[Plot]:
+    """All pictures of the report, in order."""
+    figures = drawable(tuple(comparison.scene.figures), comparison.solutions)
+    plots = [_quantity(f"{i:02d}-{file_name(figure.title)}", figure, comparison) for i, figure in enumerate(figures, 1)]
+    if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
+        plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
+    return plots
+
+
+def _quantity(name: str, figure: Figure, comparison: Comparison) -> Plot:
     subject, (pairs, tolerance) = _subject(figure, comparison), _compared(figure, comparison)
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
-    unit, time = unit_text(figure.unit), linear("t [s]", [subject.t], 6, 0.02)
-    quiet = replace(time, label="", ticks=tuple((at, "") for at, _ in time.ticks))
     labels = dict.fromkeys(label for part in subject.parts for label in part.drawn.values())
-    looks = {label: _component(i) for i, label in enumerate(labels)}
-    drawn = [subject.column(engine, name) for part in subject.parts for name in part.drawn for engine in shown]
-    up = linear(f"{figure.quantity.replace('_', ' ')} [{unit}]", drawn)
-    panels = []
-    for part in subject.parts:
-        series = tuple(_curves(subject, part, shown, looks, up.high - up.low))
-        panels.append(Panel(quiet if pairs else time, up, series, (part.title,) if part.title else ()))
-    rows = [Row(tuple(panels), UPPER)]
+    looks = {label: _line(i) for i, label in enumerate(labels)}
+    columns, unit = len(subject.parts), unit_text(figure.unit)
+    heights = [UPPER, LOWER] if pairs else [UPPER]
+    page = panels(WIDTHS[min(columns, 3)], heights, columns, sharex=True, sharey="row")
+    for ax, part in zip(page.axes, subject.parts, strict=False):
+        ax.set_title(part.title)
+        _curves(ax, subject, part, shown, looks)
+    for ax in page.rows[-1]:
+        ax.set_xlabel("t [s]")
+    linear_scale(page.axes[0].yaxis)
+    page.axes[0].set_ylabel(f"{figure.quantity.replace('_', ' ')} [{unit}]")
+    below = {}
     if pairs:
-        rows.append(_differences(subject, pairs, tolerance, time, f"difference [{unit}]"))
-    engines = {engine: _mark(k, INK) if k else Look(INK, width=1.4) for k, engine in enumerate(shown)}
-    width, warnings = WIDTHS[min(len(panels), 3)], tuple(_warnings(subject, shown))
-    return Diagram(figure.title, tuple(rows), width, warnings=warnings, legends=(looks, engines))
+        below = _differences(page.rows[1], subject, pairs, tolerance)
+        page.rows[1][0].set_ylabel(f"difference [{unit}]")
+    engines = {engine: _mark(k, INK) if k else {"color": INK, "linewidth": 1.4} for k, engine in enumerate(shown)}
+    arrange(page, figure.title, warnings=[*_warnings(subject, shown)], above=[looks, engines], below=below)
+    return saved(page, name, figure.title)
 
 
-def condition_diagram(comparison: Comparison) -> Diagram:
+def _condition(name: str, comparison: Comparison) -> Plot:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
-    series, legend = [], {}
+    page, looks = panels(WIDTHS[1], [UPPER]), {}
+    (ax,) = page.axes
     for i, (engine, line) in enumerate(lines.items()):
+        look = {**_mark(i + 1, _pair(i)["color"]), "linestyle": "-"}
         t, peak = bin_maxima(comparison.times, line)
-        at = sparse(len(t), i, len(lines))  # marks keep lines apart that coincide
-        mark = _mark(i + 1, _pair(i).colour)
-        legend[engine] = replace(mark, dash=())
-        series += [Series(t, peak, Look(mark.colour)), Series(t[at], peak[at], mark)]
-    numbers = np.concatenate([line[np.isfinite(line)] for line in lines.values()])
-    axis = log if numbers.max() > WIDE * numbers.min() else linear
-    panel = Panel(linear("t [s]", [comparison.times], 6, 0.02), axis("condition number [1]", [numbers]), tuple(series))
+        ax.plot(t, peak, markevery=sparse(len(t), i, len(lines)), **look)  # marks keep apart lines that coincide
+        looks[engine] = look
+    if np.nanmax([*lines.values()]) > WIDE * np.nanmin([*lines.values()]):
+        ax.set_yscale("log")
+        log_scale(ax.yaxis)
+    else:
+        linear_scale(ax.yaxis)
+    ax.set(xlabel="t [s]", ylabel="condition number [1]")
     title = "Condition number of the closure along the path"
-    return Diagram(title, (Row((panel,), UPPER),), WIDTHS[1], legends=(legend,))
+    arrange(page, title, above=[looks])
+    return saved(page, name, title)
 
 
 def _subject(figure: Figure, comparison: Comparison) -> _Subject:
@@ -123,36 +140,45 @@ def _part(title: str, names: list[str], columns: dict[str, Array]) -> _Part:
     return _Part(title, names, {name: label for name, label in labels.items() if name in chosen})
 
 
-def _curves(subject: _Subject, part: _Part, shown: Sequence[str], looks: Legend, height: float) -> Iterable[Series]:
+def _curves(ax: Axes, subject: _Subject, part: _Part, shown: Sequence[str], looks: Mapping[str, Look]) -> None:
     """The first engine as lines, the others as sparse marks in the same colours."""
     for name, label in part.drawn.items():
         for k, engine in enumerate(shown):
-            solved = subject.solved[engine]
-            t, v = subject.t[solved], subject.column(engine, name)[solved]
+            at, look = np.flatnonzero(subject.solved[engine]), looks[label]
             if k:
-                at = sparse(len(t), k - 1, len(shown) - 1)
-                yield Series(t[at], v[at], _mark(k, looks[label].colour))
-            else:
-                yield Series(*thin(t, v, height), looks[label])
+                at, look = at[sparse(len(at), k - 1, len(shown) - 1)], _mark(k, look["color"])
+            elif len(at) == 1:
+                look = {**look, "marker": "."}
+            ax.plot(subject.t[at], subject.column(engine, name)[at], **look)
 
 
-def _differences(subject: _Subject, pairs: Sequence[Pair], tolerance: float | None, time: Axis, label: str) -> Row:
-    """The largest difference of each pair in each panel; grey lines for the tolerance and for zero."""
+def _differences(
+    axes: Sequence[Axes], subject: _Subject, pairs: Sequence[Pair], tolerance: float | None
+) -> dict[str, Look]:
+    """The largest difference of each pair in each panel; grey lines for the tolerance and for zero.
+
+    Returns:
+        The legend.
+    """
     peaks = [[_peaks(subject, part, pair) for pair in pairs] for part in subject.parts]
     numbers = np.concatenate([peak for panel in peaks for _, peak in panel])
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
     floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    up = log(label, [np.array([floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0)])])
     legend = {f"|{a} - {b}|": _pair(i) for i, (a, b) in enumerate(pairs)}
-    panels, looks = [], list(legend.values())
-    guides = [*([Guide(tolerance, TOLERANCE)] if tolerance else []), *([Guide(floor, ZERO)] if zero else [])]
+    looks = list(legend.values())
     legend |= {f"tolerance {number(tolerance, 2)}": TOLERANCE} if tolerance else {}
     legend |= {"no difference at all": ZERO} if zero else {}
-    for panel in peaks:
-        series = [Series(t, np.maximum(peak, floor), look) for (t, peak), look in zip(panel, looks, strict=True)]
-        panels.append(Panel(time, up, tuple(series), guides=tuple(guides)))
-    return Row(tuple(panels), LOWER, legend)
+    for ax, panel in zip(axes, peaks, strict=True):
+        for (t, peak), look in zip(panel, looks, strict=True):
+            ax.plot(t, np.maximum(peak, floor), **(look if len(t) > 1 else {**look, "marker": "."}))
+        for at, look in ((tolerance, TOLERANCE), (floor if zero else None, ZERO)):
+            if at:
+                ax.axhline(at, **look)
+    top = 10.0 ** np.ceil(np.log10(1.5 * max(high, tolerance or 0.0)))
+    axes[0].set(yscale="log", ylim=(floor / 10 if zero else floor, top))
+    log_scale(axes[0].yaxis)
+    return legend
 
 
 def _peaks(subject: _Subject, part: _Part, pair: Pair) -> tuple[Array, Array]:
@@ -163,24 +189,50 @@ def _peaks(subject: _Subject, part: _Part, pair: Pair) -> tuple[Array, Array]:
     return bin_maxima(subject.t[both], np.where(np.isfinite(largest), largest, np.nan)[both])
 
 
-def _component(i: int) -> Look:
+def bin_maxima(t: Array, v: Array, bins: int = BINS) -> tuple[Array, Array]:
+    """The largest value of each of `bins` stretches, at its own time; NaN only where a stretch has no number.
+
+    Args:
+        t: Time [s]. Shape (n,).
+        v: Values, at least 0 where they are numbers. Shape (n,).
+
+    Returns:
+        Times and maxima. Shapes (min(n, bins),).
+    """
+    if len(t) <= bins:
+        return t, v
+    stretch = np.arange(len(t)) * bins // len(t)
+    falling = np.lexsort((np.where(np.isnan(v), 1.0, -v), stretch))  # within each stretch
+    at = falling[np.searchsorted(stretch, np.arange(bins))]
+    return t[at], v[at]
+
+
+def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
+    """About `marks` samples, staggered so that the marks of different engines do not hide each other."""
+    if n <= 2 * marks:
+        return np.arange(n)
+    return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
+
+
+def _line(i: int) -> Look:
     """Colour and dash of a component, the same in every panel of a diagram."""
     turn, i = divmod(i, len(COLOURS))
-    return Look(COLOURS[i], DASHES[turn % len(DASHES)], 1.4)
+    return {"color": COLOURS[i], "linestyle": DASHES[turn % len(DASHES)], "linewidth": 1.4}
 
 
 def _mark(k: int, colour: str) -> Look:
     """Marks of the k-th engine after the first."""
     marker = MARKERS[(k - 1) % len(MARKERS)]
-    return Look(colour, None, 1.1, marker, "none", 5.5 if marker in "ox+" else 4.7)
+    size = 5.5 if marker in "ox+" else 4.7
+    return {"color": colour, "linestyle": "", "marker": marker, "markersize": size, "markerfacecolor": "none"}
 
 
 def _pair(i: int) -> Look:
     """Colour and dash of a pair of engines."""
-    return Look(COLOURS[i % len(COLOURS) - 1], DASHES[i % len(DASHES)])
+    return {"color": COLOURS[i % len(COLOURS) - 1], "linestyle": DASHES[i % len(DASHES)]}
 
 
-def _compared(figure: Figure, comparison: Comparison) -> tuple[list[tuple[str, str]], float | None]:
+def _compared(figure: Figure, comparison: Comparison) -> tuple[list[Pair], float | None]:
     """Pairs of engines that were compared in the figure's quantity; the tolerance if all have the same."""
     table = comparison.errors
     rows = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
