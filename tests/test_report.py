@@ -25,7 +25,7 @@ from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
 from screwgauge.report.blocks import Picture, Table
 from screwgauge.report.figures import run as drawing
-from screwgauge.report.figures.page import Plot, arrange, panels, saved
+from screwgauge.report.figures.page import arrange, panels, saved
 from screwgauge.report.figures.run import bin_maxima
 from screwgauge.report.figures.selection import default_figures
 from screwgauge.report.figures.style import styled
@@ -408,7 +408,7 @@ def corners(t: Any, v: Any) -> np.ndarray:
     ax.plot(t, v, color="#123456")
     ax.set(xlim=(0.0, 10.0), ylim=(-4.0, 4.0))
     arrange(page, "")
-    svg = saved(page, "", "").svg
+    svg = saved(page, "").svg
     (path,) = re.findall(r'<path d="([^"]*)"[^>]*stroke: #123456', svg)
     height = float(re.search(r'viewBox="0 0 \S+ (\S+)"', svg)[1])  # type: ignore[index]
     places = np.array(re.findall(r"[ML] (\S+) (\S+)", path), dtype=float)
@@ -465,7 +465,7 @@ def test_default_figures_show_every_component_once() -> None:
 
 def test_pictures_in_a_page_have_ids_of_their_own() -> None:
     svg = '<svg ><g id="x"/><use xlink:href="#x"/><g clip-path="url(#x)"/></svg>'
-    shown = fragment([Picture(Plot("f1", "a <picture>", svg))])
+    shown = fragment([Picture("f1", "a <picture>", svg)])
     assert 'aria-label="a &lt;picture&gt;"' in shown
     assert ('id="f1-x"' in shown, 'href="#f1-x"' in shown, "url(#f1-x)" in shown) == (True, True, True)
 

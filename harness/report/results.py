@@ -42,7 +42,7 @@ class Results(Comparison):
         """The pictures of the report; a notebook shows them."""
         from screwgauge.report.figures.run import make_plots
 
-        return Pictures(map(Picture, make_plots(self)))
+        return Pictures(make_plots(self))
 
     def to_html(self, path: str | Path) -> Path:
         """Writes the report as one page that opens offline.
@@ -66,7 +66,7 @@ class Pictures(list[Picture]):
     """Pictures; a notebook shows them."""
 
     def __repr__(self) -> str:
-        return "\n".join(picture.plot.title for picture in self)
+        return "\n".join(picture.title for picture in self)
 
     def _repr_html_(self) -> str:
         return fragment(self)

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import labels
-from screwgauge.report.figures.page import Plot, arrange, log_scale, panels, saved
+from screwgauge.report.figures.page import arrange, log_scale, panels, saved
 from screwgauge.report.figures.style import DOTTED, GREY, by_camp, camp, styled
 from screwgauge.report.figures.work_precision import FILLED, HOLLOW, Point, work_precision
+from screwgauge.report.formatting import duration
 from screwgauge.study.bench.rows import LEVELS
 from screwgauge.study.posed import QUANTITIES
 
@@ -23,16 +25,17 @@ if TYPE_CHECKING:
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
 WIDTH, COLUMNS = 800.0, 3
+FITTED = "Filled points are fitted; the line has the expected slope through them."
 ERROR = "largest scaled error [1]"
 STARTS = {"starts from y and its derivatives": FILLED, "starts from given joint motion": {**FILLED, **HOLLOW}}
 
 
 @styled
-def make_plots(bench: Bench) -> list[Plot]:
+def make_plots(bench: Bench) -> list[Picture]:
     """All pictures of the report."""
     drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.max_scaled) and bool(r.per_sample > 0)]
     by_quantity = {quantity: [row for row in drawable if row.quantity == quantity] for quantity in QUANTITIES[::-1]}
-    families, plots = list(dict.fromkeys(row.contestant.line for row in bench.rows)), list[Plot]()
+    families, plots = list(dict.fromkeys(row.contestant.line for row in bench.rows)), list[Picture]()
     for quantity, rows in by_quantity.items():
         if rows:
             name = f"{len(plots) + 1:02d}-{quantity.replace('_', '-')}"
@@ -40,7 +43,7 @@ def make_plots(bench: Bench) -> list[Plot]:
     return [*plots, _slopes(f"{len(plots) + 1:02d}-slopes", bench.fits)] if bench.fits else plots
 
 
-def _work_precision(name: str, what: str, rows: Sequence[Row], families: Sequence[str], reference: str) -> Plot:
+def _work_precision(name: str, what: str, rows: Sequence[Row], families: Sequence[str], reference: str) -> Picture:
     looks, lines = {}, []
     for family, look in by_camp(families).items():
         if group := [row for row in rows if row.contestant.line == family]:
@@ -50,33 +53,24 @@ def _work_precision(name: str, what: str, rows: Sequence[Row], families: Sequenc
             lines.append((looks[family], [Point(r.per_sample, r.max_scaled, r.contestant.label) for r in group]))
     page = panels(WIDTH, [378.0])
     (ax,) = page.axes
-    wanted = work_precision(ax, lines, _duration)
+    wanted = work_precision(ax, lines, duration)
     ax.set(xlabel="run time for each sample delivered", ylabel=ERROR)
     low, high = ax.get_ylim()
     guides = [labels.guide(ax, x, f"{-np.log10(x):.0f} digits", DOTTED) for x in LEVELS if low < x < high]
     note = f"Each point is one setting; errors are against {reference}. T: duration of the motion."
-    title = f"Error against run time: {what}"
-    arrange(page, title, [f"Lower left is better. {note}"], side={**looks, **STARTS})
+    arrange(page, f"Error against run time: {what}", [f"Lower left is better. {note}"], side={**looks, **STARTS})
     labels.place(ax, [*guides, *wanted])
-    return saved(page, name, title)
+    return saved(page, name)
 
 
-def _duration(seconds: float) -> str:
-    """``10 µs``."""
-    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
-    unit, size = next((u for u in units if seconds >= 0.999 * u[1]), units[-1])
-    return f"{seconds / size:.3g} {unit}"
-
-
-def _slopes(name: str, fits: Sequence[Fit]) -> Plot:
+def _slopes(name: str, fits: Sequence[Fit]) -> Picture:
     page = panels(WIDTH, [150.0] * -(-len(fits) // COLUMNS), COLUMNS, len(fits))
     for ax, fit in zip(page.axes, fits, strict=True):
         _slope(ax, fit)
     for row in page.rows:
         row[0].set_ylabel(ERROR)
-    title = "Error against what is varied, with expected slopes"
-    arrange(page, title, ["Filled points are fitted; the line has the expected slope through them."])
-    return saved(page, name, title)
+    arrange(page, "Error against what is varied, with expected slopes", [FITTED])
+    return saved(page, name)
 
 
 def _slope(ax: Axes, fit: Fit) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import labels
-from screwgauge.report.figures.page import Plot, arrange, panels, saved
+from screwgauge.report.figures.page import arrange, panels, saved
 from screwgauge.report.figures.style import by_camp, styled
 from screwgauge.report.figures.work_precision import FILLED, HOLLOW, STAR, Point, work_precision
 from screwgauge.study.bench.rows import OK
@@ -30,7 +31,7 @@ MEASURES: tuple[tuple[str, str, Callable[[Outcome], float]], ...] = (
 
 
 @styled
-def make_plots(contest: Contest) -> list[Plot]:
+def make_plots(contest: Contest) -> list[Picture]:
     """The work-precision diagram, if there is anything to draw."""
     done = [o for o in contest.outcomes if _time(o) > 0.0 and o.scaled < SENSELESS]
     if not done:
@@ -48,13 +49,12 @@ def make_plots(contest: Contest) -> list[Plot]:
         others = [Point(item.cpu_s, item.accuracy, item.who.split(",")[0].split(":")[0]) for item in theirs]
         wanted.append(work_precision(ax, lines, lambda seconds: f"{seconds:g} s", others))
         ax.set(xlabel="processor time of the integration", ylabel=label)
-    title = "Error against processor time"
     note = "Lower left is better. Stars and dashed lines: published by others, measured on other machines."
     side = {**looks, "published by others": STAR, "stopped before the end": {**FILLED, **HOLLOW}}
-    arrange(page, title, [note], side=side)
+    arrange(page, "Error against processor time", [note], side=side)
     for ax, texts in zip(page.axes, wanted, strict=True):
         labels.place(ax, texts)
-    return [saved(page, "01-work-precision", title)]
+    return [saved(page, "01-work-precision")]
 
 
 def _time(outcome: Outcome) -> float:

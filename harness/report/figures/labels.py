@@ -52,7 +52,7 @@ def place(ax: Axes, labels: Sequence[Label]) -> None:
     """Writes the labels, the most important first, onto axes that have their final size."""
     lines = [(line, line.get_transform().transform(line.get_xydata())) for line in ax.get_lines()]
     marks = np.vstack([np.empty((0, 2)), *(xy for line, xy in lines if line.get_marker() not in ("", "None", None))])
-    paths = [(line, Path(xy).interpolated(100).vertices) for line, xy in lines if line.get_linestyle() != "None"]
+    paths = [(line, Path(xy).interpolated(200).vertices) for line, xy in lines if line.get_linestyle() != "None"]
     strokes, guides = (
         np.vstack([np.empty((0, 2)), *(xy for line, xy in paths if (line.get_zorder() == BEHIND) is side)])
         for side in (False, True)
@@ -64,9 +64,9 @@ def place(ax: Axes, labels: Sequence[Label]) -> None:
             note = _written(ax, label, spot)
             box = note.get_window_extent().padded(1.5)
             inside = ax.bbox.padded(4.0).count_contains(box.corners()) == 4
-            covers = box.padded(3.0).count_contains(marks) or box.count_contains(strokes) or box.count_overlaps(taken)
+            crowded = box.padded(3.0).count_contains(marks) or box.padded(1.0).count_contains(strokes)
             note.remove()
-            if inside and not covers:
+            if inside and not crowded and not box.count_overlaps(taken):
                 crossing.append(spot)
                 if not box.count_contains(guides):
                     fits.append(spot)

@@ -8,8 +8,9 @@ from matplotlib.path import Path
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.pose import layout, place, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import labels
-from screwgauge.report.figures.page import EDGE, GAP, Plot, arrange, panels, saved
+from screwgauge.report.figures.page import EDGE, GAP, arrange, panels, saved
 from screwgauge.report.figures.style import COLOURS, GREY, INK, Look, darker, styled
 
 WIDTH, TALL, MARGIN = 576.0, 380.0, 24.0  # of page and drawing, at most [points]; within it, for names and hatching
@@ -26,7 +27,7 @@ End = tuple[Array, bool]  # where a joint of a body is; whether it stands on the
 
 
 @styled
-def mechanism_plot(mechanism: Mechanism) -> Plot:
+def mechanism_plot(mechanism: Mechanism) -> Picture:
     """Bodies as lines between their joints, joints as marks by kind, hatching where they stand on the ground.
 
     Seen from above; a mechanism that is flat at its home pose is seen face-on.
@@ -57,13 +58,12 @@ def mechanism_plot(mechanism: Mechanism) -> Plot:
         look["markersize"] = SIZES.get(mark, 8.0)
         legend[KINDS[joint.kind] + ", actuated" * joint.actuated] = look
         ax.plot(*view @ point, zorder=3, **look)
-    title = f"{mechanism.title or mechanism.name}: home pose"
-    arrange(page, title, above=[legend])
+    arrange(page, f"{mechanism.title or mechanism.name}: home pose", above=[legend])
     reach = unit * np.array([ax.bbox.width, ax.bbox.height]) / 2.0
     (left, bottom), (right, top) = low + size / 2.0 - reach, low + size / 2.0 + reach
     ax.set(xlim=(left, right), ylim=(bottom, top))
     labels.place(ax, names)
-    return saved(page, "mechanism", title)
+    return saved(page, "mechanism")
 
 
 def _home(mechanism: Mechanism) -> tuple[dict[str, list[End]], list[tuple[Joint, Array, bool]], dict[str, Array]]:

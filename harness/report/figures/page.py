@@ -17,6 +17,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
+from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.style import SMALL, Look
 from screwgauge.report.formatting import number
 
@@ -26,15 +27,6 @@ NOTE, WARNING = "#444444", "#8a3b00"
 Looks = Mapping[str, Look]
 NARROWEST = 1e-6  # of the largest value: a linear axis shows no smaller range
 FEW = 2  # decades below which 1, 2 and 5 times each of them are ticks
-
-
-@dataclass(frozen=True, slots=True)
-class Plot:
-    """A finished picture; `name` is its file name without ending."""
-
-    name: str
-    title: str
-    svg: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +119,7 @@ def arrange(
         spots.append((right, y + LINE))
     cell, boxes = (right - sum(before)) / page.columns, []
     for k, (row, height) in enumerate(zip(page.rows, page.heights, strict=True)):
-        y += LINE + TITLE * max(len(ax.get_title().splitlines()) for ax in row)
+        y += LINE + TITLE * max(len(ax.get_title(loc="left").splitlines()) for ax in row)
         foot, end = y + height + (FOOT if row[0].get_xlabel() else BARE), 0.0
         for i, _ in enumerate(row):
             left = sum(before[: i + 1]) + i * cell
@@ -166,9 +158,9 @@ def _legend(figure: Figure, looks: Looks, room: float, size: float | None = None
     return figure.legend(handles=handles(looks), loc="upper left", fontsize=size)
 
 
-def saved(page: Page, name: str, title: str) -> Plot:
-    """The picture, without a date, places to a hundredth of a point."""
+def saved(page: Page, name: str) -> Picture:
+    """The picture of a page that is arranged, without a date, places to a hundredth of a point."""
     text = StringIO()
     FigureCanvasSVG(page.figure).print_svg(text, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     svg = re.sub(r'(?<= d=")[^"]*', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text.getvalue())
-    return Plot(name, title, svg[svg.index("<svg ") :])
+    return Picture(name, page.figure.texts[0].get_text(), svg[svg.index("<svg ") :])

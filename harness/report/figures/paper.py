@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.report.figures.page import Plot, arrange, log_scale, panels, saved
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.page import arrange, log_scale, panels, saved
 from screwgauge.report.figures.style import COLOURS, DASHES, DOTTED, MARKERS, Look, styled
 
 if TYPE_CHECKING:
@@ -19,12 +20,12 @@ TALL = 165.0
 
 
 @styled
-def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Plot]:
+def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Picture]:
     """All pictures, in the order of the report."""
     return [_steps(runs), _over_time(runs), _axial(axial)]
 
 
-def _steps(runs: SchemeRuns) -> Plot:
+def _steps(runs: SchemeRuns) -> Picture:
     page = panels(576.0, [TALL])
     (ax,) = page.axes
     looks = {name: {**look, "marker": m} for name, look, m in zip(runs.ladders, LINES, MARKERS, strict=False)}
@@ -33,12 +34,11 @@ def _steps(runs: SchemeRuns) -> Plot:
     ax.set(xlabel="step [s]", ylabel="largest gap of a leg [m]")
     log_scale(ax.xaxis)
     log_scale(ax.yaxis)
-    title = "The paper's scheme: a shorter step does not mend the printed twist"
-    arrange(page, title, above=[looks])
-    return saved(page, "paper-scheme-steps", title)
+    arrange(page, "The paper's scheme: a shorter step does not mend the printed twist", above=[looks])
+    return saved(page, "paper-scheme-steps")
 
 
-def _over_time(runs: SchemeRuns) -> Plot:
+def _over_time(runs: SchemeRuns) -> Picture:
     page = panels(720.0, [TALL], 2, sharey=True)
     looks = {run.label: look for run, look in zip(runs.over_time, LINES, strict=False)}
     sides = (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4)))
@@ -48,12 +48,11 @@ def _over_time(runs: SchemeRuns) -> Plot:
         ax.set(title=title, xlabel="t [s]")
     page.axes[0].set_ylabel("gap [m]")
     log_scale(page.axes[0].yaxis)
-    title = "Gap between leg and platform over time, joint angles by eq. (27)"
-    arrange(page, title, above=[looks])
-    return saved(page, "paper-scheme-time", title)
+    arrange(page, "Gap between leg and platform over time, joint angles by eq. (27)", above=[looks])
+    return saved(page, "paper-scheme-time")
 
 
-def _axial(axial: AxialRule) -> Plot:
+def _axial(axial: AxialRule) -> Picture:
     page = panels(576.0, [TALL])
     (ax,) = page.axes
     looks = {"eq. (56): F_S along O P": LINES[0], "minimum norm": LINES[1], "t = k pi: eq. (56) is singular": DOTTED}
@@ -63,6 +62,5 @@ def _axial(axial: AxialRule) -> Plot:
         ax.axvline(k * np.pi, **DOTTED)
     ax.set(xlabel="t [s]", ylabel="largest driving force [N]")
     log_scale(ax.yaxis)
-    title = "Largest driving force: eq. (56) against the smallest possible"
-    arrange(page, title, above=[looks])
-    return saved(page, "paper-axial-rule", title)
+    arrange(page, "Largest driving force: eq. (56) against the smallest possible", above=[looks])
+    return saved(page, "paper-axial-rule")

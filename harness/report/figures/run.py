@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
-from screwgauge.report.figures.page import Plot, arrange, linear_scale, log_scale, panels, saved
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.page import arrange, linear_scale, log_scale, panels, saved
 from screwgauge.report.figures.selection import drawable, select, short_labels
 from screwgauge.report.figures.style import COLOURS, DASHES, GREY, INK, Look, styled
 from screwgauge.report.formatting import file_name, missing, number, unit_text
@@ -34,36 +35,24 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """The components of one panel, and the labels of those that are drawn."""
-
-    title: str
-    names: list[str]
-    drawn: dict[str, str]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Subject:
     """A quantity as every engine has it.
 
     Attributes:
         t: Time [s]. Shape (n,).
-        values: Engine -> component -> values, NaN at samples that it did not solve. Shape (n,).
+        values: Engine -> component -> values, NaN where it has none. Shape (n,).
         solved: Engine -> whether it solved a sample. Shape (n,).
+        panels: Titles and components.
     """
 
     t: Array
     values: dict[str, dict[str, Array]]
     solved: dict[str, NDArray[np.bool_]]
-    parts: list[_Part]
-
-    def column(self, engine: str, name: str) -> Array:
-        """NaN for a component that the engine lacks. Shape (n,)."""
-        return self.values[engine].get(name, np.full(len(self.t), np.nan))
+    panels: list[tuple[str, list[str]]]
 
 
 @styled
-def make_plots(comparison: Comparison) -> list[Plot]:
+def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
     figures = drawable(tuple(comparison.scene.figures), comparison.solutions)
     plots = [_quantity(f"{i:02d}-{file_name(figure.title)}", figure, comparison) for i, figure in enumerate(figures, 1)]
@@ -72,18 +61,18 @@ def make_plots(comparison: Comparison) -> list[Plot]:
     return plots
 
 
-def _quantity(name: str, figure: Figure, comparison: Comparison) -> Plot:
+def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
     subject, (pairs, tolerance) = _subject(figure, comparison), _compared(figure, comparison)
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
-    labels = dict.fromkeys(label for part in subject.parts for label in part.drawn.values())
-    looks = {label: _line(i) for i, label in enumerate(labels)}
-    columns, unit = len(subject.parts), unit_text(figure.unit)
+    drawn = [_labels(names, subject.values[first]) for _, names in subject.panels]
+    looks = {label: _line(i) for i, label in enumerate(dict.fromkeys(x for some in drawn for x in some.values()))}
+    columns, unit = len(drawn), unit_text(figure.unit)
     heights = [UPPER, LOWER] if pairs else [UPPER]
     page = panels(WIDTHS[min(columns, 3)], heights, columns, sharex=True, sharey="row")
-    for ax, part in zip(page.axes, subject.parts, strict=False):
-        ax.set_title(part.title)
-        _curves(ax, subject, part, shown, looks)
+    for ax, (title, _), labels in zip(page.axes, subject.panels, drawn, strict=False):
+        ax.set_title(title)
+        _curves(ax, subject, {component: looks[label] for component, label in labels.items()}, shown)
     for ax in page.rows[-1]:
         ax.set_xlabel("t [s]")
     linear_scale(page.axes[0].yaxis)
@@ -93,11 +82,17 @@ def _quantity(name: str, figure: Figure, comparison: Comparison) -> Plot:
         below = _differences(page.rows[1], subject, pairs, tolerance)
         page.rows[1][0].set_ylabel(f"difference [{unit}]")
     engines = {engine: _mark(k, INK) if k else {"color": INK, "linewidth": 1.4} for k, engine in enumerate(shown)}
-    arrange(page, figure.title, warnings=[*_warnings(subject, shown)], above=[looks, engines], below=below)
-    return saved(page, name, figure.title)
+    arrange(
+        page,
+        figure.title,
+        warnings=[*_warnings(subject, shown, sum(map(len, drawn)))],
+        above=[looks, engines],
+        below=below,
+    )
+    return saved(page, name)
 
 
-def _condition(name: str, comparison: Comparison) -> Plot:
+def _condition(name: str, comparison: Comparison) -> Picture:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
@@ -114,42 +109,39 @@ def _condition(name: str, comparison: Comparison) -> Plot:
     else:
         linear_scale(ax.yaxis)
     ax.set(xlabel="t [s]", ylabel="condition number [1]")
-    title = "Condition number of the closure along the path"
-    arrange(page, title, above=[looks])
-    return saved(page, name, title)
+    arrange(page, "Condition number of the closure along the path", above=[looks])
+    return saved(page, name)
 
 
 def _subject(figure: Figure, comparison: Comparison) -> _Subject:
     # an engine that solved only some samples comes last: the first one is drawn as lines
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if figure.quantity in solution.values}
-    values = {engine: solution.values[figure.quantity] for engine, solution in solutions.items()}
-    columns = {engine: dict(zip(v.components, v.array.T, strict=True)) for engine, v in values.items()}
-    n, first = len(comparison.times), next(iter(values))
+    found = {engine: solution.values[figure.quantity] for engine, solution in solutions.items()}
+    shown = [(title, select(next(iter(found.values())), figure.unit, patterns)) for title, patterns in figure.panels]
+    n = len(comparison.times)
+    nothing = dict.fromkeys((name for _, names in shown for name in names), np.full(n, np.nan))
+    values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in found.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
-    parts = [_part(title, select(values[first], figure.unit, p), columns[first]) for title, p in figure.panels]
-    return _Subject(comparison.times, columns, solved, parts)
+    return _Subject(comparison.times, values, solved, shown)
 
 
-def _part(title: str, names: list[str], columns: dict[str, Array]) -> _Part:
-    """Of too many components, the ones that move most are drawn."""
-    chosen, labels = names, dict(zip(names, short_labels(names), strict=True))
-    if len(names) > MAX_CURVES:
-        span = {name: float(np.ptp(np.nan_to_num(columns[name]))) for name in names}
-        chosen = sorted(names, key=lambda name: -span[name])[:MAX_CURVES]
-    return _Part(title, names, {name: label for name, label in labels.items() if name in chosen})
+def _labels(names: list[str], columns: Mapping[str, Array]) -> dict[str, str]:
+    """Component -> label of those that are drawn; of too many, the ones that move most."""
+    moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
+    return {name: label for name, label in zip(names, short_labels(names), strict=True) if name in moving}
 
 
-def _curves(ax: Axes, subject: _Subject, part: _Part, shown: Sequence[str], looks: Mapping[str, Look]) -> None:
+def _curves(ax: Axes, subject: _Subject, looks: Mapping[str, Look], shown: Sequence[str]) -> None:
     """The first engine as lines, the others as sparse marks in the same colours."""
-    for name, label in part.drawn.items():
+    for name, look in looks.items():
         for k, engine in enumerate(shown):
-            at, look = np.flatnonzero(subject.solved[engine]), looks[label]
+            at, how = np.flatnonzero(subject.solved[engine]), look
             if k:
-                at, look = at[sparse(len(at), k - 1, len(shown) - 1)], _mark(k, look["color"])
+                at, how = at[sparse(len(at), k - 1, len(shown) - 1)], _mark(k, look["color"])
             elif len(at) == 1:
-                look = {**look, "marker": "."}
-            ax.plot(subject.t[at], subject.column(engine, name)[at], **look)
+                how = {**look, "marker": "."}
+            ax.plot(subject.t[at], subject.values[engine][name][at], **how)
 
 
 def _differences(
@@ -160,7 +152,7 @@ def _differences(
     Returns:
         The legend.
     """
-    peaks = [[_peaks(subject, part, pair) for pair in pairs] for part in subject.parts]
+    peaks = [[_peaks(subject, names, pair) for pair in pairs] for _, names in subject.panels]
     numbers = np.concatenate([peak for panel in peaks for _, peak in panel])
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
@@ -181,11 +173,11 @@ def _differences(
     return legend
 
 
-def _peaks(subject: _Subject, part: _Part, pair: Pair) -> tuple[Array, Array]:
+def _peaks(subject: _Subject, names: Sequence[str], pair: Pair) -> tuple[Array, Array]:
     """Largest difference over the components and over stretches of time; NaN as soon as one side is no number."""
-    first, second = pair
-    differences = [np.abs(subject.column(first, name) - subject.column(second, name)) for name in part.names]
-    largest, both = np.max(differences, axis=0), subject.solved[first] & subject.solved[second]
+    first, second = (subject.values[engine] for engine in pair)
+    largest = np.max([np.abs(first[name] - second[name]) for name in names], axis=0)
+    both = subject.solved[pair[0]] & subject.solved[pair[1]]
     return bin_maxima(subject.t[both], np.where(np.isfinite(largest), largest, np.nan)[both])
 
 
@@ -241,17 +233,16 @@ def _compared(figure: Figure, comparison: Comparison) -> tuple[list[Pair], float
     return pairs, float(limits.pop()) if len(limits) == 1 else None
 
 
-def _warnings(subject: _Subject, shown: Sequence[str]) -> Iterable[str]:
-    """What the curves do not show."""
+def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[str]:
+    """What the curves, so many of them, do not show."""
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # joint forces of an open tree, for one, differ from cut to cut
         yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."
-    names = [name for part in subject.parts for name in part.names]
-    kept = sum(len(part.drawn) for part in subject.parts)
-    if kept < len(names):
-        yield f"Curves: the {kept} of {len(names)} components that move most. Differences: all {len(names)}."
+    names = [name for _, some in subject.panels for name in some]
+    if drawn < len(names):
+        yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():
-        known = np.all([np.isfinite(subject.column(engine, name)) for name in names], axis=0)
+        known = np.all([np.isfinite(subject.values[engine][name]) for name in names], axis=0)
         bad = subject.t[solved & ~known]
         if len(bad):
             span = f"t = {number(bad[0])} s" + (f" to {number(bad[-1])} s" if len(bad) > 1 else "")

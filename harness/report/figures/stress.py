@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from screwgauge.quantities import MAX_DIGITS, digits
-from screwgauge.report.figures.page import Plot, arrange, log_scale, panels, power, saved
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.page import arrange, log_scale, panels, power, saved
 from screwgauge.report.figures.style import DOTTED, GREY, Look, by_camp, styled
 from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
 
@@ -29,7 +30,7 @@ WORDS = {OK: "ok", DEGRADED: "degraded, and says so", REFUSED: "refused", SILENT
 
 
 @styled
-def make_plots(stress: Stress) -> list[Plot]:
+def make_plots(stress: Stress) -> list[Picture]:
     """The page, if there is anything to draw."""
     results = {}
     for case in stress.cases:
@@ -48,7 +49,7 @@ def make_plots(stress: Stress) -> list[Plot]:
         row[0].set_ylabel("digits")
     verdicts = {words: mark(verdict, {"color": GREY, "marker": "o"}) for verdict, words in WORDS.items()}
     arrange(page, TITLE, [NOTE], above=[common, verdicts], under=own)
-    return [saved(page, "01-digits", TITLE)]
+    return [saved(page, "01-digits")]
 
 
 def inks(plots: Sequence[Sequence[str]]) -> tuple[dict[str, Look], list[dict[str, Look]]]:

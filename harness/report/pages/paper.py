@@ -102,7 +102,7 @@ def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:
     from screwgauge.report.figures.paper import make_plots
 
     record, files = environment(), judged(provenance(load_scene(SCENE), {}, date=date))
-    blocks = report(paper, map(Picture, make_plots(paper.runs, paper.axial)), {**files, **record})
+    blocks = report(paper, make_plots(paper.runs, paper.axial), {**files, **record})
     return write_report(out, blocks, {"errata.csv": errata_frame(paper.errata), "environment.json": record})
 
 

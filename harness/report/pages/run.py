@@ -110,7 +110,7 @@ def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool
         "environment.json": results.environment,
     }
     data |= {SAMPLES: _samples(results)} if samples else {}
-    told = report(results, map(Picture, make_plots(results)), errata_section(results.scene) if errata else ())
+    told = report(results, make_plots(results), errata_section(results.scene) if errata else ())
     return write_report(out, told, {**data, "summary.json": summary(results)})
 
 
