@@ -30,8 +30,6 @@ def drawn(x: object, y: object, *, log: bool = False, **look: object) -> Page:
     page = panels(400.0, [100.0])
     (ax,) = page.axes
     ax.plot(x, y, **look)
-    if log:
-        ax.set_yscale("log")
     (log_scale if log else linear_scale)(ax.yaxis)
     ax.set(xlabel="t [s]", ylabel="q [m]")
     arrange(

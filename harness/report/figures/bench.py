@@ -82,7 +82,7 @@ def _slope(ax: Axes, fit: Fit) -> None:
         ax.plot(ends, 10**level * ends**fit.rule.expected, color=GREY, linewidth=1.0)
     ax.plot(fit.x, fit.error, **{**look, **HOLLOW})
     ax.plot(x, error, **look)
-    ax.set(xscale="log", yscale="log", xlabel=fit.name)
+    ax.set_xlabel(fit.name)
     log_scale(ax.xaxis)
     log_scale(ax.yaxis)
     slope = f"{WORDS[fit.rule.quantity]}: slope {fit.slope:.3f}, expected {fit.rule.expected:g}"

@@ -65,7 +65,8 @@ def linear_scale(axis: Axis) -> None:
 
 
 def log_scale(axis: Axis, name: Callable[[float], str] | None = None) -> None:
-    """Makes an axis logarithmic, its limits known, with ticks at decades or parts of them; `name` writes a tick."""
+    """Makes an axis, its data known, logarithmic, with ticks at decades or parts of them; `name` writes a tick."""
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
     low, high = axis.get_view_interval()
     parts = (1.0, 2.0, 5.0) if high < 10.0**FEW * low else (1.0,)
     axis.set_major_locator(LogLocator(subs=parts, numticks=7))

@@ -30,7 +30,7 @@ def _steps(runs: SchemeRuns) -> Picture:
     (ax,) = page.axes
     looks = {name: {**look, "marker": m} for name, look, m in zip(runs.ladders, LINES, MARKERS, strict=False)}
     for name, (steps, errors) in runs.ladders.items():
-        ax.loglog(steps, errors, **looks[name])
+        ax.plot(steps, errors, **looks[name])
     ax.set(xlabel="step [s]", ylabel="largest gap of a leg [m]")
     log_scale(ax.xaxis)
     log_scale(ax.yaxis)
@@ -44,7 +44,7 @@ def _over_time(runs: SchemeRuns) -> Picture:
     sides = (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4)))
     for ax, (title, legs) in zip(page.axes, sides, strict=True):
         for run in runs.over_time:
-            ax.semilogy(run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR), **looks[run.label])
+            ax.plot(run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR), **looks[run.label])
         ax.set(title=title, xlabel="t [s]")
     page.axes[0].set_ylabel("gap [m]")
     log_scale(page.axes[0].yaxis)
@@ -57,7 +57,7 @@ def _axial(axial: AxialRule) -> Picture:
     (ax,) = page.axes
     looks = {"eq. (56): F_S along O P": LINES[0], "minimum norm": LINES[1], "t = k pi: eq. (56) is singular": DOTTED}
     for size, look in zip((axial.size, axial.least), looks.values(), strict=False):
-        ax.semilogy(axial.t, size, **look)
+        ax.plot(axial.t, size, **look)
     for k in range(4):
         ax.axvline(k * np.pi, **DOTTED)
     ax.set(xlabel="t [s]", ylabel="largest driving force [N]")

@@ -103,11 +103,8 @@ def _condition(name: str, comparison: Comparison) -> Picture:
         t, peak = bin_maxima(comparison.times, line)
         ax.plot(t, peak, markevery=sparse(len(t), i, len(lines)), **look)  # marks keep apart lines that coincide
         looks[engine] = look
-    if np.nanmax([*lines.values()]) > WIDE * np.nanmin([*lines.values()]):
-        ax.set_yscale("log")
-        log_scale(ax.yaxis)
-    else:
-        linear_scale(ax.yaxis)
+    wide = np.nanmax([*lines.values()]) > WIDE * np.nanmin([*lines.values()])
+    (log_scale if wide else linear_scale)(ax.yaxis)
     ax.set(xlabel="t [s]", ylabel="condition number [1]")
     arrange(page, "Condition number of the closure along the path", above=[looks])
     return saved(page, name)
@@ -168,7 +165,7 @@ def _differences(
             if at:
                 ax.axhline(at, **look)
     top = 10.0 ** np.ceil(np.log10(1.5 * max(high, tolerance or 0.0)))
-    axes[0].set(yscale="log", ylim=(floor / 10 if zero else floor, top))
+    axes[0].set_ylim(floor / 10 if zero else floor, top)
     log_scale(axes[0].yaxis)
     return legend
 

@@ -92,7 +92,7 @@ def _draw(ax: Axes, case: Case, rows: Sequence[Row], looks: Mapping[str, Look]) 
     limit = digits(GOOD)
     ax.axhspan(LOWEST, limit, color=SHADE, linewidth=0.0, zorder=0.0)
     ax.axhline(limit, **DOTTED)
-    ax.set(title=case.title, xlabel=case.axis, xscale="log", ylim=(LOWEST, MAX_DIGITS + 0.6), yticks=range(0, 16, 3))
+    ax.set(title=case.title, xlabel=case.axis, ylim=(LOWEST, MAX_DIGITS + 0.6), yticks=range(0, 16, 3))
     log_scale(ax.xaxis)
     if 0.0 in severities:
         ticks = [tick for tick in ax.get_xticks() if 3.0 * zero < tick < ax.get_xlim()[1]]

@@ -64,7 +64,6 @@ def work_precision(
         labels = [beside(point.at, point.label, darker(look["color"])) for point in points if point.label]
         ends += [*labels[:1], *labels[1:][-1:]]  # the ends of a line say most
         between += labels[1:-1]
-    ax.set(xscale="log", yscale="log")
     drawn = [guide(ax, at, text, DASHED, upright=upright) for at, text, upright in guides]
     ax.margins(0.06)
     log_scale(ax.xaxis, name)
