@@ -97,7 +97,8 @@ def arrange(
 ) -> None:
     """Writes what stands around the axes, gives everything its place, and the page the height that it needs.
 
-    The constrained layout of matplotlib does the like, but takes four times as long as the drawing itself.
+    The constrained layout of matplotlib does the like, but takes longer than all the rest: 2.8 s instead of 1.3 s for
+    each diagram of a run on a busy machine.
 
     Args:
         notes: How to read it.
