@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.report.bench.drawing import make_plots
+from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.pages.bench import terminal, write
 from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module

@@ -1,28 +1,49 @@
-"""Diagrams are data: axes fit what they show, awkward numbers are drawn all the same, and mechanisms can be seen."""
+"""Diagrams are readable: axes fit what they show, awkward numbers are drawn all the same, mechanisms can be seen."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import combinations
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 from screwgauge import load_scene
-from screwgauge.report.figures.axes import linear, log
-from screwgauge.report.figures.data import Axis, Diagram, Guide, Label, Look, Panel, Row, Series
-from screwgauge.report.figures.looks import MARKERS, by_camp
-from screwgauge.report.figures.mechanism import KINDS, mechanism_figure
-from screwgauge.report.figures.render import render
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.labels import beside, guide, place
+from screwgauge.report.figures.mechanism import KINDS, mechanism_plot
+from screwgauge.report.figures.page import Page, arrange, linear_scale, log_scale, panels, saved
+from screwgauge.report.figures.style import MARKERS, Look, by_camp, styled
+
+LOOK: Look = {"color": "#123456", "linestyle": (0, (2, 1)), "marker": "o"}
 
 
-def texts(diagram: Diagram) -> list[str]:
-    return [node.text or "" for node in ET.fromstring(render(diagram)).iter() if node.tag.endswith("text")]
+def texts(plot: Picture) -> list[str]:
+    nodes = (node for node in ET.fromstring(plot.svg).iter() if node.tag.endswith("text"))
+    return ["".join(node.itertext()) for node in nodes]
 
 
-def one_panel(x: Axis, y: Axis, *series: Series, **more: object) -> Diagram:
-    return Diagram("A <title> & more", (Row((Panel(x, y, series, **more),), 100.0),), 400.0)  # type: ignore[arg-type]
+@styled
+def drawn(x: object, y: object, *, log: bool = False, **look: object) -> Page:
+    page = panels(400.0, [100.0])
+    (ax,) = page.axes
+    ax.plot(x, y, **look)
+    (log_scale if log else linear_scale)(ax.yaxis)
+    ax.set(xlabel="t [s]", ylabel="q [m]")
+    arrange(
+        page, "A <title> & more", ["how to read it"], ["what is missing"], [{"a": LOOK}], {"b": LOOK}, (), {"c": LOOK}
+    )
+    return page
+
+
+def ticks(page: Page) -> list[tuple[float, str]]:
+    """Places and names of the ticks that are seen."""
+    (ax,) = page.axes
+    low, high = ax.get_ylim()
+    pairs = zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
+    return [(float(at), label.get_text()) for at, label in pairs if low <= at <= high]
 
 
 @pytest.mark.parametrize(
@@ -30,70 +51,77 @@ def one_panel(x: Axis, y: Axis, *series: Series, **more: object) -> Diagram:
     [[0.0, 1.0], [0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan, np.nan], [-np.inf, 5.0], [7.0]],
 )
 def test_a_linear_axis_covers_its_values_with_ticks_that_differ(values: list[float]) -> None:
-    axis = linear("q [m]", [np.array(values)])
+    page = drawn(range(len(values)), values)
+    low, high = page.axes[0].get_ylim()
     finite = [v for v in values if np.isfinite(v)]
-    assert all(axis.low < v < axis.high for v in finite)
-    assert 3 <= len(axis.ticks) <= 9
-    names = [name for _, name in axis.ticks]
-    assert len(set(names)) == len(names)
-    for at, name in axis.ticks:
-        assert axis.low <= at <= axis.high
-        assert float(name.replace("\N{MINUS SIGN}", "-")) == pytest.approx(
-            at, rel=1e-6, abs=1e-7 * (axis.high - axis.low)
-        )
+    assert all(low < v < high for v in finite)
+    assert high - low > 0.99e-6 * max(map(abs, finite), default=0.0)  # what is smaller is rounding
+    seen = ticks(page)
+    assert 3 <= len(seen) <= 9
+    assert len({name for _, name in seen}) == len(seen)
+    for at, name in seen:
+        number = float(name.replace("\N{MINUS SIGN}", "-"))
+        assert number == pytest.approx(at, rel=1e-6, abs=1e-7 * (high - low))
 
 
 def test_a_logarithmic_axis_has_decades_or_parts_of_them() -> None:
-    errors = [np.array([3e-15, 2e-3, 0.0, np.nan])]
-    assert log("e", errors).low == pytest.approx(1e-15)
-    assert log("e", errors).high == pytest.approx(1e-2)
-    assert [name for _, name in log("e", errors).ticks] == ["1e-15", "1e-13", "1e-11", "1e-9", "1e-7", "1e-5", "1e-3"]
-    steps = log("h [s]", [np.array([0.01, 0.2])], whole=False)
-    assert [name for _, name in steps.ticks] == ["0.01", "0.02", "0.05", "0.1", "0.2"]
-    assert np.isnan(steps.share(np.array([-1.0, 0.0]))).all()
-    assert steps.share(steps.high) == pytest.approx(1.0)
+    errors = drawn(range(4), [3e-15, 2e-3, 0.0, np.nan], log=True)
+    low, high = errors.axes[0].get_ylim()
+    assert 1e-17 < low < 3e-15 < 2e-3 < high < 1
+    assert [name for _, name in ticks(errors)] == ["1e-15", "1e-13", "1e-11", "1e-9", "1e-7", "1e-5", "1e-3"]
+    assert [name for _, name in ticks(drawn(range(2), [0.01, 0.2], log=True))] == ["0.01", "0.02", "0.05", "0.1", "0.2"]
 
 
+@styled
 def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice() -> None:
     t = np.linspace(0.0, 1.0, 5)
     for v in (np.zeros(5), np.full(5, np.nan), np.array([1.0, np.nan, np.inf, -np.inf, 2.0])):
-        look = Look("#000000", (2.0, 1.0), marker="o")
-        more = {"guides": (Guide(0.5, look, "half & half"),), "labels": (Label(0.5, 0.5, "a < b", "#000000"),)}
-        diagram = one_panel(linear("t [s]", [t]), linear("v", [v]), Series(t, v, look), **more)
-        assert {"A <title> & more", "half & half", "t [s]"} <= set(texts(diagram))
-        assert render(diagram) == render(diagram)
-        assert not {"nan", "inf"} & set(render(diagram).replace('"', " ").split())
+        pictures = []
+        for _ in range(2):
+            page = drawn(t, v, **LOOK)
+            (ax,) = page.axes
+            place(ax, [guide(ax, 0.5, "half & half", LOOK), beside((0.5, 0.5), "a < b", "#000000")])
+            pictures.append(saved(page, "name"))
+        said = {"A <title> & more", "half & half", "t [s]", "how to read it", "what is missing", "a", "b", "c"}
+        assert said <= set(texts(pictures[0]))
+        assert pictures[0] == pictures[1]
+        assert not {"nan", "inf"} & set(pictures[0].svg.replace('"', " ").split())
 
 
-def test_a_single_sample_is_seen() -> None:
-    one = np.array([1.0])
-    svg = render(one_panel(linear("t", [one]), linear("v", [one]), Series(one, one, Look("#123456"))))
-    assert 'fill="#123456"' in svg
+def test_nothing_that_stands_around_the_axes_covers_anything_else() -> None:
+    page = drawn([0.0, 1.0], [-1.23456, 9.87654], **LOOK)
+    saved(page, "")  # labels of axes find their places
+    around = [*page.figure.texts, *page.figure.legends, page.axes[0].xaxis.label, page.axes[0].yaxis.label]
+    boxes = [one.get_window_extent() for one in around]
+    boxes += [label.get_window_extent() for label in page.axes[0].get_yticklabels() if label.get_text()][1:-1]
+    boxes.append(page.axes[0].bbox)
+    for one, other in combinations(boxes, 2):
+        assert not one.overlaps(other)
+    assert all(page.figure.bbox.count_contains(box.corners()) == 4 for box in boxes)
 
 
+@styled
 def test_lines_of_a_camp_share_its_colour_and_differ_in_marker_and_dash() -> None:
     looks = by_camp([f"mujoco {k}" for k in range(12)] + ["screw", "pinocchio"])
-    assert len({look.colour for look in looks.values()}) == 3
-    assert len({(look.colour, look.marker, look.dash) for look in looks.values()}) == 14
-    axis, point = linear("", []), np.ones(1)
-    shapes = {render(one_panel(axis, axis, Series(point, point, Look("", None, marker=marker)))) for marker in MARKERS}
+    assert len({look["color"] for look in looks.values()}) == 3
+    assert len({(look["color"], look["marker"], look["linestyle"]) for look in looks.values()}) == 14
+    shapes = {saved(drawn([1.0], [1.0], linestyle="", marker=marker), "").svg for marker in MARKERS}
     assert len(shapes) == len(MARKERS)
 
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "a02-fourbar-2", "a04-bricard-box", "a05-governor", "a01-pendulum"])
 def test_the_picture_of_a_mechanism_names_its_bodies_and_kinds_of_joints(name: str) -> None:
     mechanism = load_scene(name).mechanism
-    words = texts(mechanism_figure(mechanism))
+    words = texts(mechanism_plot(mechanism))
     assert {body.name for body in mechanism.bodies} <= set(words)
     assert {KINDS[joint.kind] + ", actuated" * joint.actuated for joint in mechanism.joints} <= set(words)
 
 
-def test_drawing_needs_no_matplotlib() -> None:
+def test_only_what_draws_imports_matplotlib() -> None:
     code = (
-        "import sys; from screwgauge import load_scene; from screwgauge.report.figures.render import render; "
-        "from screwgauge.report.figures.mechanism import mechanism_figure as figure; "
-        "import screwgauge.report.plots, screwgauge.report.bench.drawing, screwgauge.report.stress.drawing; "
-        "print(render(figure(load_scene('a01-pendulum').mechanism))[:4], 'matplotlib' in sys.modules)"
+        "import sys, screwgauge.report.results, screwgauge.commands; "
+        "from screwgauge.report.pages import bench, bench_simulation, paper, run, stress; "
+        "print('matplotlib' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "<svg False"
+    assert done.stdout.strip() == "False"

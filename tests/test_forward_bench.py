@@ -17,7 +17,7 @@ from screwgauge.engines.screw import model as screw
 from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.bench.forward_drawing import make_plots
+from screwgauge.report.figures.bench_simulation import make_plots
 from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant

@@ -23,14 +23,17 @@ from screwgauge.quantities import digits
 from screwgauge.reference.applied import Applied, Load
 from screwgauge.reference.errors import OutputError
 from screwgauge.report import write as writing
-from screwgauge.report.blocks import Table
-from screwgauge.report.figures.curves import bin_maxima, thin
+from screwgauge.report.blocks import Picture, Table
+from screwgauge.report.figures import run as drawing
+from screwgauge.report.figures.page import arrange, panels, saved
+from screwgauge.report.figures.run import bin_maxima
 from screwgauge.report.figures.selection import default_figures
+from screwgauge.report.figures.style import styled
 from screwgauge.report.formatting import number, size
+from screwgauge.report.html import fragment
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages import run as page
 from screwgauge.report.results import Results
-from screwgauge.report.svg import inline, polyline
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.scene.figures import Figure
@@ -397,15 +400,30 @@ def test_a_single_sample_can_be_reported(make: Make, tmp_path: Path) -> None:
     assert "1, t = 0 s" in text
 
 
+@styled
+def corners(t: Any, v: Any) -> np.ndarray:
+    """Corners of a curve of t = 0 to 10 as it is drawn, 100 points high over -4 to 4. Shape (n, 2), time and value."""
+    page = panels(500.0, [100.0])
+    (ax,) = page.axes
+    ax.plot(t, v, color="#123456")
+    ax.set(xlim=(0.0, 10.0), ylim=(-4.0, 4.0))
+    arrange(page, "")
+    svg = saved(page, "").svg
+    (path,) = re.findall(r'<path d="([^"]*)"[^>]*stroke: #123456', svg)
+    height = float(re.search(r'viewBox="0 0 \S+ (\S+)"', svg)[1])  # type: ignore[index]
+    places = np.array(re.findall(r"[ML] (\S+) (\S+)", path), dtype=float)
+    return np.array(ax.transData.inverted().transform(np.column_stack([places[:, 0], height - places[:, 1]])))
+
+
 @pytest.mark.parametrize("at", [1, 4711, 9998])
-def test_peaks_survive_thinning(at: int) -> None:
+def test_peaks_survive_drawing(at: int) -> None:
     t = np.linspace(0.0, 10.0, 10001)
     v = np.sin(t)
     v[at] += 0.5
-    kept_t, kept = thin(t, v, 2.0)
-    assert v[at] in kept
-    assert len(kept) < 200
-    assert np.abs(np.interp(t, kept_t, kept) - v).max() < 2e-3 * 2.0
+    shown = corners(t, v)
+    assert shown[np.abs(shown[:, 0] - t[at]) < 0.01, 1].max() == pytest.approx(v[at], abs=0.01)
+    assert len(shown) < 200
+    assert np.abs(np.interp(t, *shown.T) - np.sin(t))[np.abs(t - t[at]) > 0.02].max() < 0.04  # half a point
     assert bin_maxima(t, np.abs(v - np.sin(t)))[1].max() == pytest.approx(0.5)
 
 
@@ -413,20 +431,27 @@ def test_a_crowded_curve_stays_small_and_keeps_its_peak() -> None:
     t = np.linspace(0.0, 10.0, 10001)
     v = np.sin(900.0 * t)
     v[5000] = 3.0
-    kept = thin(t, v, 4.0)[1]
-    assert len(kept) < 1000
-    assert kept.max() == 3.0
+    shown = corners(t, v)
+    assert len(shown) < 5000
+    assert shown[:, 1].max() == pytest.approx(3.0, abs=0.01)
 
 
 def test_gaps_stay_gaps() -> None:
     t = np.linspace(0.0, 10.0, 1001)
     v = np.sin(t)
     v[300:400] = np.nan
-    kept_t, kept = thin(t, v, 2.0)
-    hole = kept_t[np.isnan(kept)]
-    assert (hole.min(), hole.max()) == (t[300], t[399])
-    assert not np.isnan(kept[(kept_t < t[300]) | (kept_t > t[399])]).any()
+    shown = corners(t, v)[:, 0]
+    assert not ((shown > t[300]) & (shown < t[399])).any()
+    assert (shown.min(), shown.max()) == (pytest.approx(0.0, abs=0.01), pytest.approx(10.0, abs=0.01))
     assert np.isnan(bin_maxima(t, np.abs(v))[1]).any()
+
+
+def test_samples_that_an_engine_did_not_solve_are_no_gap(make: Make) -> None:
+    some = np.arange(0, N, 5)
+    results = make(nan=True)
+    beta = replace(results.solutions["beta"], rows=some)
+    plots = drawing.make_plots(replace(results, solutions={**results.solutions, "beta": beta}))
+    assert f"of {len(some)} samples" in plots[1].svg
 
 
 def test_default_figures_show_every_component_once() -> None:
@@ -438,13 +463,11 @@ def test_default_figures_show_every_component_once() -> None:
     ]
 
 
-def test_svg_is_rounded_without_drift() -> None:
-    corners = [(k / 3, np.sin(k / 7)) for k in range(500)]
-    start, steps = re.fullmatch("M(.*?)l(.*)", polyline(*np.array(corners).T)).groups()  # type: ignore[union-attr]
-    numbers = [float(x) for x in re.findall(r"-?[\d.]+(?:e-?\d+)?", steps)]
-    ends = np.cumsum([[float(x) for x in start.split()], *np.reshape(numbers, (-1, 2))], axis=0)
-    assert np.abs(ends - np.array(corners)).max() < 0.006
-    assert 'id="f1-x"' in inline('<svg ><g id="x"/></svg>', "f1", "a picture")
+def test_pictures_in_a_page_have_ids_of_their_own() -> None:
+    svg = '<svg ><g id="x"/><use xlink:href="#x"/><g clip-path="url(#x)"/></svg>'
+    shown = fragment([Picture("f1", "a <picture>", svg)])
+    assert 'aria-label="a &lt;picture&gt;"' in shown
+    assert ('id="f1-x"' in shown, 'href="#f1-x"' in shown, "url(#f1-x)" in shown) == (True, True, True)
 
 
 def test_terminal_summary_fits_100_columns(make: Make) -> None:

@@ -37,7 +37,7 @@ def test_a_notebook_shows_tables_and_pictures(results):
     assert shown.startswith('<div class="banner agree">')
     assert "<table>" in shown
     pictures = results.plot()
-    assert repr(pictures).splitlines() == [picture.plot.title for picture in pictures]
+    assert repr(pictures).splitlines() == [picture.title for picture in pictures]
     assert pictures._repr_html_().count("<svg ") == len(pictures) > 3
 
 

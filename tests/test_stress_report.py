@@ -7,10 +7,10 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.report.figures.looks import MARKERS
+from screwgauge.report.figures.stress import inks, make_plots
+from screwgauge.report.figures.style import MARKERS
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import headline, report
-from screwgauge.report.stress.drawing import inks, make_plots
 from screwgauge.study.cases.case import GOOD, Case, Finding
 from screwgauge.study.stress import Row, Stress
 
@@ -65,13 +65,13 @@ def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> 
 def test_settings_of_an_engine_share_its_colour_and_nothing_else() -> None:
     common, (own, other) = inks([ENGINES, ("paper Euler", *(f"mujoco {k}" for k in range(12)))])
     assert list(common) == ["screw", "pinocchio", "mujoco"]
-    assert {ink.colour for name, ink in {**common, **own}.items() if name.startswith("mujoco")} == {
-        common["mujoco"].colour
+    assert {ink["color"] for name, ink in {**common, **own}.items() if name.startswith("mujoco")} == {
+        common["mujoco"]["color"]
     }
-    looks = {(ink.colour, ink.marker, str(ink.dash)) for ink in (*common.values(), *own.values())}
+    looks = {(ink["color"], ink["marker"], str(ink["linestyle"])) for ink in (*common.values(), *own.values())}
     assert len(looks) == len(ENGINES)
-    assert len({ink.colour for ink in common.values()}) == 3
-    twelve = [(ink.marker, str(ink.dash)) for name, ink in other.items() if name.startswith("mujoco")]
+    assert len({ink["color"] for ink in common.values()}) == 3
+    twelve = [(ink["marker"], str(ink["linestyle"])) for name, ink in other.items() if name.startswith("mujoco")]
     assert len(set(twelve)) == 12 > len(MARKERS)
 
 

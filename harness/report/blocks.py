@@ -7,14 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.report.formatting import FORMS, number, words
-
-if TYPE_CHECKING:
-    from screwgauge.report.plots import Plot
+from screwgauge.report.formatting import FORMS, missing, number, words
 
 Status = Literal["agree", "differ", "failed", "note"]
 TEXTS = Path(__file__).with_name("texts")
@@ -72,9 +69,11 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Where a plot stands."""
+    """A finished picture; `name` is its file name without ending."""
 
-    plot: Plot
+    name: str
+    title: str
+    svg: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +112,7 @@ def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
 
     Args:
         columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
-            how values read, see `FORMS`.
+            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number.
     """
     shown = _columns(columns)
     return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
@@ -132,11 +131,12 @@ def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, ce
 
 def _columns(columns: str) -> dict[str, str]:
     parts = (column.strip().rpartition("=") for column in columns.split("|"))
-    return {(head if equal else key).strip(): key.strip().replace(" ", "_") for head, equal, key in parts}
+    return {(head if equal else key).strip().rstrip("?"): key.strip().replace(" ", "_") for head, equal, key in parts}
 
 
 def _text(row: Mapping[str, Any], key: str) -> str:
-    return FORMS.get(key, str)(row[key])
+    name = key.rstrip("?")
+    return "" if key != name and missing(row.get(name)) else FORMS.get(name, str)(row[name])
 
 
 def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
@@ -173,8 +173,3 @@ def spans(text: str) -> Iterator[tuple[str, str]]:
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)
         end = match.end()
     yield "", text[end:]
-
-
-def plots(blocks: Iterable[Block]) -> list[Plot]:
-    """All plots in their order."""
-    return [block.plot for block in blocks if isinstance(block, Picture)]

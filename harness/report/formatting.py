@@ -67,7 +67,7 @@ def duration(seconds: float) -> str:
     if missing(seconds):
         return ""
     scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
-    unit, scale = next((pair for pair in scales if seconds >= pair[1]), scales[-1])
+    unit, scale = next((pair for pair in scales if seconds >= 0.9995 * pair[1]), scales[-1])
     return f"{seconds / scale:.3g} {unit}"
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from string import Template
 
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, spans
-from screwgauge.report.svg import inline
 
 PAGE = Path(__file__).with_name("page.html")
 WIDE = 8  # columns from which a table scrolls instead of wrapping
@@ -41,10 +41,16 @@ def _block(block: Block) -> str:
             return "<ul>" + "".join(f"<li>{_text(text)}</li>" for text in texts) + "</ul>"
         case Table():
             return _table(block)
-        case Picture(plot):
-            return f"<figure>{inline(plot.svg, plot.name, plot.title)}</figure>"
+        case Picture():
+            return f"<figure>{_inline(block)}</figure>"
         case Folded(title, inside):
             return f"<details>\n<summary>{_text(title)}</summary>\n{fragment(inside)}\n</details>"
+
+
+def _inline(picture: Picture) -> str:
+    """A picture within the page: with ids of its own, and a label for screen readers."""
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(picture.title)}" ', 1).strip()
 
 
 def _text(text: str) -> str:

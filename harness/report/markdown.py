@@ -28,8 +28,8 @@ def _block(block: Block) -> str:
             rule = tuple("---:" if i in right else "---" for i in range(len(block.head)))
             lines = [_cells(block.head), rule, *map(_cells, block.body)]
             return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-        case Picture(plot):
-            return f"![{_text(plot.title)}](plots/{plot.name}.svg)"
+        case Picture(name, title):
+            return f"![{_text(title)}](plots/{name}.svg)"
         case Folded(title, inside):
             return f"<details>\n<summary>{_text(title)}</summary>\n\n{markdown(inside)}\n</details>"
 

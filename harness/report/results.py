@@ -11,7 +11,6 @@ import numpy as np
 from screwgauge.report.blocks import Picture
 from screwgauge.report.html import fragment, page
 from screwgauge.report.pages import run as run_page
-from screwgauge.report.plots import make_plots
 from screwgauge.report.terminal import terminal
 from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
@@ -41,7 +40,9 @@ class Results(Comparison):
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
-        return Pictures(map(Picture, make_plots(self)))
+        from screwgauge.report.figures.run import make_plots
+
+        return Pictures(make_plots(self))
 
     def to_html(self, path: str | Path) -> Path:
         """Writes the report as one page that opens offline.
@@ -65,7 +66,7 @@ class Pictures(list[Picture]):
     """Pictures; a notebook shows them."""
 
     def __repr__(self) -> str:
-        return "\n".join(picture.plot.title for picture in self)
+        return "\n".join(picture.title for picture in self)
 
     def _repr_html_(self) -> str:
         return fragment(self)

@@ -15,7 +15,7 @@ import pandas as pd
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError
-from screwgauge.report.blocks import Block, plots
+from screwgauge.report.blocks import Block, Picture
 from screwgauge.report.html import page
 from screwgauge.report.markdown import markdown
 
@@ -33,7 +33,7 @@ def write_report(out: Path, blocks: Sequence[Block], data: Mapping[str, Any], fi
     Raises:
         OutputError: The folder cannot be written; it is then as it was before.
     """
-    drawn = {f"plots/{plot.name}.svg": plot.svg for plot in plots(blocks)}
+    drawn = {f"plots/{block.name}.svg": block.svg for block in blocks if isinstance(block, Picture)}
     texts = {name: _text(value, figures) if name != SAMPLES else value for name, value in data.items()}
     return write_files(out, {**drawn, "report.md": markdown(blocks), "report.html": page(blocks), **texts})
 

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.path import Path
 
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.pose import layout, place, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.report.figures.data import Axis, Diagram, Label, Look, Panel, Row, Series
-from screwgauge.report.figures.looks import COLOURS, GREY, darker
-from screwgauge.report.figures.render import EDGE, GAP
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures import labels
+from screwgauge.report.figures.page import EDGE, GAP, arrange, panels, saved
+from screwgauge.report.figures.style import COLOURS, GREY, INK, Look, darker, styled
 
-WIDTH, TALL, MARGIN = 576.0, 380.0, 24.0  # of the picture; of the drawing, at most; within it, for names and hatching
+WIDTH, TALL, MARGIN = 576.0, 380.0, 24.0  # of page and drawing, at most [points]; within it, for names and hatching
 #: Parallel projection from above; turned so that what is symmetric about the axes of the world does not look flat.
 (S1, S2), (C1, C2) = np.sin(np.radians([30.0, 20.0])), np.cos(np.radians([30.0, 20.0]))
 VIEW = np.array([[-S1, C1, 0.0], [-S2 * C1, -S2 * S1, C2]])
 KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical", "F": "free"}
 MARKERS = {"R": "o", "P": "s", "U": "D", "S": "*", "C": "X", "F": "P"}
-INK, HATCH = "#333333", Look(GREY)
-#: A short line below a point, with strokes below it [pt].
-FLOOR = [[-10, -6], [10, -6], *(at for x in (-6, -1, 4, 9) for at in ([np.nan] * 2, [x, -6], [x - 5, -11]))]
+SIZES = {"*": 11.0, "D": 7.0}
+#: A short line below a point, with strokes below it [points].
+HATCH = Path([(-10, -6), (10, -6), *(at for x in (-6, -1, 4, 9) for at in ((x, -6), (x - 5, -11)))], [1, 2] * 5)
+FLOOR: Look = {"color": GREY, "linestyle": "", "marker": HATCH, "markersize": 22.0, "markeredgewidth": 1.2}
 End = tuple[Array, bool]  # where a joint of a body is; whether it stands on the ground
 
 
-def mechanism_figure(mechanism: Mechanism) -> Diagram:
+@styled
+def mechanism_plot(mechanism: Mechanism) -> Picture:
     """Bodies as lines between their joints, joints as marks by kind, hatching where they stand on the ground.
 
     Seen from above; a mechanism that is flat at its home pose is seen face-on.
@@ -34,27 +38,32 @@ def mechanism_figure(mechanism: Mechanism) -> Diagram:
     view = np.delete(np.eye(3), flat[0], axis=0) if flat else VIEW
     bodies = {name: _lines(ends[name], com, view) for name, com in coms.items()}
     everything = np.concatenate([*bodies.values(), [view @ point for _, point, _ in joints]])
-    low, high, room = np.nanmin(everything, axis=0), np.nanmax(everything, axis=0), np.array([WIDTH - EDGE - GAP, TALL])
-    unit = float(max((high - low) / (room - 2 * MARGIN)))  # metres to a point
-    room[1] = (high[1] - low[1]) / unit + 2 * MARGIN
-    x, y = (Axis("", mid - half, mid + half) for mid, half in zip((low + high) / 2, unit * room / 2, strict=True))
-    series, labels, marks, legend = [], [], [], {"ground (hatched)": HATCH}
-    for joint, point, standing in joints:
-        look = Look(INK, None, 1.2, MARKERS[joint.kind], INK if joint.actuated else "white", 8.0)
-        legend[KINDS[joint.kind] + ", actuated" * joint.actuated] = look
-        marks.append(_series(view @ point, look))
-        if standing:
-            series.append(_series(view @ point + unit * np.array(FLOOR), HATCH))
+    low, size = np.nanmin(everything, axis=0), np.ptp(everything[~np.isnan(everything[:, 0])], axis=0)
+    unit = float(max(size / (np.array([WIDTH - EDGE - GAP, TALL]) - 2 * MARGIN)))  # metres to a point
+    page = panels(WIDTH, [float(size[1] / unit + 2 * MARGIN)])
+    (ax,) = page.axes
+    ax.set_axis_off()
+    names, legend = [], {"ground (hatched)": FLOOR}
     for i, (name, lines) in enumerate(bodies.items()):
         colour = INK if len(lines) > 2 else COLOURS[i % 6]
-        series.append(_series(lines, Look(colour, (), 3.0)))
-        u, v = lines[:2].mean(axis=0).tolist()
-        labels.append(Label(u, v, name, darker(colour)))
+        ax.plot(*lines.T, color=colour, linewidth=3.0)
+        names.append(labels.beside(lines[:2].mean(axis=0), name, darker(colour)))
         if len(ends[name]) == 1:  # no body goes on from here: a weight
-            series.append(_series(view @ coms[name], Look(colour, None, 1.0, "o", size=9.0)))
-    panel = Panel(x, y, (*series, *marks), labels=tuple(labels), bare=True)
-    heading, row = f"{mechanism.title or mechanism.name}: home pose", Row((panel,), float(room[1]))
-    return Diagram(heading, (row,), WIDTH, legends=(legend,))
+            ax.plot(*view @ coms[name], "o", color=colour, markersize=9.0)
+    for joint, point, standing in joints:
+        if standing:
+            ax.plot(*view @ point, **FLOOR)
+        mark, fill = MARKERS[joint.kind], INK if joint.actuated else "white"
+        look: Look = {"color": INK, "linestyle": "", "marker": mark, "markerfacecolor": fill}
+        look["markersize"] = SIZES.get(mark, 8.0)
+        legend[KINDS[joint.kind] + ", actuated" * joint.actuated] = look
+        ax.plot(*view @ point, zorder=3, **look)
+    arrange(page, f"{mechanism.title or mechanism.name}: home pose", above=[legend])
+    reach = unit * np.array([ax.bbox.width, ax.bbox.height]) / 2.0
+    (left, bottom), (right, top) = low + size / 2.0 - reach, low + size / 2.0 + reach
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    labels.place(ax, names)
+    return saved(page, "mechanism")
 
 
 def _home(mechanism: Mechanism) -> tuple[dict[str, list[End]], list[tuple[Joint, Array, bool]], dict[str, Array]]:
@@ -83,8 +92,3 @@ def _lines(ends: list[End], com: Array, view: Array) -> Array:
     ring.sort(key=lambda point: float(np.arctan2(*(point - within))))
     spokes = [corner for point, _ in apart for corner in (point, middle, np.full(2, np.nan))]
     return np.array([*ring, *ring[:1], np.full(2, np.nan), *spokes])
-
-
-def _series(places: Array, look: Look) -> Series:
-    """Places on the page, shape (n, 2) or (2,)."""
-    return Series(np.atleast_2d(places)[:, 0], np.atleast_2d(places)[:, 1], look)

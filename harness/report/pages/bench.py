@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.bench.drawing import make_plots
 from screwgauge.report.blocks import Banner, Block, Heading, Items, Paragraph, Picture, Table, facts, folded, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.pages.sections import judged
@@ -22,14 +21,14 @@ from screwgauge.study.bench.slopes import table as slope_table
 
 NINE, SHOWN = LEVELS[2], ("joint_acceleration", "actuator_force")
 WHO = "contestant | setting | quantity"
-ALL = f"family | {WHO} | max scaled = most | rms scaled = average | time = time_s | samples = n_sample | status"
+ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
 CUT_SHORT = "cut short = family | rows | contestants"
 
 
 def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     section, drawn = partial(blocks.section, "bench"), list(pictures)
-    over_time, over_setting = ([p for p in drawn if p.plot.name.endswith("slopes") is side] for side in (False, True))
+    over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
     protocol = {"samples": bench.n_compared, "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
     threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
     good = bench.complete and all(fit.ok for fit in bench.fits)
@@ -51,6 +50,8 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(bench: Bench, out: Path) -> Path:
     """Writes report, plots, tables and environment."""
+    from screwgauge.report.figures.bench import make_plots
+
     data = {
         "bench.csv": bench_table(bench.rows),
         "slopes.csv": slope_table(bench.fits),
@@ -59,7 +60,7 @@ def write(bench: Bench, out: Path) -> Path:
         "leaving_out.csv": bench.leaving_out,
         "environment.json": bench.environment,
     }
-    return write_report(out, report(bench, map(Picture, make_plots(bench))), data, figures=6)
+    return write_report(out, report(bench, make_plots(bench)), data, figures=6)
 
 
 def headline(bench: Bench) -> str:
@@ -142,14 +143,8 @@ def _failures(bench: Bench) -> list[Block]:
 
 
 def _all(bench: Bench) -> Block:
-    """All rows; errors are empty where there are none."""
-
-    def text(value: float) -> str:
-        return "" if missing(value) else size(value)
-
     found = rows(bench_table(bench.rows))
-    sized = [{**row, "most": text(row["max_scaled"]), "average": text(row["rms_scaled"])} for row in found]
-    return folded(f"All {len(found)} rows", table(sized, ALL))
+    return folded(f"All {len(found)} rows", table(found, ALL))
 
 
 def _leaving(bench: Bench) -> list[Block]:

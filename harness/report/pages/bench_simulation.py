@@ -9,14 +9,12 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.report import blocks
-from screwgauge.report.bench.forward_drawing import make_plots
 from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
-from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
 from screwgauge.study.bench.run import Bench as Contest
@@ -29,9 +27,9 @@ ABSOLUTE = [
 SIX = 1e-6
 SHOWN = (
     "who = family | setting | observable off by = observable | energy off by [J] = energy | processor time = cpu | "
-    "wall time = wall | steps | evaluations | remark"
+    "wall time = wall? | steps? | evaluations? | remark"
 )
-TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] = energy | cpu | wall | = status"
+TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] = energy | cpu | wall? | = status"
 
 
 def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
@@ -60,27 +58,38 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Contest, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
+    from screwgauge.report.figures.bench_simulation import make_plots
+
     data = {
         "bench.csv": bench_table(found.rows),
         "forward.csv": absolute_table(found.outcomes),
         "slopes.csv": slope_table(found.fits),
         "environment.json": found.environment,
     }
-    return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
+    return write_report(out, report(found, make_plots(found)), data, figures=6)
 
 
 def absolute_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
     body = [
-        (*_who(o.contestant), unit, largest, o.energy, o.wall, o.cpu, o.steps, o.evaluations, o.status, o.reason)
-        for o in outcomes
+        (
+            c.family,
+            c.name,
+            c.setting,
+            unit,
+            largest,
+            o.energy,
+            o.wall,
+            o.cpu,
+            o.steps,
+            o.evaluations,
+            o.status,
+            o.reason,
+        )
+        for o, c in ((outcome, outcome.contestant) for outcome in outcomes)
         for unit, largest in (o.largest or {"": float("nan")}).items()
     ]
     return pd.DataFrame(body, columns=ABSOLUTE)
-
-
-def _who(contestant: Contestant) -> tuple[str, str, str]:
-    return contestant.family, contestant.name, contestant.setting
 
 
 def headline(found: Contest) -> str:
@@ -119,8 +128,8 @@ def _rows(found: Contest) -> list[Row]:
             **{key: "" if missing(x) else size(x) for key, x in (("scaled", o.scaled), ("energy", o.energy))},
             "cpu": o.cpu,
             "wall": o.wall,
-            "steps": o.steps or "",
-            "evaluations": o.evaluations if o.steps else "",
+            "steps": o.steps or None,
+            "evaluations": o.evaluations if o.steps else None,
             "remark": "" if o.status == OK else f"✗ {o.status}: {o.reason}",
         }
         for o in found.outcomes
@@ -133,9 +142,6 @@ def _rows(found: Contest) -> list[Row]:
             "status": "other machine",
             **theirs(item),
             "cpu": item.cpu_s,
-            "wall": None,
-            "steps": "",
-            "evaluations": "",
             "remark": " - ".join(part for part in (item.remark, item.source, "other machine") if part),
         }
         for item in found.scene.published

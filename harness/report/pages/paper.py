@@ -15,7 +15,6 @@ from screwgauge.quantities import MAX_DIGITS
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Paragraph, Picture, Table, facts, section, table
 from screwgauge.report.formatting import number, unit_text
 from screwgauge.report.pages.sections import judged
-from screwgauge.report.paper.plots import make_paper_plots
 from screwgauge.report.write import write_report
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -100,8 +99,10 @@ def report(paper: Paper, pictures: Iterable[Picture], record: Mapping[str, Any])
 
 def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:
     """Writes ``errata.csv``, the report with its plots, and ``environment.json``; `date`: now by default."""
+    from screwgauge.report.figures.paper import make_plots
+
     record, files = environment(), judged(provenance(load_scene(SCENE), {}, date=date))
-    blocks = report(paper, map(Picture, make_paper_plots(paper.runs, paper.axial)), {**files, **record})
+    blocks = report(paper, make_plots(paper.runs, paper.axial), {**files, **record})
     return write_report(out, blocks, {"errata.csv": errata_frame(paper.errata), "environment.json": record})
 
 

@@ -20,7 +20,6 @@ from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
 from screwgauge.report.pages import sections
 from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
-from screwgauge.report.plots import make_plots
 from screwgauge.report.verdict import compared, first_difference, verdict
 from screwgauge.report.write import SAMPLES, check_writable, write_report
 from screwgauge.solution import REFERENCE, Timing
@@ -101,6 +100,8 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
+    from screwgauge.report.figures.run import make_plots
+
     check_writable(out, samples=samples)
     timings = pd.DataFrame(_timings(results), columns=list(Timing.__dataclass_fields__))
     data = {
@@ -109,7 +110,7 @@ def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool
         "environment.json": results.environment,
     }
     data |= {SAMPLES: _samples(results)} if samples else {}
-    told = report(results, map(Picture, make_plots(results)), errata_section(results.scene) if errata else ())
+    told = report(results, make_plots(results), errata_section(results.scene) if errata else ())
     return write_report(out, told, {**data, "summary.json": summary(results)})
 
 

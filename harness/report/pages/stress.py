@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,6 @@ from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, words
 from screwgauge.report.pages.sections import judged
-from screwgauge.report.stress.drawing import make_plots
 from screwgauge.report.write import write_report
 from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Case
 from screwgauge.study.stress import Stress
@@ -39,8 +38,10 @@ def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
 
 def write(found: Stress, out: Path) -> Path:
     """Writes report, page of small plots, table and environment."""
+    from screwgauge.report.figures.stress import make_plots
+
     data = {"stress.csv": found.table, "environment.json": found.environment}
-    return write_report(out, report(found, map(Picture, make_plots(found))), data, figures=6)
+    return write_report(out, report(found, make_plots(found)), data, figures=6)
 
 
 def _rows(found: Stress) -> list[Row]:
@@ -62,20 +63,22 @@ def headline(found: Stress) -> str:
 
 def _overview(cases: Sequence[Case], found: Sequence[Row]) -> Table:
     """For each case and engine: digits, and the first rung at which a quantity is not ok."""
-    first, lines = {case.name: max if case.falling else min for case in cases}, []
-    for (case, engine), group in grouped(found, "case", "engine").items():
-        severities = ([row["severity"] for row in group if row["verdict"] == verdict] for verdict in BAD)
-        lines.append((case, engine, _span(group), *(number(first[case](s), 3) if s else "" for s in severities)))
-    return Table((*WHO, "degraded from", "refused from", "silently wrong from"), tuple(lines))
+    first = {case.name: max if case.falling else min for case in cases}
+    return _by_engine(found, " from", lambda case, bad: number(first[case](row["severity"] for row in bad), 3))
 
 
 def terminal(found: Stress) -> list[Block]:
     """What ``screwgauge stress`` prints: for each case and engine digits, and how many rows were what."""
+    return [Paragraph(headline(found)), _by_engine(_rows(found), "", lambda case, bad: str(len(bad)))]
+
+
+def _by_engine(found: Sequence[Row], word: str, cell: Callable[[str, list[Row]], str]) -> Table:
+    """A line for each case and engine, a cell for each verdict but ok."""
     lines = []
-    for (case, engine), group in grouped(_rows(found), "case", "engine").items():
-        verdicts = [row["verdict"] for row in group]
-        lines.append((case, engine, _span(group), *(str(verdicts.count(verdict) or "") for verdict in BAD)))
-    return [Paragraph(headline(found)), Table((*WHO, "degraded", "refused", "silently wrong"), tuple(lines))]
+    for (case, engine), group in grouped(found, "case", "engine").items():
+        by_verdict = ([row for row in group if row["verdict"] == verdict] for verdict in BAD)
+        lines.append((case, engine, _span(group), *(cell(case, bad) if bad else "" for bad in by_verdict)))
+    return Table((*WHO, f"degraded{word}", f"refused{word}", f"silently wrong{word}"), tuple(lines))
 
 
 def _span(group: Sequence[Row]) -> str:
