@@ -70,6 +70,7 @@ class PinocchioTree:
         self.parents = tuple(self._parent(joint) for joint in self.joints)
         # a fixed joint merges the inertia of its link into the moving joint before it
         placed = [(self.model.frames[i].placement, joint) for i, joint in zip(self.frames, self.joints, strict=True)]
+        self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         self.com = np.array([place.actInv(self.model.inertias[joint].lever) for place, joint in placed])
 
     def under(self, gravity: Array | None) -> None:

@@ -117,7 +117,7 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
             {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
             nothing if answer.condition is None else answer.condition,
             setting=dynamics.setting,
-            tolerances=answer.tolerances,
+            tolerances={name: dict.fromkeys(units, size) for name, size in answer.tolerances.items()},
             notes=answer.notes,
             cost=answer.cost,
         )
