@@ -92,7 +92,7 @@ def at_random(write: Write, seed: int) -> Scene:
         masses[rng.integers(3)] *= 1e-6
     coms = rng.choice([0.0, 1.0], (3, 3)) * rng.normal(size=(3, 3)) * [0.1, 0.05, 0.1]
     home = float(rng.uniform(0.5, 2.0))
-    l = rng.uniform(0.3, 0.4, 3) + [0.0, 0.5, 0.3]
+    l = rng.uniform([0.3, 0.8, 0.6], [0.4, 0.9, 0.7])
     base = float(l[1] - 0.2)
     if seed % 3 == 0:  # a parallelogram
         l[2], base = l[0], float(l[1])

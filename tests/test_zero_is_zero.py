@@ -21,12 +21,14 @@ from screwgauge.solution import Solution, Values
 FORCES = ("generalized_force", "actuator_force", "reaction")
 
 
+def said(results) -> list[str]:
+    """What is out of tolerance."""
+    return [table[~table["ok"]].to_string() for table in (results.pairs, results.judge)]
+
+
 def check_clear(results) -> None:
     """All agree, the judge has no complaint, and the guard calls nothing lost."""
-    assert results.ok, (
-        results.pairs[~results.pairs["ok"]].to_string(),
-        results.judge[~results.judge["ok"]].to_string(),
-    )
+    assert results.ok, said(results)
     assert [(row.engine, row.quantity) for row in results.guard if not row.ok] == []
 
 
@@ -47,8 +49,8 @@ def test_a_parallelogram_at_a_constant_rate_has_no_angular_accelerations(write, 
     results = screwgauge.run(moving(write, text, [1.0, 1.3, 1.5], 2.0, g=gravity))
     check_clear(results)
     assert np.abs(results.values("joint_acceleration")).max() < AGREE
-    said = results.pairs[results.pairs["quantity"] == "joint_acceleration"]["reason"]
-    assert (said.eq("") | said.str.contains("rounding of its largest summands")).all()
+    why = results.pairs[results.pairs["quantity"] == "joint_acceleration"]["reason"]
+    assert (why.eq("") | why.str.contains("rounding of its largest summands")).all()
 
 
 def test_light_carriers_between_heavy_bodies(write):
@@ -59,10 +61,7 @@ def test_light_carriers_between_heavy_bodies(write):
 @pytest.mark.parametrize("seed", range(12))
 def test_planar_mechanisms_at_random_agree(write, seed):
     results = screwgauge.run(at_random(write, seed))
-    assert results.exit_status == 0, (
-        results.pairs[~results.pairs["ok"]].to_string(),
-        results.judge[~results.judge["ok"]].to_string(),
-    )
+    assert results.exit_status == 0, said(results)
     assert all(np.isfinite(row.estimate) for row in results.guard)
 
 

@@ -154,9 +154,8 @@ def virtual_work(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = largest(needed[:, columns]) if given else terms[columns]
-        yield answer.residual(
-            "virtual_work", _FORCE[unit], names, np.concatenate(missing, axis=1), size, "generalized_force"
-        )
+        left = np.concatenate(missing, axis=1)
+        yield answer.residual("virtual_work", _FORCE[unit], names, left, size, "generalized_force")
 
 
 def allowed_motions(answer: Answer) -> tuple[Array, Array]:

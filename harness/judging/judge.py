@@ -104,7 +104,5 @@ def body_motions(answer: Answer) -> Iterator[Row]:
     for quantity, (_, needs) in balance.BODY_MOTION.items():
         if answer.has(quantity, *needs):
             values = answer.values[quantity]
-            missing = values.array - balance.walked(answer, quantity)
-            yield answer.residual(
-                "body_motion", values.units[0], values.components, missing, largest(values.array), quantity
-            )
+            missing, size = values.array - balance.walked(answer, quantity), largest(values.array)
+            yield answer.residual("body_motion", values.units[0], values.components, missing, size, quantity)

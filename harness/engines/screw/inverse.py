@@ -104,7 +104,8 @@ class _Work:
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
         out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
         out["com_acceleration"] = motion.a.reshape(n, -1)
-        applied, load = problem.applied, 0.0
+        applied = problem.applied
+        load: Array | float = 0.0
         if problem.wanted & {"tree_force", "tree_force_soft"}:
             with self.clock.stage("tree forces"):
                 F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, ())
