@@ -68,8 +68,8 @@ def slider_crank(bars: Sequence[Bar], crank: float) -> str:
             *(bar.written(name) for name, bar in zip(("crank", "rod", "slide"), bars, strict=True)),
             _joint("a", "ground", "crank", crank) + "actuated = true\n",
             _joint("b", "crank", "rod", rod - crank, r),
-            _joint("x", "ground", "slide", float(r * np.cos(crank) + l * np.cos(rod)), slides=True),
-            _joint("c", "rod", "slide", -rod, l),
+            _joint("bore", "ground", "slide", float(r * np.cos(crank) + l * np.cos(rod)), slides=True),
+            _joint("d", "rod", "slide", -rod, l),
         ]
     )
 

@@ -162,18 +162,22 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float) -> tupl
     for unit in dict.fromkeys(has.units):
         columns = [i for i, u in enumerate(has.units) if u == unit]
         size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
-        local = [
-            (some + _summand(unit, part.trust)) * arm(unit, length)
-            for part, some in zip(parts, np.split(whole, starts), strict=True)
-        ]
-        error = np.concatenate([_absolute(name, *each, columns) for each in zip(parts, local, strict=True)])
-        summand = float(np.concatenate(local)[~lost].max(initial=0.0))
-        largest, bound = float(error[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * summand
+        beside = np.concatenate([_summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
+        # of the unit's own numbers, and of those of the other unit, which are summands, too
+        local = [size + beside * arm(unit, length), (whole + beside) * arm(unit, length)]
+        error, most = (
+            np.concatenate(
+                [_absolute(name, part, x, columns) for part, x in zip(parts, np.split(each, starts), strict=True)]
+            )
+            for each in local
+        )
+        summand = float(local[1][~lost].max(initial=0.0))
+        largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * summand
         rounding[unit] = min(bound, largest)
         meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
         scale = float(size[meant].max(initial=0.0))
         if scale <= FLOOR * summand and largest <= bound:
-            scale = summand
+            error, scale = most, summand
         scale = scale or float(size.max(initial=0.0))
         if scale > 0.0:
             found = np.maximum(found, error / scale)
