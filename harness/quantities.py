@@ -56,6 +56,8 @@ QUANTITIES = {
 #: What engines compute when the motion is given, and when it is integrated.
 GIVEN = tuple(name for name in QUANTITIES if name != "observable")
 SIMULATED = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
+#: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.
+FLOOR = 1e-6
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
 #: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
 GROWTH = 1e3
@@ -91,6 +93,11 @@ def check_quantities(
 def length(mechanism: Mechanism) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
     return pose.length(pose.layout(mechanism))
+
+
+def arm(unit: str, length: float) -> float:
+    """What turns an angle into this unit of length, or a force into this unit of moment, else 1."""
+    return length if unit in ("m", "m/s", "m/s^2", "N m") else 1.0
 
 
 def natural_scales(mechanism: Mechanism) -> dict[str, float]:

@@ -75,7 +75,8 @@ class Solution:
         values: Quantity -> values.
         condition: Condition number of the closing system with the selection of y, as it was solved. Shape (n,).
         notes: Sentences for the report, such as samples where a rule is singular.
-        tolerances: Absolute tolerances that the engine derives itself, quantity -> value.
+        tolerances: Errors that the engine itself admits, quantity -> unit -> absolute error [unit]: what rounding of
+            its largest summands makes of a number that may be zero, what soft constraints leave.
         radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
             An engine that has them is the reference of the others.
         estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
@@ -96,7 +97,7 @@ class Solution:
     condition: Array
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
-    tolerances: Mapping[str, float] = field(default_factory=dict)
+    tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     radius: Mapping[str, Array] = field(default_factory=dict)
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)

@@ -51,7 +51,7 @@ class DrakeTree:
         self.bodies = tuple(sorted(known - {"ground"}))
         self.parents = tuple(parent(name) for name in self.bodies)
         self.links = [plant.GetBodyByName(name) for name in self.bodies]
-        self.mass = np.array([link.default_mass() for link in self.links])
+        self.masses = np.array([link.default_mass() for link in self.links])
         self.com = np.array([link.default_com() for link in self.links])
 
     def under(self, gravity):

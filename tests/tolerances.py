@@ -64,6 +64,9 @@ SOLVER = {"3ups-upu-s": 1e-12, "3ups-upu-s-fast": 1e-11, "3ups-upu-s-offset": 1e
 NEAREST = 1e-13
 #: Decades by which an error estimate may exceed the error in the mean: 2.9 to 3.02 on different machines.
 TIGHT = 3.1
+#: Share of the largest force, or of a mass, by which a number has to be off for the comparison and the judge to notice:
+#: a hundred times the tolerance.
+NOTICED = 1e-9
 #: An error below this is equality.
 EQUAL = 1e-17
 

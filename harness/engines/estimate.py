@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.problem import Rows
+from screwgauge.quantities import FLOOR, QUANTITIES, arm
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
@@ -41,16 +42,18 @@ class Trust:
         gain: Norm of its inverse, without dimension. Shape (n,).
         charts: Condition number of the charts of cut joints, 1 at best; only joint coordinates suffer. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
-        speed: Largest rate, in rad/s or lengths of the mechanism per s. Shape (n,).
-        load: Largest force on a body [N], whose parts may cancel. Shape (n,).
+        speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
+            that rate. Shape (n,).
+        load: Largest force [N], whose parts may cancel. Shape (n,).
     """
 
     condition: Array
     gain: Array
     charts: Array
     forces: Mapping[str, Array] = field(default_factory=dict)
-    speed: Array | None = None
-    load: Array | None = None
+    speed: Array | float = 0.0
+    rush: Array | float = 0.0
+    load: Array | float = 0.0
 
     def doubtful(self) -> Rows:
         """Samples for which powers of the gain would say too much."""
@@ -138,30 +141,47 @@ def examined(
     return Part(values, trust, doubtful, moved)
 
 
-def relative_error(name: str, parts: Sequence[Part], has: Values, length: float) -> Array:
-    """Relative error of a quantity at each sample, over the largest magnitude of its unit over all samples.
+def errors(name: str, parts: Sequence[Part], has: Values, length: float) -> tuple[Array, dict[str, float]]:
+    """What rounding makes of a quantity.
+
+    What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
+    tolerance of that summand, the quantity is zero within rounding, and the summand measures it.
 
     Args:
         length: Length of the mechanism [m].
 
     Returns:
-        Shape (n,); infinite where there is no number, or not one digit of it is right.
+        Estimated error at each sample over the largest magnitude of the unit over all samples, worst unit, shape (n,),
+        infinite where there is no number, or not one digit of it is right. And by unit the largest of these errors as
+        it is, at most the tolerance of the largest summand.
     """
-    found = np.zeros(len(has.array))
+    lost, found, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
+    arms = np.array([arm(unit, length) for unit in has.units])
+    whole = np.nanmax(np.abs(has.array / arms), axis=1, initial=0.0)  # of a quantity's units each is made of the others
+    starts = np.cumsum([len(part.trust.condition) for part in parts])[:-1]
     for unit in dict.fromkeys(has.units):
         columns = [i for i, u in enumerate(has.units) if u == unit]
         size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
-        starts = np.cumsum([len(part.trust.condition) for part in parts])[:-1]
-        sizes = zip(parts, np.split(size, starts), strict=True)
-        error = np.concatenate(
-            [_absolute(name, part, some + _summands(unit, part.trust, length), columns) for part, some in sizes]
+        beside = np.concatenate([_summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
+        # of the unit's own numbers, and of those of the other unit, which are summands, too
+        local = [size + beside * arm(unit, length), (whole + beside) * arm(unit, length)]
+        error, most = (
+            np.concatenate(
+                [_absolute(name, part, x, columns) for part, x in zip(parts, np.split(each, starts), strict=True)]
+            )
+            for each in local
         )
+        summand = float(local[1][~lost].max(initial=0.0))
+        largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * summand
+        rounding[unit] = min(bound, largest)
         meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
-        scale = float(size[meant].max(initial=0.0)) or float(size.max(initial=0.0))
+        scale = float(size[meant].max(initial=0.0))
+        if scale <= FLOOR * summand and largest <= bound:
+            error, scale = most, summand
+        scale = scale or float(size.max(initial=0.0))
         if scale > 0.0:
             found = np.maximum(found, error / scale)
-    lost = np.isnan(has.array).any(axis=1) | ~(found < DIGIT)
-    return np.where(lost, np.inf, found)
+    return np.where(lost | ~(found < DIGIT), np.inf, found), rounding
 
 
 def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Array:
@@ -179,10 +199,8 @@ def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Ar
     return np.asarray(error)
 
 
-def _summands(unit: str, trust: Trust, length: float) -> Array | float:
-    """Size of what a component is the sum of, where that may be more than the component."""
-    if unit in ("rad/s^2", "m/s^2") and trust.speed is not None:
-        return trust.speed**2 * (length if unit == "m/s^2" else 1.0)
-    if unit in ("N", "N m") and trust.load is not None:
-        return trust.load * (length if unit == "N m" else 1.0)
-    return 0.0
+def _summand(unit: str, trust: Trust) -> Array | float:
+    """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
+    if unit in ("rad", "m"):
+        return 1.0
+    return trust.speed if unit in ("rad/s", "m/s") else trust.rush if unit.endswith("s^2") else trust.load

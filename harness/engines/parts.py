@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, relative_error
+from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import ClosureError, ModelFileError
@@ -122,6 +122,7 @@ def assemble(
         progress(min(1.0, (first + PART) / n))
     table, (engine, version, setting) = names(), labels
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
+    rounding = {name: errors(name, parts, has, length) for name, has in values.items()}
     return Solution(
         engine=engine,
         version=version,
@@ -129,7 +130,8 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        estimate={name: relative_error(name, parts, has, length) for name, has in values.items()},
+        estimate={name: relative for name, (relative, _) in rounding.items()},
+        tolerances={name: absolute for name, (_, absolute) in rounding.items()},
         conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
     )
 

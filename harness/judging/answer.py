@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.judging.kinetics import Motions, walk
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
-from screwgauge.quantities import SOLVED, natural_scales
+from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
@@ -22,8 +22,6 @@ COLUMNS = [
     *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
     *("tolerance", "ok", "reason"),
 ]
-#: Share of its natural scale below which no magnitude is a measure.
-FLOOR = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +36,7 @@ class Answer:
         motions: What its joint coordinates make of the mechanism; derivatives that it lacks count as zero.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
+        tolerances: Errors that the engine admits, see `Solution`.
     """
 
     engine: str
@@ -50,6 +49,7 @@ class Answer:
     motions: Motions
     scales: Mapping[str, float]
     tolerance: float
+    tolerances: Mapping[str, Mapping[str, float]]
 
     def __getitem__(self, quantity: str) -> Array:
         """Values of a quantity. Shape (n, n_component)."""
@@ -59,15 +59,21 @@ class Answer:
         """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
 
-    def residual(self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array) -> Row:
+    def residual(
+        self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: str
+    ) -> Row:
         """The worst of what an equation leaves over: how large, where, when. One row of `COLUMNS`.
 
         Args:
             components: Names of the columns.
             missing: What the equation leaves over. Shape (n, m).
             size: What that is measured by, one number or one for each component, shape (m,).
+            of: Quantity whose rounding alone, as the engine admits it, is no fault.
         """
-        scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
+        L = self.scales["m"]
+        admitted = [size * arm(unit, L) / arm(has, L) for has, size in self.tolerances.get(of, {}).items()]
+        rounding = max(admitted, default=0.0) / self.tolerance
+        scaled = np.abs(missing) / np.maximum(size, max(FLOOR * self.scales[unit], rounding))
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
@@ -98,6 +104,7 @@ def answer_at(
         motions=walk(mechanism, tree, *motion),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
+        tolerances=solution.tolerances,
     )
 
 

@@ -101,7 +101,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
     for part, (unit, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
-        yield answer.residual("newton_euler", unit, names, values, np.repeat(sizes[:, part], 3))
+        yield answer.residual("newton_euler", unit, names, values, np.repeat(sizes[:, part], 3), "reaction")
 
 
 def _exerted(answer: Answer) -> Iterator[tuple[int, Array, Array, Array]]:
@@ -130,7 +130,7 @@ def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
     taken = required * answer.motions.velocities
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], largest(given, taken))
+    yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], largest(given, taken), "")
 
 
 def virtual_work(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
@@ -154,7 +154,8 @@ def virtual_work(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = largest(needed[:, columns]) if given else terms[columns]
-        yield answer.residual("virtual_work", _FORCE[unit], names, np.concatenate(missing, axis=1), size)
+        left = np.concatenate(missing, axis=1)
+        yield answer.residual("virtual_work", _FORCE[unit], names, left, size, "generalized_force")
 
 
 def allowed_motions(answer: Answer) -> tuple[Array, Array]:

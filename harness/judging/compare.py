@@ -8,13 +8,13 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging.answer import FLOOR, Row, largest, timed
+from screwgauge.judging.answer import Row, largest, timed
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import Problem
-from screwgauge.quantities import QUANTITIES, natural_scales
+from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, within_half_turn
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
@@ -71,7 +71,8 @@ def compare(
             reference = next(s.values[quantity] for s in having if s.values[quantity].components == names)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                tolerance = tolerance_of(quantity) + max(s.tolerances.get(quantity, 0.0) for s in (a, b)) / scale
+                admitted = max(s.tolerances.get(quantity, {}).get(unit, 0.0) for s in (a, b))
+                tolerance = max(tolerance_of(quantity), admitted / scale)
                 rows = list(_components(quantity, unit, a, b, t, scale))
                 for row in rows:
                     rule, unique = rules.get(row["component"], rules[""])
@@ -79,7 +80,10 @@ def compare(
                     row.update(rule=rule, unique=unique, tolerance=tolerance, ok=ok)
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
-                    pairs.append(_explained(_pair(compared), a, b, refusals))
+                    row = _pair(compared)
+                    if quantity != "tree_force_soft" and tolerance_of(quantity) < row["max_scaled"] <= tolerance:
+                        row["reason"] = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
+                    pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
@@ -105,12 +109,15 @@ def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, sc
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     for k, component in enumerate(first.components):
         if first.units[k] == unit:
-            difference = np.abs(first.array[rows, k] - second.array[rows, k])
+            difference = apart = np.abs(first.array[rows, k] - second.array[rows, k])
+            if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
+                difference = np.abs(within_half_turn(apart))
             i = _worst(difference)
             worst = float(difference[i]) if np.isfinite(difference[i]) else float("nan")
             names = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
             size = {"max_abs": worst, "rms": float(np.sqrt(np.mean(difference**2))), "max_scaled": worst / scale}
-            yield {**names, **size, "scale": scale, "worst_t": float(t[rows[i]])}
+            turned = bool((difference < apart).any())
+            yield {**names, **size, "scale": scale, "worst_t": float(t[rows[i]]), "turned": turned}
 
 
 def _worst(sizes: Array) -> int:
@@ -121,14 +128,17 @@ def _worst(sizes: Array) -> int:
 def _pair(rows: Sequence[Row]) -> Row:
     """Sums up the components of one quantity and unit."""
     worst = rows[_worst(np.array([row["max_scaled"] for row in rows]))]
-    lost = not np.isfinite(worst["max_scaled"])
+    turned = ", ".join(row["component"] for row in rows if row["turned"])
+    reason = f"whole turns of {turned} do not count" if turned else ""
+    if not np.isfinite(worst["max_scaled"]):
+        reason = f"not a number at t = {worst['worst_t']:g} s"
     return {
         **worst,
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
         "worst_component": worst["component"],
         "unique": all(row["unique"] for row in rows),
         "ok": all(row["ok"] for row in rows),
-        "reason": f"not a number at t = {worst['worst_t']:g} s" if lost else "",
+        "reason": reason,
     }
 
 
@@ -141,7 +151,7 @@ def _explained(row: Row, a: Solution, b: Solution, refusals: Sequence[Refusal]) 
             return {**row, "reason": f"{one.engine}: {one.sentence}"}
     admitted = {s.engine: largest(s.estimate.get(row["quantity"], np.zeros(1))) for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])
-    if row["reason"] or not admitted[engine] >= row["max_scaled"]:
+    if not admitted[engine] >= row["max_scaled"]:
         return row
     size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
     return {**row, "reason": f"within the error that {engine} admits by its conditioning ({size})"}

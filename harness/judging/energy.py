@@ -25,7 +25,7 @@ def energy_balance(answer: Answer) -> Iterator[Row]:
     kinetic, *stored = energies(answer)
     gained = [part - part[0] for part in (kinetic, *stored)]
     missing = (sum(gained) - work)[:, None]
-    yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work))
+    yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work), "")
 
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:

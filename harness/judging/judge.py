@@ -13,7 +13,7 @@ from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, 
 from screwgauge.judging.energy import energy_balance
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import SOLVED, integrated_tolerance
+from screwgauge.quantities import SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
@@ -91,13 +91,12 @@ def closure(answer: Answer, asked: Sequence[Array] = ()) -> Iterator[Row]:
             if components:
                 # velocities and accelerations are measured against the largest of the motion
                 size = _largest(values, unit, answer.scales["m"]) if order else answer.scales[unit]
-                yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size)
+                yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size, quantity)
 
 
 def _largest(values: Values, unit: str, L: float) -> float:
     """Largest derivative in a unit, one of the other kind being turned into it by the length L [m]."""
-    other = L if unit.startswith("m") else 1.0 / L
-    return largest(values.array * [1.0 if has == unit else other for has in values.units])
+    return largest(values.array * [arm(unit, L) / arm(has, L) for has in values.units])
 
 
 def body_motions(answer: Answer) -> Iterator[Row]:
@@ -105,5 +104,5 @@ def body_motions(answer: Answer) -> Iterator[Row]:
     for quantity, (_, needs) in balance.BODY_MOTION.items():
         if answer.has(quantity, *needs):
             values = answer.values[quantity]
-            missing = values.array - balance.walked(answer, quantity)
-            yield answer.residual("body_motion", values.units[0], values.components, missing, largest(values.array))
+            missing, size = values.array - balance.walked(answer, quantity), largest(values.array)
+            yield answer.residual("body_motion", values.units[0], values.components, missing, size, quantity)

@@ -88,7 +88,8 @@ def _agreement(results: Comparison) -> str:
     if not engines:
         return "No engine ran."
     if pairs:
-        least = min(pairs, key=lambda row: digits(row["max_scaled"]))
+        # what is zero within rounding has no digits
+        least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
         return (
             f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
             f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})."

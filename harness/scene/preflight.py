@@ -195,11 +195,20 @@ def check_regular(lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float
 
 
 def _mobility(lay: Layout, scene: Scene) -> Mobility:
-    """Counts at the most general of a few poses: symmetric ones make forces look unique."""
+    """Counts at the most general of a few poses: symmetric ones make forces look unique.
+
+    Next to a singular pose rounding decides on ranks, so that only poses of the highest rank count, that of home among
+    them if there is no other.
+    """
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
     at = positions(lay, scene.motion.y[rows], scene.motion.t[rows])
-    found = [mobility(lay, pose(lay, q[None])) for q in at.q]
-    unique = tuple(all(flags) for flags in zip(*(one.unique for one in found), strict=True))
-    determined = tuple(all(flags) for flags in zip(*(one.determined for one in found), strict=True))
-    most = max(found, key=lambda one: one.constraint_rank)
+    *found, home = (mobility(lay, pose(lay, q[None])) for q in [*at.q, lay.mechanism.home])
+
+    def ranks(one: Mobility) -> tuple[int, int]:
+        return one.constraint_rank, -one.actuation_redundancy
+
+    most = max([*found, home], key=ranks)
+    general = [one for one in found if ranks(one) == ranks(most)] or [most]
+    unique = tuple(all(flags) for flags in zip(*(one.unique for one in general), strict=True))
+    determined = tuple(all(flags) for flags in zip(*(one.determined for one in general), strict=True))
     return replace(most, unique=unique, determined=determined)

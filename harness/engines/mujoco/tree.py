@@ -61,7 +61,7 @@ class MujocoTree:
         self.ids = [b for name, b in names.items() if name != "ground"]
         self.bodies = tuple(name for name in names if name != "ground")
         self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
-        self.mass, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
+        self.masses, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
         self.closures = self._closures(file)
         self._check_motors(file)
 

@@ -70,9 +70,9 @@ class PinocchioTree:
         self.parents = tuple(self._parent(joint) for joint in self.joints)
         # a fixed joint merges the inertia of its link into the moving joint before it
         placed = [(self.model.frames[i].placement, joint) for i, joint in zip(self.frames, self.joints, strict=True)]
-        self.mass = np.array([self.model.inertias[joint].mass for joint in self.joints])
+        self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
-        self.com = np.where(self.mass[:, None] > 0.0, com, 0.0)
+        self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
 
     def under(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity

@@ -70,7 +70,9 @@ class _Work:
         """All that is wanted from closed poses: values, what they rest on, and the closing system."""
         lay, wanted = self.lay, self.problem.wanted
         out, forces = {"joint_position": at.q}, dict[str, Array]()
-        speed = load = None
+        speed: Array | float = 0.0
+        rush: Array | float = 0.0
+        load: Array | float = 0.0
         if self.depth in "vaf":
             with self.clock.stage("velocities"):
                 rate = velocities(lay, at, motion.yd)
@@ -81,32 +83,36 @@ class _Work:
             speed = np.abs(rate.w / self.system.size)[:, self.system.unknown].max(axis=1)
             if self.depth in "af":
                 load = self._dynamics(rate, motion, out, forces)
+                beta = np.abs(out["joint_acceleration"] / self.system.size)[:, self.system.unknown]
+                rush = np.maximum(speed**2, beta.max(axis=1))
         else:
             A, charts = self.system.matrix(at), self.system.readers(at)[1]
         with self.clock.stage("condition"):
             condition = linear.condition(A)
-            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, load)
+            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, rush, load)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
         self, rate: Velocities, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
-    ) -> Array | None:
-        """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted."""
+    ) -> Array | float:
+        """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted, else 0."""
         lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
             if problem.wanted <= _JOINTS:
-                return None
+                return 0.0
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)
         out["body_angular_acceleration"] = motion.beta.reshape(n, -1)
         out["com_acceleration"] = motion.a.reshape(n, -1)
         applied = problem.applied
+        load: Array | float = 0.0
         if problem.wanted & {"tree_force", "tree_force_soft"}:
             with self.clock.stage("tree forces"):
                 F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, ())
                 out["tree_force"] = out["tree_force_soft"] = self._tree_force(rate, motion, F, T)
+                load = self._load(rate, motion, F, T)
         if self.depth != "f":
-            return None
+            return load
         with self.clock.stage("forces"):
             pulls, loads = springs.spring_forces(lay, rate, applied.springs)
             for motor in applied.motors:
@@ -116,8 +122,15 @@ class _Work:
                 along = joint_wrenches(lay, rate, motion.com, pulls).reshape(n, -1, 6)
                 F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
-        sizes = [np.abs(array).max(axis=(1, 2)) for array in (F, T / self.system.length)]
-        return np.asarray(np.maximum(*sizes))
+        return np.maximum(load, self._load(rate, motion, F, T))
+
+    def _load(self, rate: Velocities, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
+        """Largest force along a coordinate, as if weights, inertia and bodies did not cancel [N]. Shape (n,)."""
+        weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
+        sizes = np.abs(screws.force(F, motion.com) + screws.couple(T))
+        sizes += np.abs(screws.force(np.broadcast_to(weight, F.shape), motion.com))
+        along = screws.reciprocal_product(np.einsum("bi,nbx->nix", np.abs(self.path), sizes), np.abs(rate.pose.S))
+        return np.asarray((along * self.system.size)[:, self.tree].max(axis=1) / self.system.length)
 
     def _tree_force(self, rate: Velocities, motion: dynamics.BodyMotion, F: Array, T: Array) -> Array:
         """Power of the required wrenches on the unit motion of each joint of the tree."""

@@ -30,7 +30,8 @@ class ClosedForces:
     Attributes:
         values: Quantity -> shape (n, m).
         conditions: Quantity -> condition number of its equations, if it has some of its own. Shape (n,).
-        largest: Largest force that the tree needs, moments over the mechanism's length [N]. Shape (n,).
+        largest: Largest force along a coordinate with and without loads, moments over the mechanism's length [N].
+            Shape (n,).
         reactions: Names and units of the reaction components, if these are wanted.
     """
 
@@ -60,7 +61,7 @@ def closed_forces(
     wrench = _applied(closed, problem.applied, at, state)
     need = tau - along_coordinates(at, wrench)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-    largest = np.abs(need * sizes.q).max(axis=1) / sizes.length
+    largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
     if not wanted & {"actuator_force", "reaction"}:
         return ClosedForces(values, {}, largest)

@@ -29,7 +29,11 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
     work, tree, length = _Work(closed, problem, motion), closed.tree, closed.sizes.length
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=length)
-    return replace(solution, tolerances=work.tolerances)
+    tolerances = {
+        name: {unit: max(size, work.tolerances.get(name, 0.0)) for unit, size in by_unit.items()}
+        for name, by_unit in solution.tolerances.items()
+    }
+    return replace(solution, tolerances=tolerances)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +129,7 @@ class _Pass:
     Attributes:
         values: Quantity -> shape (n, m).
         conditions: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
-        speed, load: Largest velocity and, if forces are wanted, largest force [N], whatever the kind of joint. (n,).
+        speed, rush, load: Largest velocity, acceleration and force, as in `Trust`. Shape (n,).
     """
 
     def __init__(self, work: _Work, poses: _Poses) -> None:
@@ -133,8 +137,9 @@ class _Pass:
         self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
         self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
         self.conditions: dict[str, Array] = {}
-        self.speed: Array | None = None
-        self.load: Array | None = None
+        self.speed: Array | float = 0.0
+        self.rush: Array | float = 0.0
+        self.load: Array | float = 0.0
 
     def all(self) -> tuple[dict[str, Array], Trust]:
         """The values that are wanted, and what their errors rest on."""
@@ -153,7 +158,7 @@ class _Pass:
             condition, n = linear.condition(A), len(A)
             charts = [chart.condition for chart in self.poses.charts.values()]
             worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), n)
-            trust = Trust(condition, gain(A, condition), worst, self.conditions, self.speed, self.load)
+            trust = Trust(condition, gain(A, condition), worst, self.conditions, self.speed, self.rush, self.load)
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
@@ -178,6 +183,7 @@ class _Pass:
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
         self.a = linear.solve(poses.A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
         if "com_acceleration" in self.wanted:
             com = tree.com_accelerations(poses.q, self.v, self.a)
             self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
@@ -200,6 +206,7 @@ class _Pass:
         self.residuals = np.array(measured) + 8 * linear.EPS * np.array(sizes)
 
     def _tree_forces(self) -> None:
+        self.load = self._inertia_and_weight()
         tree, order, state = self.closed.tree, self.closed.order, (self.poses.q, self.v, self.a)
         if "tree_force" in self.wanted or self.work.depth == "f":
             with self.clock.stage("tree forces"):
@@ -212,6 +219,15 @@ class _Pass:
                 known = self.work.tolerances.get("tree_force_soft", 0.0)
                 self.work.tolerances["tree_force_soft"] = max(known, tolerance)
 
+    def _inertia_and_weight(self) -> Array:
+        """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
+        tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
+        arms = (at.R[:, 1:] @ tree.com[..., None]).swapaxes(2, 3)
+        J = at.J[:, 1:].swapaxes(2, 3)  # (n, n_body, n_v, 6)
+        most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
+        along = np.einsum("b,nbix,nx->ni", tree.masses, np.abs(J[..., 3:] + np.cross(J[..., :3], arms)), most)
+        return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
+
     def _forces(self) -> None:
         at, t = self.poses.at, self.poses.motion.t
         V = (at.J @ self.v[:, None, :, None])[..., 0]
@@ -221,4 +237,4 @@ class _Pass:
         self.values |= forces.values
         self.conditions |= forces.conditions
         self.work.reaction_names = forces.reactions or self.work.reaction_names
-        self.load = forces.largest
+        self.load = self.load + forces.largest

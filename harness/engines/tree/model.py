@@ -93,7 +93,7 @@ class TreeModel:
         """Refuses to accelerate a tree with branches that have no mass: its own mass matrix is singular."""
         tree, heavy = self.closed.tree, {GROUND}
         above = dict(zip(tree.bodies, tree.parents, strict=True))
-        for body, mass in zip(tree.bodies, tree.mass, strict=True):
+        for body, mass in zip(tree.bodies, tree.masses, strict=True):
             while mass and body not in heavy:
                 heavy.add(body)
                 body = above[body]
@@ -131,7 +131,7 @@ def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task:
             {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
             nothing if answer.condition is None else answer.condition,
             setting=dynamics.setting,
-            tolerances=answer.tolerances,
+            tolerances={name: dict.fromkeys(units, size) for name, size in answer.tolerances.items()},
             notes=answer.notes,
             cost=answer.cost,
         )

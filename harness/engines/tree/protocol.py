@@ -43,7 +43,7 @@ class Tree(Protocol):
     bodies: tuple[str, ...]  # without ground
     closures: tuple[Closure, ...]
     parents: tuple[str, ...]  # tree parent of each body
-    mass: Array  # of each body [kg], shape (n_body,)
+    masses: Array  # of each body [kg], shape (n_body,)
     com: Array  # centre of mass in each body's frame [m], shape (n_body, 3)
 
     def under(self, gravity: Array | None) -> None:

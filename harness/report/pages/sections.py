@@ -59,7 +59,7 @@ def every_pair(results: Comparison) -> list[Block]:
     ]
     if not found:
         return [Paragraph("No pairs: one engine has nothing to be compared with.")]
-    bad, every = [row for row in found if not row["ok"]], folded(f"All {len(found)} pairs", table(found, PAIR))
+    bad, every = [row for row in found if not row["ok"]], folded(f"All {len(found)} pairs", _with_reason(found, PAIR))
     return [Paragraph("**Out of tolerance**"), _with_reason(bad, PAIR), every] if bad else [every]
 
 

@@ -123,8 +123,8 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
             yield _measured(question, solution, quantity, values[quantity], excuses)
 
 
-def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> tuple[float, float]:
-    """Largest error over its scale S; NaN where there is no number, infinite where that is infinite. And that S.
+def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
+    """Largest error over its scale S; NaN where there is no number, infinite where that is infinite.
 
     Samples for which the reference itself has no number are left out.
 
@@ -135,10 +135,8 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
     known = np.isfinite(right.array).all(axis=1)
     scale = np.array([scales[unit] for unit in right.units])
     if not known.any():
-        return math.nan, float(scale.max())
-    errors = (np.abs(values.pick(right.components).array - right.array)[known] / scale).max(axis=0)
-    worst = int(np.argmax(errors))
-    return float(errors[worst]), float(scale[worst])
+        return math.nan
+    return float((np.abs(values.pick(right.components).array - right.array)[known] / scale).max())
 
 
 def _measured(
@@ -146,8 +144,9 @@ def _measured(
 ) -> Finding:
     """Error, what is admitted, and why."""
     right = question.right
-    error, scale = scaled_error(values, right.values[quantity], right.scales[quantity])
-    bound = max(_estimated(solution, quantity), solution.tolerances.get(quantity, 0.0) / scale)
+    error = scaled_error(values, right.values[quantity], right.scales[quantity])
+    scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
+    bound = max([_estimated(solution, quantity), *(own.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
     finding = Finding("", quantity, error, bound, condition, _time(solution))

@@ -1,0 +1,158 @@
+"""What is zero is zero within the rounding of its summands, and nothing hides behind that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from near import BASE, moving_at
+from planar import Bar, at_random, four_bar, moving, slider_crank
+from tolerances import AGREE, NOTICED
+
+import screwgauge
+from screwgauge.judging.compare import compare
+from screwgauge.judging.judge import judge
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import layout, pose
+from screwgauge.scene.preflight import check_actuation, check_scene
+from screwgauge.solution import Solution, Values
+
+FORCES = ("generalized_force", "actuator_force", "reaction")
+
+
+def said(results) -> list[str]:
+    """What is out of tolerance."""
+    return [table[~table["ok"]].to_string() for table in (results.pairs, results.judge)]
+
+
+def check_clear(results) -> None:
+    """All agree, the judge has no complaint, and the guard calls nothing lost."""
+    assert results.ok, said(results)
+    assert [(row.engine, row.quantity) for row in results.guard if not row.ok] == []
+
+
+def test_a_slider_crank_with_its_mass_on_the_line_of_its_slide(write):
+    text = slider_crank([Bar(0.2), Bar(0.7), Bar(0.0, mass=3.0)], 0.6)
+    check_clear(screwgauge.run(moving(write, text, [0.6, 0.9, 1.4], 3.0)))
+
+
+def test_a_slider_crank_at_its_dead_centre(write):
+    """The slide stands still, and the rod turns at a constant rate."""
+    text = slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.0)
+    check_clear(screwgauge.run(moving(write, text, [0.0], 10.0)))
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)])
+def test_a_parallelogram_at_a_constant_rate_has_no_angular_accelerations(write, gravity):
+    text = four_bar([Bar(0.3), Bar(0.8, com=(0.4, 0.0, 0.0)), Bar(0.3)], 0.8, 1.0)
+    results = screwgauge.run(moving(write, text, [1.0, 1.3, 1.5], 2.0, g=gravity))
+    check_clear(results)
+    assert np.abs(results.values("joint_acceleration")).max() < AGREE
+    why = results.pairs[results.pairs["quantity"] == "joint_acceleration"]["reason"]
+    assert (why.eq("") | why.str.contains("rounding of its largest summands")).all()
+
+
+def test_light_carriers_between_heavy_bodies(write):
+    text = four_bar([Bar(0.3, 1e-6), Bar(0.8, 10.0, (0.4, 0.1, 0.0)), Bar(0.5, 1e-6)], 0.7, 1.0)
+    check_clear(screwgauge.run(moving(write, text, [1.0, 1.2], 5.0, 1.0)))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_planar_mechanisms_at_random_agree(write, seed):
+    results = screwgauge.run(at_random(write, seed))
+    assert results.exit_status == 0, said(results)
+    assert all(np.isfinite(row.estimate) for row in results.guard)
+
+
+def test_a_share_of_any_force_is_noticed(write):
+    """A component off by `NOTICED` of the largest, in every quantity and unit that does not vanish."""
+    seen = 0
+    for seed in range(12):
+        scene = at_random(write, seed)
+        right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+        lay = layout(scene.mechanism)
+        counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+        for quantity in ("joint_velocity", "joint_acceleration", "com_acceleration", *FORCES):
+            values = right.values[quantity]
+            for unit in dict.fromkeys(values.units):
+                for wrong, size in disturbed(right, quantity, unit):
+                    problem, both = scene.problem(()), {"screw": right, "other": wrong}
+                    errors, _ = compare(scene.mechanism, problem, both, {}, counts, scene.tolerance)
+                    rows = errors[(errors["quantity"] == quantity) & (errors["unit"] == unit)]
+                    if size < rows["scale"].max() or size < 1e3 * right.tolerances[quantity][unit]:
+                        continue  # it vanishes beside the natural scale, or beside its summands
+                    compared = rows[(rows["max_abs"] > 0.0) & (rows["rule"] != "undetermined")]
+                    assert not compared["ok"].any(), (seed, compared.to_string())
+                    seen += len(compared)
+    assert seen > 100
+
+
+def disturbed(solution: Solution, quantity: str, unit: str):
+    """The solution with one component of the last sample wrong, and the largest magnitude of its unit."""
+    values = solution.values[quantity]
+    columns = [i for i, has in enumerate(values.units) if has == unit]
+    size = float(np.abs(values.array[:, columns]).max())
+    for column in columns:
+        array = values.array.copy()
+        array[-1, column] += NOTICED * size
+        wrong = {**solution.values, quantity: Values(values.components, values.units, array)}
+        yield replace(solution, engine="other", values=wrong), size
+
+
+@pytest.mark.parametrize("body", range(3))
+def test_a_mass_off_by_a_billionth_is_noticed(write, body):
+    """By comparison and by the judge, which knows the right mass."""
+
+    def text(share: float) -> str:
+        masses = [1.0, 2.0, 0.5]
+        masses[body] *= 1.0 + share
+        bars = [Bar(x, m, (0.1, 0.0, 0.02)) for x, m in zip((0.3, 0.8, 0.5), masses, strict=True)]
+        return four_bar(bars, 0.7, 1.0)
+
+    right = moving(write, text(0.0), [1.0, 1.2], 5.0, 1.0)
+    solution = screwgauge.run(right, engines=["screw"]).solutions["screw"]
+    other = screwgauge.run(moving(write, text(NOTICED), [1.0, 1.2], 5.0, 1.0), engines=["screw"]).solutions["screw"]
+    assert not judge(right.mechanism, right.problem(()), other)["ok"].all()
+    lay = layout(right.mechanism)
+    both = {"screw": solution, "other": replace(other, engine="other")}
+    counts = mobility(lay, pose(lay, right.mechanism.home[None]))
+    pairs = compare(right.mechanism, right.problem(()), both, {}, counts, right.tolerance)[1]
+    assert {"actuator_force", "reaction"} <= set(pairs[~pairs["ok"]]["quantity"])
+
+
+def test_a_small_force_among_large_ones_is_seen(write):
+    """A millionth of a newton, where weights are ten."""
+    scene = moving(write, slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.6), [0.6], 1.0)
+    right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+    assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
+
+
+def test_whole_turns_are_a_remark_and_no_difference():
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5])
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"], quantities=["joint_position"])
+    one, other = results.solutions.values()
+    lay = layout(scene.mechanism)
+    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+
+    def compared(off: float):
+        values = other.values["joint_position"]
+        array = values.array.copy()
+        array[1, values.components.index("leg2.q2")] += off
+        values = Values(values.components, values.units, array)
+        both = {"screw": one, "pinocchio": replace(other, values={"joint_position": values})}
+        pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)[1]
+        return pairs.set_index("unit").loc["rad"]
+
+    assert compared(-4 * np.pi)["ok"]
+    assert compared(-4 * np.pi)["reason"] == "whole turns of leg2.q2 do not count"
+    assert not compared(2 * np.pi + 1e-9)["ok"]
+    assert not compared(np.pi)["ok"]
+
+
+@pytest.mark.parametrize("decade", np.arange(-9.0, -6.5, 0.5))
+def test_next_to_a_lock_the_actuators_still_drive_every_freedom(decade):
+    scene = moving_at([[0.0, BASE + 10.0**decade]])
+    counts = check_scene(scene)
+    check_actuation(scene, counts, ["actuator_force"])
+    assert (counts.constraint_rank, counts.actuation_redundancy) == (counts.constraints, 2)
