@@ -46,6 +46,7 @@ class _Work:
     def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
         self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
         self.system = home_equations(lay)
+        self.branch = self.system.follower()
         open_tree = spanning_tree(lay.mechanism)  # that of the model files
         self.path = tree_path(lay.mechanism, open_tree)[1:]
         kept = {edge.joint.name for edge in open_tree.edges}
@@ -56,7 +57,7 @@ class _Work:
     def part(self, rows: slice) -> Part:
         motion = self.motion.part(rows)
         with self.clock.stage("positions"):
-            at = positions(self.lay, motion.y, motion.t)
+            at = positions(self.lay, motion.y, motion.t, (motion.yd, motion.ydd), path=self.branch)
         values, trust, A = self._beyond(at, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -187,7 +188,7 @@ def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refi
         ``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system.
     """
     clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
-    at = positions(lay, task.y, task.t)
+    at = positions(lay, task.y, task.t, (task.yd, task.ydd))
     rate = velocities(lay, at, task.yd)
     motion = body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
     F, T = required_wrench(lay, at, motion, applied.g, applied.loads)
