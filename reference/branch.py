@@ -75,8 +75,8 @@ class Branch:
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:
                 break
-        y = np.array2string(self.y, precision=6)
-        what = f"the loops cannot close beyond y = {y}, or the pose there is singular"
+        last = np.array2string(self.y, precision=6)
+        what = f"the loops cannot close beyond y = {last}, or the pose there is singular"
         raise ClosureError(what, self.lay.mechanism.name, REMEDY)
 
     def poses(self, y: Array) -> Pose:

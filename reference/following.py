@@ -1,9 +1,9 @@
 """Motions that are followed from home without leaving their branch.
 
-An assembly of a mechanism is one branch of the solutions of its closing equations. A step along the branch is taken only
-where their derivative J changes little, ``|J_a^+ J - 1| <= CHANGE`` in a norm of one's choice: as long as that stays
-below one, no other solution of the same y lies between (Deuflhard, Newton Methods for Nonlinear Problems, 2011, sections
-3.1 and 5.1). Towards a singular pose steps shrink in proportion to the distance, so that none leads over it.
+An assembly of a mechanism is one branch of the solutions of its closing equations. A step along the branch is taken
+only where their derivative J changes little, ``|J_a^+ J - 1| <= CHANGE`` in a norm of one's choice: as long as that
+stays below one, no other solution of the same y lies between (Deuflhard, Newton Methods for Nonlinear Problems, 2011,
+sections 3.1 and 5.1). Towards a singular pose steps shrink in proportion to the distance: none leads over it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,16 @@ from screwgauge.reference.rotations import Array
 
 #: How much the derivative may change in a step; below one no other solution lies between.
 CHANGE = 0.5
+#: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``; p = 0, that of
+#: ``dJ J^-1``, takes tens of steps past the lock of a leg at 1e-6 rad where p = 1/2 takes more than 500.
+NORMS = (0.0, 0.5, 1.0)
+MARGIN = 0.6  # of the step that would change as much; on the way to a singular pose it is half of that
 STEP = 0.5  # the longest step in y, however little changes
 FARTHEST = 1.0  # no coordinate is predicted or corrected farther: whole turns mean another position of the joint
 SHORT = 64 * linear.EPS  # a way in y of which rounding leaves nothing
-MOST = 500  # steps of a short way; next to a singular pose, along it, there would be millions
+MOST = 400  # steps of a short way; next to a singular pose, along it, there would be millions
+FIRST, SLOW = 40, 0.1  # after so many steps, this share of what an even pace would have made has to be done
+BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative does: branches meet there
 BLOCK = 1024  # samples corrected at a time
 REMEDY = "shorten the motion or check the geometry"
 LONGEST = 1e3  # what is further away is not reached by following a path
@@ -35,14 +41,17 @@ class PathEnd(ClosureError):
 
     Attributes:
         z, y: The last pose reached: unknowns, shape (n_q,), and independent coordinates, shape (k,). No dimension.
-        singular: Whether that pose is singular; otherwise the way to the next sample is too long.
+        t: Time of the sample that cannot be reached [s].
+        singular: Whether that pose is singular; otherwise the way is too long, or too near to a singular pose.
         beyond: Whether the loops close beyond it, too.
     """
 
-    def __init__(self, at: Anchor, size: Array | float, where: str, *, singular: bool, beyond: bool) -> None:
+    def __init__(self, at: Anchor, size: Array | float, t: float, *, singular: bool, beyond: bool) -> None:
         y = np.array2string(at.y * size, precision=6)
-        super().__init__(f"the loops cannot close beyond y = {y}, or the pose there is singular", where, REMEDY)
-        self.z, self.y, self.singular, self.beyond = at.z, at.y, singular, beyond
+        super().__init__(
+            f"the loops cannot close beyond y = {y}, or the pose there is singular", f"t = {t:g} s", REMEDY
+        )
+        self.z, self.y, self.t, self.singular, self.beyond = at.z, at.y, t, singular, beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +63,11 @@ class Anchor:
         matrix: Derivative of the closure residuals. Shape (m, n_q).
         error: Largest closure residual.
         K: Velocity map dz/dy. Shape (n_q, k).
-        left, right: Make the identity of the matrix, each being the root of its pseudo-inverse: in the norm in which
-            change is measured, a singular direction that turns counts for less than one that gets weaker still.
-            Shapes (n_q, m), (n_q, n_q).
+        U, s, V: Its singular value decomposition ``U diag(s) V^T``. Shapes (m, n_q), (n_q,), (n_q, n_q).
+        weights: Squares of what entries of ``U^T dJ V`` are divided by in each norm, `NORMS`. Shape (n_q^2, 3).
         slack: What rounding moves a solution by.
+        singular: Whether rounding leaves nothing of the distance to a singular pose.
+        blurred: Whether rounding changed the derivative more than steps may.
         all: All joint coordinates, where the unknowns are some of them. Shape (n_all,).
     """
 
@@ -66,22 +76,29 @@ class Anchor:
     matrix: Array
     error: float
     K: Array
-    left: Array
-    right: Array
+    U: Array
+    s: Array
+    V: Array
+    weights: Array
     slack: float
+    singular: bool
+    blurred: bool
     all: Array
 
     @classmethod
-    def at(cls, z: Array, y: Array, matrix: Array, error: float, joints: Array) -> Anchor:
+    def at(cls, z: Array, y: Array, matrix: Array, error: float, joints: Array, *, blurred: bool = False) -> Anchor:
         """Shapes as above."""
         U, s, Vt = np.linalg.svd(matrix, full_matrices=False)
-        s = np.maximum(s, np.finfo(float).tiny)
-        K, root = (Vt.T / s) @ U[-len(y) :].T, np.sqrt(s)
-        return cls(z, y, matrix, error, K, U.T / root[:, None], Vt.T / root, 64 * linear.EPS / float(s[-1]), joints)
+        s = np.maximum(s, 1e-100)  # whose powers are numbers
+        K = (Vt.T / s) @ U[-len(y) :].T
+        weights = [np.outer(s ** (-2.0 * left), s ** (2.0 * left - 2.0)).ravel() for left in NORMS]
+        slack, singular = 64 * linear.EPS / float(s[-1]), bool(s[-1] < SHORT * s[0])
+        return cls(z, y, matrix, error, K, U, s, Vt.T, np.array(weights).T, slack, singular, blurred, joints)
 
     def change(self, matrix: Array) -> Array:
         """How much other derivatives differ from this one. Shape (n, m, n_q) -> (n,)."""
-        return np.asarray(np.linalg.norm(self.left @ matrix @ self.right - np.eye(len(self.z)), axis=(1, 2)))
+        turned = self.U.T @ matrix @ self.V - np.diag(self.s)
+        return np.asarray(np.sqrt((turned.reshape(len(matrix), len(self.weights)) ** 2 @ self.weights).min(axis=1)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,9 +152,7 @@ class Follower:
         self.home = self.anchor = Anchor.at(found[0], y, matrix[0], float(error[0]), read(found[0], None))
         self.begun, self.last = False, tuple[Array, ...]()
 
-    def follow(
-        self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, *, strict: bool = False
-    ) -> Followed:
+    def follow(self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, *, strict: bool = False) -> Followed:
         """The closed poses of some samples, which go on from those followed before.
 
         Args:
@@ -156,11 +171,12 @@ class Follower:
         i = 0
         while i < n:
             some, anchor = y[i : i + BLOCK], self.anchor
-            some = some[: _leading(np.abs(some - anchor.y).max(axis=1, initial=0.0) <= self.reach)]
-            found = self._correct(some)
-            if not len(found[0]):
+            near_by = np.abs(some - anchor.y).max(axis=1, initial=0.0) <= self.reach
+            some = some[: 0 if anchor.blurred else _leading(near_by)]
+            found = self._correct(some) if len(some) else None
+            if found is None or not len(found[0]):
                 motion = [] if rates is None else self._motion(y, t, rates, i)
-                self._reach(y[i], f"t = {t[i]:g} s", motion, strict=strict)
+                self._reach(y[i], float(t[i]), motion, strict=strict)
                 anchor = self.anchor
                 found = anchor.z[None], anchor.matrix[None], np.array([anchor.error])
             rows = slice(i, i + len(found[0]))
@@ -182,8 +198,6 @@ class Follower:
         Returns:
             Unknowns, derivative and residual of these samples.
         """
-        if not len(y):
-            return self.anchor.z[:0], self.anchor.matrix[:0], y[:, 0]
         at = self.anchor
         way = (y - at.y) @ at.K.T
         start = at.z + np.clip(way, -FARTHEST, FARTHEST)
@@ -192,20 +206,21 @@ class Follower:
         m = _leading(arriving | (before <= CHANGE) & (np.abs(way).max(axis=1) < FARTHEST))
         z, matrix, error = newton(self.evaluate, start[:m], y[:m], begun=(residual[:m], matrix[:m]))
         after, moved = at.change(matrix), np.abs(z - start[:m]).max(axis=1)
-        near = arriving | (after <= CHANGE) | (moved <= at.slack)
-        count = _leading(near & (error < OPEN) & (moved < FARTHEST) & np.isfinite(matrix).all(axis=(1, 2)))
+        clear = after <= CHANGE
+        right = (arriving | clear | (moved <= at.slack)) & (error < OPEN) & (moved < FARTHEST)
+        count = min(_leading(right & np.isfinite(matrix).all(axis=(1, 2))), _leading(clear) + 1)
         before[:m] = np.maximum(before[:m], after)
         self._learn(np.abs(y - at.y).max(axis=1), before, count)
         if count:
             i = count - 1
             joints = self.read(z[i], at.all)
-            self.anchor = Anchor.at(z[i], y[i], matrix[i], float(error[i]), joints)
+            self.anchor = Anchor.at(z[i], y[i], matrix[i], float(error[i]), joints, blurred=not clear[i])
         return z[:count], matrix[:count], error[:count]
 
     def _learn(self, far: Array, change: Array, count: int) -> None:
         """How far the next step may lead, after `count` of those tried were taken: what changes grows as the step."""
         i = int(np.argmax(far[:count])) if count else 0
-        growth = np.nan_to_num(0.9 * CHANGE / np.maximum(change[i], 1e-3), nan=0.1)
+        growth = np.nan_to_num(MARGIN * CHANGE / np.maximum(change[i], 1e-3), nan=0.1)
         reach = float(far[i] * np.clip(growth, 0.1, 3.0 if count else 0.5))
         self.reach = min(STEP, max(reach, self.reach) if count == len(far) else reach)
 
@@ -215,7 +230,7 @@ class Follower:
         before = (t[i - 1], y[i - 1], rates[0][i - 1], rates[1][i - 1]) if i else self.last
         return [quintic(before, after)] if len(before) == 4 and after[0] > before[0] else []
 
-    def _reach(self, target: Array, where: str, motion: list[Way], *, strict: bool) -> None:
+    def _reach(self, target: Array, t: float, motion: list[Way], *, strict: bool) -> None:
         """Goes to a sample that is not within reach, straight on if that is possible; it is the new anchor.
 
         Raises:
@@ -225,27 +240,29 @@ class Follower:
         length = float(np.abs(target - origin.y).max(initial=0.0))
         if not length <= LONGEST:
             what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
-            raise ClosureError(what, where, "give samples closer to each other")
+            raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
         straight, *around = _ways(origin.y, target)
         ends = list[PathEnd]()
         for way in (straight, *motion, *([] if strict and self.begun else around)):
             self.anchor = origin
-            if (end := self._along(way, target, where)) is None:
+            if (end := self._along(way, target, t)) is None:
                 return
             ends.append(end)
             self.reach = STEP
-        if not strict or not all(end.singular for end in ends):
+        if origin is not self.home and not (strict and all(end.singular for end in ends)):
             for way in _ways(self.home.y, target):
                 self.anchor, self.reach = self.home, STEP
-                if self._along(way, target, where) is None:
+                if self._along(way, target, t) is None:
                     return
         self.anchor = origin
         raise ends[0]
 
-    def _along(self, way: Way, target: Array, where: str) -> PathEnd | None:
+    def _along(self, way: Way, target: Array, t: float) -> PathEnd | None:
         """Goes along a way in steps that stay on the branch; why it ends early, if it does."""
-        done, step, singular = 0.0, 1.0, False
-        for _ in range(MOST + int(20.0 * np.abs(target - self.anchor.y).max(initial=0.0) / STEP)):
+        done, step, singular, edge = 0.0, 1.0, False, None
+        for i in range(MOST + int(20.0 * np.abs(target - self.anchor.y).max(initial=0.0) / STEP)):
+            if i > FIRST and done < SLOW * i / MOST:
+                break
             step = min(step, 1.0 - done)
             while True:
                 goal = way(done + step) if done + step < 1.0 else target
@@ -253,7 +270,13 @@ class Follower:
                 if far <= max(self.reach, short):
                     break
                 step *= min(0.9, 0.9 * self.reach / far)
-            if len(self._correct(goal[None], arriving=bool(far <= short))[0]):
+            arriving = bool(far <= short)
+            edge = self.anchor.y if edge is None and self.anchor.blurred else edge
+            hidden = edge is not None and bool(np.abs(goal - edge).max() > BLUR)
+            singular = self.anchor.singular and not arriving
+            if hidden or singular:
+                break
+            if len(self._correct(goal[None], arriving=arriving)[0]):
                 done, step = done + step, 2.0 * step
                 if done >= 1.0:
                     return None
@@ -261,10 +284,10 @@ class Follower:
                 break
         at = self.anchor
         beyond = way(min(1.0, done + 1e-3))[None]
-        start = at.z + np.clip((beyond - at.y) @ at.K.T, -FARTHEST, FARTHEST)
+        start = at.z + (beyond - at.y) @ np.linalg.pinv(at.matrix, rcond=BLUR)[:, -len(at.y) :].T
         z, _, error = newton(self.evaluate, start, beyond)
         closes = bool(error[0] < OPEN and np.abs(z - start).max() < FARTHEST)
-        return PathEnd(at, self.size, where, singular=singular, beyond=closes)
+        return PathEnd(at, self.size, t, singular=singular, beyond=closes)
 
 
 def _leading(flags: NDArray[np.bool_]) -> int:

@@ -57,9 +57,7 @@ def closure_system(lay: Layout, at: Pose) -> Array:
     return np.concatenate([loop_matrix(lay, at), E], axis=1)
 
 
-def positions(
-    lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, path: Follower | None = None
-) -> Pose:
+def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, path: Follower | None = None) -> Pose:
     """Poses on the branch of the home pose: in closed form where that is this branch, else followed from home.
 
     Args:

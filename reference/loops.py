@@ -20,7 +20,6 @@ from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_po
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
 
-
 Rates = tuple[Array, Array]
 """First and second derivatives of the independent coordinates. Shape (n, k) each."""
 
