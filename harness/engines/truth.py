@@ -7,7 +7,7 @@ nothing rests on: they are certified anew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import flint
@@ -99,10 +99,17 @@ class TruthModel:
         key = _key(self.file, problem, motion, rows, depth)
         stored, note = cache.read(key, version)
         notes = [note]
-        table = _compute(self, problem, motion, rows, depth, progress) if stored is None else _Table.unpack(stored)
+        # a guess, nothing more; what is certified lies next to it
+        start = positions(layout(self.mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q[rows]
+        table = (
+            _compute(self, problem, motion, rows, depth, progress, start) if stored is None else _Table.unpack(stored)
+        )
         if stored is None:
             notes.append(cache.write(key, version, table.pack()))
-        return _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+        solution = _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+        assembly = np.full((n, start.shape[1]), np.nan)
+        assembly[rows] = start
+        return replace(solution, assembly=assembly)
 
     def _checked(self, problem: Problem) -> GivenMotion:
         motion, applied = problem.task, problem.applied
@@ -129,16 +136,21 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 
 
 def _compute(
-    model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
+    model: TruthModel,
+    problem: Problem,
+    motion: GivenMotion,
+    rows: Rows,
+    depth: str,
+    progress: Progress,
+    start: Array,
 ) -> _Table:
     mechanism, clock = model.mechanism, Clock()
-    start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
     workshops = [Workshop((model.file, mechanism), problem, motion, depth, clock, bits) for bits in (BITS, 2 * BITS)]
     for i, row in enumerate(rows.tolist()):
         try:
-            found.append(enclosed(workshops, row, start[i]))
+            found.append(enclosed(workshops, row, start[i].tolist()))
         except RoutesDisagree as error:
             raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:

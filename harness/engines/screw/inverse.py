@@ -5,6 +5,8 @@ Or actuator forces read from the Newton-Euler system of all bodies, in place of 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from screwgauge import __version__
@@ -37,7 +39,8 @@ _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
     work, labels = _Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
-    return assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
+    return replace(solution, assembly=np.concatenate(work.assembly))
 
 
 class _Work:
@@ -46,7 +49,7 @@ class _Work:
     def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
         self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
         self.system = home_equations(lay)
-        self.branch = self.system.follower()
+        self.branch, self.assembly = self.system.follower(), list[Array]()
         open_tree = spanning_tree(lay.mechanism)  # that of the model files
         self.path = tree_path(lay.mechanism, open_tree)[1:]
         kept = {edge.joint.name for edge in open_tree.edges}
@@ -58,6 +61,7 @@ class _Work:
         motion = self.motion.part(rows)
         with self.clock.stage("positions"):
             at = positions(self.lay, motion.y, motion.t, (motion.yd, motion.ydd), path=self.branch)
+        self.assembly.append(at.q)
         values, trust, A = self._beyond(at, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:

@@ -30,7 +30,7 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
     work, tree, length = _Work(closed, problem, motion), closed.tree, closed.sizes.length
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=length)
-    return replace(solution, tolerances=work.tolerances)
+    return replace(solution, tolerances=work.tolerances, assembly=np.concatenate(work.assembly))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +56,7 @@ class _Work:
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
+        self.assembly: list[Array] = []
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.tolerances: dict[str, float] = {}
 
@@ -68,6 +69,7 @@ class _Work:
             cut = {name: unwrapped(self.cut[name], c, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: c.near(cut[name]) for name, c in charts.items()}
+        self.assembly.append(self.closed.joints(q, cut))
         values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
