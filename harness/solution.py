@@ -82,6 +82,8 @@ class Solution:
         estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
             infinite where not one digit is right, or there is no number. Shape (n,).
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
+        assembly: All joint coordinates [rad or m] in the order of the description, which tell the assembly that was
+            solved, whatever was asked for; None where it is not known. Shape (n, n_q).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
         setting: Method and settings, in words.
         work: Of a simulation: what motors, loads and dampers have put in since the start [J]; NaN where it is not
@@ -101,6 +103,7 @@ class Solution:
     radius: Mapping[str, Array] = field(default_factory=dict)
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)
+    assembly: Array | None = None
     rows: Rows | None = None
     setting: str = ""
     work: Array | None = None

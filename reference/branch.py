@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.continuation import OPEN, SMALLEST, STEP, cannot_pass
+from screwgauge.reference.continuation import OPEN
 from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.following import REMEDY
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
+STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]
 #: How far the closed pose may lie from its prediction, over the way predicted. Another branch lies farther.
 BEND = 0.3
 #: Steps that a short way may take; where more are needed, the way ends at a pose that it cannot pass.
@@ -73,7 +75,9 @@ class Branch:
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:
                 break
-        raise cannot_pass(self.y, self.lay.mechanism.name)
+        last = np.array2string(self.y, precision=6)
+        what = f"the loops cannot close beyond y = {last}, or the pose there is singular"
+        raise ClosureError(what, self.lay.mechanism.name, REMEDY)
 
     def poses(self, y: Array) -> Pose:
         """Closed poses for some independent coordinates in order. Shape (n, k)."""

@@ -9,9 +9,12 @@ from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout, across, place
 from screwgauge.reference.rotations import Array, triad, triad_angles
 
+#: Home is given to ten digits; another branch is farther away.
+HOME = 1e-8
+
 
 def closed_form(lay: Layout, y: Array) -> Array | None:
-    """Joint coordinates where every chain has a closed form, else None.
+    """Joint coordinates where every chain has a closed form whose branch is that of home, else None.
 
     The output body is placed by the spherical joint that carries the independent coordinates, its remaining angle
     at its home value; where another chain forbids that (c(a, b) != 0), the loops stay open by that much and
@@ -32,12 +35,12 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     driver = drivers[0][0].joint
     if not set(mechanism.independent.values()) <= set(driver.coordinates) or not all(map(_has_closed_form, legs)):
         return None
-    q = np.tile(mechanism.home, (len(y), 1))
-    q[:, mechanism.independent_columns] = y
+    q = np.tile(mechanism.home, (len(y) + 1, 1))  # home itself comes first
+    q[1:, mechanism.independent_columns] = y
     R, p = _from_ground(driver, q[:, lay.columns[driver.name]])
     for leg in legs:
         _leg(lay, leg, R, p, q)
-    return q
+    return q[1:] if np.abs(q[0] - mechanism.home).max() < HOME else None
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:

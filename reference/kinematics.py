@@ -12,8 +12,10 @@ import numpy as np
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import OPEN, check_closed, follow, newton, velocity_map
-from screwgauge.reference.loops import LoopEquations, loop_equations
+from screwgauge.reference.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.following import Follower
+from screwgauge.reference.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.pose import Layout, Pose, loop_matrix
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
@@ -55,31 +57,38 @@ def closure_system(lay: Layout, at: Pose) -> Array:
     return np.concatenate([loop_matrix(lay, at), E], axis=1)
 
 
-def positions(lay: Layout, y: Array, t: Array) -> Pose:
-    """Poses for the independent coordinates: closed form where the chains allow it, Newton's method otherwise.
+def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, path: Follower | None = None) -> Pose:
+    """Poses on the branch of the home pose: in closed form where that is this branch, else followed from home.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
-        t: Times, for messages [s]. Shape (n,).
+        t: Times [s]. Shape (n,).
+        rates: Derivatives, by which the motion is followed where the straight way between samples is singular.
+        path: What has followed the samples before these, such as `home_equations(lay).follower()`; home by default.
 
     Raises:
-        ClosureError: A loop cannot close.
+        ClosureError: A loop cannot close, or there is no way but over a singular pose.
     """
-    system, columns = home_equations(lay), lay.mechanism.independent_columns
-    size = system.size
-    goal = y / size[columns]
-    start = closed_form(lay, y)
-    if start is not None:
-        z, _, error = newton(system.evaluate, (start / size)[:, system.unknown], goal)
-        # from farther away Newton's method may end on another branch, or nowhere
-        moved = np.abs(z - (start / size)[:, system.unknown]).max(initial=0.0)
-        if (error < OPEN).all() and moved < 0.3:
-            return system.fill(z, start)
-    home = lay.mechanism.home / size
-    start = follow(system.correct, home, home[columns], goal, t, size=size[columns])
-    z, _, error = newton(system.evaluate, start[:, system.unknown], goal)
-    check_closed(error, y, t)
-    return system.fill(z, start * size)
+    system = home_equations(lay)
+    start = _closed_form(lay, system.fixed, y)
+    if start is None:
+        return system.follow(path or system.follower(), y, t, rates)
+    z, _, error = newton(
+        system.evaluate, (start / system.size)[:, system.unknown], y / system.size[lay.mechanism.independent_columns]
+    )
+    if not (error < OPEN).all():
+        raise ClosureError("the closed form leaves loops open", lay.mechanism.name, "check the geometry")
+    return system.fill(z, start)
+
+
+def _closed_form(lay: Layout, fixed: tuple[int, ...], y: Array) -> Array | None:
+    """Joint coordinates in closed form, where no other coordinate of the joint that is driven ever moves.
+
+    Then the branch of home has no end but where a leg locks or has no length, and all of it is what the form gives.
+    """
+    chosen = set(lay.mechanism.independent_columns)
+    driver = next((columns for columns in lay.columns.values() if chosen <= set(columns)), [])
+    return closed_form(lay, y) if set(driver) - chosen <= set(fixed) else None
 
 
 def _system(lay: Layout, at: Pose) -> LoopEquations:

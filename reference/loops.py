@@ -15,9 +15,13 @@ import numpy as np
 from screwgauge.reference import cut_coordinates, screws
 from screwgauge.reference.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.cut_coordinates import CutColumns
+from screwgauge.reference.following import Follower
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
+
+Rates = tuple[Array, Array]
+"""First and second derivatives of the independent coordinates. Shape (n, k) each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,6 +213,25 @@ class LoopEquations:
         K[self.unknown] = velocity_map(matrix, len(y))[0]
         guess, R, p, _ = self._tree(z, q[None] * self.size)
         return self._read(guess, R, p)[0] / self.size, K
+
+    def joints(self, z: Array, near: Array | None) -> Array:
+        """All joint coordinates of one pose, those of cut joints next to others, or to home. Shape (n_q,)."""
+        q, R, p, _ = self._tree(z[None], (self.lay.mechanism.home if near is None else near)[None])
+        return np.asarray(self._read(q, R, p)[0])
+
+    def follower(self) -> Follower:
+        """Follows motions from home on."""
+        home, columns = self.lay.mechanism.home / self.size, self.lay.mechanism.independent_columns
+        return Follower(self.evaluate, home[self.unknown], home[columns], size=self.size[columns], read=self.joints)
+
+    def follow(self, path: Follower, y: Array, t: Array, rates: Rates | None = None, *, strict: bool = False) -> Pose:
+        """The poses of a motion, see `Follower.follow`. Shapes (n, k), (n,) and (n, k) twice, in rad and m."""
+        columns = self.lay.mechanism.independent_columns
+        size = self.size[columns]
+        over = None if rates is None else (rates[0] / size, rates[1] / size)
+        found = path.follow(y / size, t, over, strict=strict)
+        found.near[:, columns] = y  # whole turns of an angle that is given are given, too
+        return self.fill(found.z, found.near)
 
     def bias(self, at: Pose, V: Array, A: Array) -> Array:
         """Second derivative of the residuals where the unknowns have none. Shape (n, m).

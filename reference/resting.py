@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import OPEN, follow, newton, velocity_map
+from screwgauge.reference.continuation import newton, velocity_map
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.mechanism import Mechanism
@@ -64,12 +64,11 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     for i in range(TRIALS):
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
-            start = follow(system.correct, home, home[columns], y[None], np.zeros(1))
+            found = system.follower().follow(y[None], np.zeros(1))
         except ClosureError:
             continue
-        z, matrix, error = newton(system.evaluate, start[:, system.unknown], y[None])
-        if error[0] < OPEN and linear.condition(matrix)[0] < CLEAR:
-            closed.append((z[0], y, matrix[0]))
+        if linear.condition(found.matrix)[0] < CLEAR:
+            closed.append((found.z[0], y, found.matrix[0]))
     if len(closed) < TRIALS // 2:
         return None
     z, y, matrix = (np.stack(parts) for parts in zip(*closed, strict=True))

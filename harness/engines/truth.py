@@ -7,7 +7,7 @@ nothing rests on: they are certified anew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -113,7 +113,10 @@ class TruthModel:
         table = _compute(self, problem, motion, rows, depth, progress) if stored is None else _Table.unpack(stored)
         if stored is None:
             notes.append(cache.write(key, version, table.pack()))
-        return _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+        solution = _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+        assembly = np.full((n, len(self.mechanism.coordinates)), np.nan)
+        assembly[rows] = table.mid["joint_position"]
+        return replace(solution, assembly=assembly)
 
     def _checked(self, problem: Problem) -> GivenMotion:
         motion, applied = problem.task, problem.applied
@@ -171,7 +174,8 @@ def _table(
         sample = partial(centred, wide, exact)
     else:
         sample = partial(enclosed, [Workshop(sampler, problem, motion, bits) for bits in (BITS, 2 * BITS)])
-    start = positions(layout(mechanism), motion.y, motion.t).q[rows].tolist()  # a guess, nothing more
+    # a guess, nothing more
+    start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q[rows].tolist()
     found: list[dict[str, list[arb]] | None] = []
     reasons: list[str] = []
     remedy = ""

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging.answer import Row, largest, timed
+from screwgauge.judging.assembly import other_assemblies
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
@@ -55,6 +56,7 @@ def compare(
     t, scales = timed(problem).t, natural_scales(mechanism)
     # what has radii is the reference: first of its pairs, and the measure of all others
     ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
+    apart = other_assemblies(mechanism, problem, ordered)
     for quantity in QUANTITIES:
         having = [solution for solution in ordered if quantity in solution.values]
         rules = _rules(quantity, problem.rule, mobility)
@@ -62,7 +64,7 @@ def compare(
             names, others = (one.values[quantity].components for one in (a, b))
             if quantity.startswith("tree_force") and ({*names} < {*others} or {*others} < {*names}):
                 continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
-            lost = "the components differ" if names != others else ""
+            lost = apart.get(frozenset((a.engine, b.engine)), "the components differ" if names != others else "")
             if lost or not common_rows(len(t), a, b).size:
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})

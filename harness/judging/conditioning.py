@@ -12,7 +12,6 @@ from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
-from screwgauge.scene.preflight import determinant_signs
 from screwgauge.solution import Solution
 
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
@@ -76,7 +75,7 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
     at = pose(lay, q)
     A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
     condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
-    signs = determinant_signs(A)
+    signs = np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))  # no sign with redundant rows
     crossed = np.flatnonzero(signs[1:] * signs[:-1] < 0)
     met = condition.copy()
     met[crossed + 1] = np.maximum(met[crossed + 1], near)

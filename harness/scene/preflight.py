@@ -11,6 +11,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
+from screwgauge.reference.following import PathEnd
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
@@ -22,7 +23,8 @@ from screwgauge.scene.scene import Scene
 
 PART = 2048
 FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: worth a word
-FARTHEST = 1000.0  # [rad or m]: takes ten thousand steps of `continuation.STEP`, seconds
+FARTHEST = 1000.0  # [rad or m]: takes thousands of steps of `following.STEP`, seconds
+NEAR = 1e-9  # where a way ends at a singular pose as near to a sample as this, that sample is singular [rad or lengths]
 
 
 def check_home(mechanism: Mechanism) -> Layout:
@@ -76,10 +78,10 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
 def _walked(scene: Scene) -> Mobility:
     lay = check_home(scene.mechanism)
     _check_jumps(scene)
-    before: tuple[float, float] | None = None
+    walk = Walk(lay)
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
-        at = positions(lay, motion.y, motion.t)
+        at = walk.part(motion)
         if beyond := beyond_limits(lay.mechanism, at.q, unit=True):
             i, sentence = beyond
             raise JointLimitError(
@@ -87,8 +89,6 @@ def _walked(scene: Scene) -> Mobility:
                 f"t = {motion.t[i]:g} s",
                 "shorten the motion or widen the limits",
             )
-        before = check_regular(lay, at, motion.t, motion.y, before)
-    _check_side(lay, scene.motion)
     return _mobility(lay, scene)
 
 
@@ -143,32 +143,65 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
     return i, f"'{mechanism.coordinates[k]}' = {value} is beyond its limits [{low[k]:g}, {high[k]:g}]"
 
 
-def determinant_signs(A: Array) -> Array:
-    """Sign of the determinant of each closing system, shape (n, m, k); zero where loops have redundant rows. (n,)."""
-    return np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))
-
-
-def _check_side(lay: Layout, motion: GivenMotion) -> None:
-    """Refuses a motion that lies wholly on the other side of a singular pose than home: another assembly."""
-    at = positions(lay, motion.y[:1], motion.t[:1])
-    A = np.concatenate([loop_equations(lay).matrix(one) for one in (pose(lay, lay.mechanism.home[None]), at)])
-    if (linear.condition(A) <= linear.SINGULAR).all() and determinant_signs(A).prod() < 0:
-        raise SingularPoseError(
-            f"the motion lies beyond a singular pose, seen from home, at {lay.mechanism.described(motion.y[0])} "
-            f"(the determinant's sign differs): towards home {near_singularity(lay, at)}",
-            f"t = {motion.t[0]:g} s",
-            "keep it on the side of home, or describe the mechanism with a home pose beyond",
-        )
-
-
-def check_regular(lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float, float] | None) -> tuple[float, float]:
-    """Condition of the closing system at every sample, and its determinant's sign from one to the next.
+class Walk:
+    """Follows a motion part by part from home, for errors in terms of the description.
 
     Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
     joints are not among the unknowns; where one locks, only rates of that joint are lost.
     """
-    A = loop_equations(lay).matrix(at)
-    condition = linear.condition(A)
+
+    def __init__(self, lay: Layout) -> None:
+        self.lay, self.system = lay, loop_equations(lay)
+        self.path = self.system.follower()
+        self.before: float | None = None
+
+    def part(self, motion: GivenMotion) -> Pose:
+        """The poses of a part, all of them regular.
+
+        Raises:
+            ClosureError: The loops cannot close.
+            SingularPoseError: A pose is singular, or passed on the way.
+        """
+        try:
+            at = self.system.follow(self.path, motion.y, motion.t, (motion.yd, motion.ydd), strict=True)
+        except PathEnd as end:
+            if not end.beyond:
+                raise
+            raise self._passed(end, motion) from None
+        check_regular(self.lay, at, motion.t, motion.y)
+        self.before = float(motion.t[-1])
+        return at
+
+    def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
+        """That a motion passes a singular pose, in words."""
+        y = end.y * self.path.size
+        ended = self.system.fill(end.z[None], self.lay.mechanism.home[None])
+        near = near_singularity(self.lay, ended)
+        meets, described = self.lay.mechanism.described(y), self.lay.mechanism.described
+        times = motion.t if self.before is None else np.append(self.before, motion.t)
+        i = int(np.flatnonzero(times == end.t)[0])
+        if np.abs(end.y - motion.y[i - len(times)] / self.path.size).max() < NEAR:
+            check_regular(self.lay, ended, np.array([end.t]), y[None])
+        if not i:
+            return SingularPoseError(
+                f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
+                f"(the way from home meets one at {meets}): {near}",
+                f"t = {times[0]:g} s",
+                "keep it on the side of home, or describe the mechanism with a home pose beyond",
+            )
+        what = f"the motion passes through a singular pose near {meets}: {near}"
+        return SingularPoseError(
+            what, f"between t = {times[i - 1]:g} s and {end.t:g} s", "keep the motion away from it"
+        )
+
+
+def check_regular(lay: Layout, at: Pose, t: Array, y: Array) -> None:
+    """Condition of the closing system at every sample.
+
+    Raises:
+        SingularPoseError: A pose is singular.
+    """
+    condition = linear.condition(loop_equations(lay).matrix(at))
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:
         i = bad[0]
@@ -178,20 +211,6 @@ def check_regular(lay: Layout, at: Pose, t: Array, y: Array, before: tuple[float
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )
-    sign = determinant_signs(A)
-    first = (float(sign[0]), float(t[0])) if before is None else before
-    signs, times = np.append(first[0], sign), np.append(first[1], t)
-    change = np.flatnonzero(signs[1:] * signs[:-1] < 0)
-    if change.size:
-        i = change[0]  # the sample after the change
-        nearest = max({max(i - 1, 0), i}, key=lambda k: condition[k])
-        raise SingularPoseError(
-            f"the motion passes through a singular pose near {lay.mechanism.described(y[i])} "
-            f"(the determinant changes sign): {near_singularity(lay, at.rows([nearest]))}",
-            f"between t = {times[i]:g} s and {t[i]:g} s",
-            "keep the motion away from it",
-        )
-    return float(sign[-1]), float(t[-1])
 
 
 def _mobility(lay: Layout, scene: Scene) -> Mobility:

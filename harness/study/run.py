@@ -14,6 +14,7 @@ from screwgauge.engines.parts import component_names
 from screwgauge.engines.registry import check_engines
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
+from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
 from screwgauge.judging.judge import judge
@@ -74,6 +75,11 @@ def run(
     refused = tuple(one for answer in answers.values() for one in refusals(mechanism, problem, answer))
     for one in refused:
         answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
+    for name, answer in answers.items():
+        if not scene.simulated and assembly_of(mechanism, answer) is None:
+            answers[name] = replace(
+                answer, notes=(*answer.notes, "its assembly is not known, as it gives no joint positions")
+            )
     judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
     solutions, lost = dict(answers), list[dict[str, Any]]()
     if lay is not None:

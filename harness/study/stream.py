@@ -10,9 +10,8 @@ import numpy as np
 from screwgauge.engines.registry import check_engines
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import check_home, check_regular
+from screwgauge.scene.preflight import Walk, check_home
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.ask import solve
@@ -61,13 +60,13 @@ def stream(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     if scene.simulated:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
-    lay, before = check_home(scene.mechanism), None
+    walk = Walk(check_home(scene.mechanism))
     for t in parts:
         t = np.asarray(t, dtype=float)
         if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
             raise DescriptionError("a part is no list of finite times", "parts", "give arrays of times in s")
         motion = scene.moved(t)
-        before = check_regular(lay, positions(lay, motion.y, t), t, motion.y, before)
+        walk.part(motion)
         solutions, failures = solve(replace(scene, task=motion), (name,), wanted)
         if failures:
             where = f"{scene.name}, t = {t[0]:g} to {t[-1]:g} s"

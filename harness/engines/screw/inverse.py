@@ -6,6 +6,7 @@ Or actuator forces read from the Newton-Euler system of all bodies, in place of 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,7 +41,8 @@ _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
     work, labels = _Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
-    return assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
+    return replace(solution, assembly=np.concatenate(work.assembly))
 
 
 class _Work:
@@ -49,6 +51,7 @@ class _Work:
     def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
         self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
         self.system = home_equations(lay)
+        self.branch, self.assembly = self.system.follower(), list[Array]()
         self.path, self.tree = _open_tree(lay)
         self.depth = stages(problem.wanted)
         self.reactions: Reactions | None = None
@@ -56,7 +59,8 @@ class _Work:
     def part(self, rows: slice) -> Part:
         motion = self.motion.part(rows)
         with self.clock.stage("positions"):
-            at = positions(self.lay, motion.y, motion.t)
+            at = positions(self.lay, motion.y, motion.t, (motion.yd, motion.ydd), path=self.branch)
+        self.assembly.append(at.q)
         values, trust, A = self._beyond(at, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -217,7 +221,7 @@ def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refi
         ``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system.
     """
     clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
-    at = positions(lay, task.y, task.t)
+    at = positions(lay, task.y, task.t, (task.yd, task.ydd))
     rate = velocities(lay, at, task.yd)
     motion = body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
     F, T = required_wrench(lay, at, motion, applied.g, applied.loads)

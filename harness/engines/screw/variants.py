@@ -20,7 +20,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.applied import Load
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import Evaluation, corrector, follow
+from screwgauge.reference.continuation import Evaluation, velocity_map
 from screwgauge.reference.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
@@ -32,6 +32,7 @@ from screwgauge.solution import Solution, Values, empty
 
 Arrays = Mapping[str, Array]
 T = TypeVar("T", GivenMotion, Load)
+STEP = 0.1  # [rad or m]
 #: How often `numpy.gradient` is taken of positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
@@ -96,9 +97,19 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
 
 
 def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) -> Arrays:
-    """Positions by so many steps of Newton's method, from predictions along the path from home."""
-    evaluate, home = _closing(lay), lay.mechanism.home
-    q = follow(corrector(evaluate), home, home[lay.mechanism.independent_columns], motion.y, motion.t)
+    """Positions by so many steps of Newton's method, from predictions along the path from home.
+
+    Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
+    """
+    evaluate, columns = _closing(lay), lay.mechanism.independent_columns
+    q = np.tile(lay.mechanism.home, (len(motion) + 1, 1))
+    at, K = q[:1], np.zeros((q.shape[1], len(columns)))
+    for i, y in enumerate(motion.y, 1):
+        q[i] = at[0] + K @ (y - at[0, columns])
+        if i == 1 or np.abs(y - at[0, columns]).max() > STEP:
+            at, matrix, _ = newtons_method(evaluate, q[i : i + 1], y[None])
+            q[i], K = at[0], velocity_map(matrix, len(columns))[0]
+    q = q[1:]
     if steps:
         q = newtons_method(evaluate, q, motion.y, most=steps)[0]
     return _beyond(lay, problem, motion, q)

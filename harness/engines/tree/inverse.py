@@ -18,8 +18,9 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import check_closed, corrector, follow, newton, velocity_map
-from screwgauge.reference.rotations import Array, nearest_turn
+from screwgauge.reference.continuation import velocity_map
+from screwgauge.reference.following import Follower
+from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
 
@@ -33,7 +34,7 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
         name: {unit: max(size, work.tolerances.get(name, 0.0)) for unit, size in by_unit.items()}
         for name, by_unit in solution.tolerances.items()
     }
-    return replace(solution, tolerances=tolerances)
+    return replace(solution, tolerances=tolerances, assembly=np.concatenate(work.assembly))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +55,12 @@ class _Work:
     def __init__(self, closed: ClosedTree, problem: Problem, motion: GivenMotion) -> None:
         self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
         self.depth = stages(problem.wanted)
-        self.q, self.y = closed.home, closed.y_home
+        sizes = closed.sizes
+        self.path = Follower(self._scaled, closed.home / sizes.q, closed.y_home / sizes.y, size=sizes.y)
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
+        self.assembly: list[Array] = []
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.tolerances: dict[str, float] = {}
 
@@ -70,6 +73,7 @@ class _Work:
             cut = {name: unwrapped(self.cut[name], c, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: c.near(cut[name]) for name, c in charts.items()}
+        self.assembly.append(self.closed.joints(q, cut))
         values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -108,15 +112,9 @@ class _Work:
 
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array]:
         sizes = self.closed.sizes
-        goal = motion.y / sizes.y
-        start = follow(corrector(self._scaled), self.q / sizes.q, self.y / sizes.y, goal, motion.t, size=sizes.y)
-        z, A, error = newton(self._scaled, start, goal)
-        check_closed(error, motion.y, motion.t)
-        turning = sizes.turning  # next to a gimbal lock Newton's method may turn a joint right round
-        z[:, turning] = nearest_turn(z[:, turning], start[:, turning])
-        q = z * sizes.q
-        self.q, self.y, self.residual = q[-1], motion.y[-1], float(error.max()) * max(1.0, sizes.length)
-        return q, A
+        found = self.path.follow(motion.y / sizes.y, motion.t, (motion.yd / sizes.y, motion.ydd / sizes.y))
+        self.residual = float(found.error.max()) * max(1.0, sizes.length)
+        return found.z * sizes.q, found.matrix
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators

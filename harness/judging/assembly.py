@@ -1,0 +1,99 @@
+"""In which assembly an engine solved a mechanism: other solutions of the closed loops for the same motion.
+
+Two engines in two assemblies answer different questions; that is one sentence, not a difference of forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+
+import numpy as np
+
+from screwgauge.problem import GivenMotion, Problem
+from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.rotations import Array, rotation, within_half_turn
+from screwgauge.solution import Solution, common_rows
+
+#: Positions of a joint that differ by more are not the same [rad or lengths of the mechanism]: far above rounding,
+#: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance of assemblies.
+APART = 1e-3
+#: Loops that stay open by more are those of other geometry than the description's [rad or lengths of the mechanism].
+CLOSED = 1e-8
+
+
+def joint_places(joint: Joint, q: Array, length: float) -> Array:
+    """Where a joint holds its child, however its angles are counted: rotation matrix and slide over a length.
+
+    Args:
+        q: Its coordinates. Shape (n, m).
+
+    Returns:
+        Shape (n, 10).
+    """
+    R, slide = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros(len(q))
+    for (turns, axis), values in zip(joint.freedoms, q.T, strict=True):
+        if turns:
+            R = R @ rotation(axis, values)
+        else:
+            slide = slide + values / length
+    return np.concatenate([R.reshape(-1, 9), slide[:, None]], axis=1)
+
+
+def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
+    """The joint coordinates by which its assembly is known, NaN where it solved none; None if it gives none."""
+    if solution.assembly is not None:
+        return solution.assembly
+    given = solution.values.get("joint_position")
+    return None if given is None or given.components != mechanism.coordinates else given.array
+
+
+def other_assemblies(
+    mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
+) -> Mapping[frozenset[str], str]:
+    """Pairs of engines that solved a given motion in two assemblies, and a sentence on each.
+
+    Joint positions that do not close the loops of the description are another matter: those of another geometry.
+    """
+    if not isinstance(motion := problem.task, GivenMotion):
+        return {}
+    known = [(one, q) for one in solutions if (q := assembly_of(mechanism, one)) is not None]
+    apart = {}
+    for (a, q_a), (b, q_b) in combinations(known, 2):
+        rows = common_rows(len(motion), a, b)
+        if said := _apart(mechanism, motion.t[rows], (q_a[rows], q_b[rows])):
+            apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {said}"
+    return apart
+
+
+def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
+    """When and where two engines' joints are held otherwise; empty if they are held alike."""
+    lay = layout(mechanism)
+    length, turns = loop_equations(lay).length, lay.turns
+    difference = np.where(turns, within_half_turn(pair[1] - pair[0]), (pair[1] - pair[0]) / length)
+    rows = np.flatnonzero((np.abs(difference) > APART).any(axis=1))
+    if not rows.size:
+        return ""
+    q_a, q_b = (q[rows] for q in pair)
+    far = {
+        joint.name: np.abs(
+            joint_places(joint, q_b[:, columns], length) - joint_places(joint, q_a[:, columns], length)
+        ).max(axis=1)
+        for joint in mechanism.joints
+        for columns in [lay.columns[joint.name]]
+    }
+    gaps = np.concatenate([pose(lay, q).residual.reshape(len(q), -1, 2, 3) for q in (q_a, q_b)], axis=1)
+    closed = (np.abs(gaps) / np.array([1.0, length])[:, None] < CLOSED).all(axis=(1, 2, 3))
+    held = closed & (np.max(list(far.values()), axis=0) > APART)
+    if not held.any():
+        return ""
+    first = int(np.flatnonzero(held)[0])
+    name = next(name for name, by in far.items() if by[first] > APART)
+    c = max(lay.columns[name], key=lambda column: abs(float(difference[rows[first], column])))
+    coordinate = mechanism.coordinates[c].rpartition(".")[2]
+    start = f"t = {t[rows[first]]:.6g} s"
+    lasts = held.sum() == len(t) - rows[first]
+    when = f"from {start} on" if lasts else f"at {held.sum()} of {len(t)} samples, first {start}"
+    return f"{when}: {name} ({coordinate} {q_b[first, c]:.4g} against {q_a[first, c]:.4g})"

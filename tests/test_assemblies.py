@@ -1,0 +1,82 @@
+"""Every engine stays in the assembly of the home pose, or says in one sentence that it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import write_models
+from screwgauge.reference.chains import closed_form
+from screwgauge.reference.errors import SingularPoseError
+from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import within_half_turn
+from screwgauge.scene.preflight import check_scene
+from screwgauge.study.ask import solve
+from screwgauge.study.cases.given import SCENE, still
+from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
+
+FAR = 1.2
+#: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.
+ALIKE = 1e-7
+
+
+def scene_at(y):
+    return still(screwgauge.load_scene(SCENE), np.asarray(y, dtype=float))
+
+
+@pytest.mark.parametrize("steps", [1201, 1, 5], ids=["steps of 1 ms", "one far pose", "coarse"])
+def test_no_engine_jumps_over_the_lock_of_a_leg(steps):
+    a = np.linspace(0.0, FAR, steps) if steps > 1 else np.array([FAR])
+    scene = scene_at(np.stack([a, np.full_like(a, 0.01)], axis=1))
+    right = closed_form(layout(scene.mechanism), scene.motion.y)
+    for engine, solution in solve(scene, ("pinocchio", "mujoco"), ("generalized_force",))[0].items():
+        assert np.abs(within_half_turn(solution.assembly - right))[:, :12].max() < ALIKE, engine
+    column = scene.mechanism.coordinates.index("leg4.q1")
+    assert right[-1, column : column + 2] == pytest.approx([-3.123, -0.451], abs=1e-3)
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-5])
+def test_a_coarse_motion_past_a_lock_is_not_refused(distance):
+    check_scene(scene_at([[BASE_LOCK + 0.2, distance], [BASE_LOCK - 0.2, distance], [-1.0, 0.3]]))
+
+
+def test_a_motion_through_a_lock_is_refused_by_name():
+    with pytest.raises(SingularPoseError, match=r"passes through a singular pose near a = -0.804634.*leg2.base locks"):
+        check_scene(scene_at([[BASE_LOCK + 0.2, 0.0], [BASE_LOCK - 0.2, 0.0]]))
+
+
+def test_random_steps_stay_on_the_branch_of_the_closed_form():
+    rng, lay = np.random.default_rng(4), layout(load_mechanism(SCENE))
+    around = 10.0 ** rng.uniform(-5.0, -0.5, 12)
+    turn = rng.uniform(0.0, 2.0 * np.pi, 12)
+    y = np.stack([BASE_LOCK + around * np.cos(turn), around * np.sin(turn)], axis=1)
+    y[::3] = np.stack([rng.uniform(-0.6, 0.6, 4), SINGULAR_B - around[::3]], axis=1)
+    system = loop_equations(lay)
+    q = system.follow(system.follower(), y, np.arange(12.0), strict=True).q
+    assert np.abs(within_half_turn(q - closed_form(lay, y)))[:, :12].max() < ALIKE
+
+
+OTHER = """
+extends = "3ups-upu-s"
+[joints."leg4.base"]
+home = ["pi", "7*pi/6"]
+[joints."leg4.wrist"]
+home = [0, "-pi/6", "pi"]
+"""
+
+
+def test_another_assembly_is_one_sentence(tmp_path, write):
+    turned = load_mechanism(write("turned.toml", f'name = "{SCENE}"\n{OTHER}'))
+    scene = scene_at([[0.1, 0.05], [0.2, 0.1]])
+    write_models(turned, tmp_path / "models", gravity=scene.applied.g)
+    scene = replace(scene, models={"mujoco": tmp_path / "models" / f"{SCENE}.xml"})
+    results = screwgauge.run(scene, ("screw", "mujoco"), ("actuator_force", "reaction"))
+    said = "mujoco is in another assembly than screw from t = 0 s on: leg4.base (q1 "
+    assert all(reason.startswith(said) for reason in results.pairs["reason"]), results.pairs.to_string()
+    assert not results.pairs["ok"].any()
+    assert repr(results).replace("\n", " ").count("another assembly") == 1
