@@ -59,6 +59,12 @@ def bench_of_all() -> Bench:
 
 
 @pytest.fixture
+def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long work says nothing of its progress, however slow the machine is."""
+    monkeypatch.setattr("screwgauge.report.progress.QUIET", float("inf"))
+
+
+@pytest.fixture
 def write(tmp_path: Path):
     """Writes a text file into the test's own folder and returns its path."""
 
@@ -71,7 +77,7 @@ def write(tmp_path: Path):
 
 
 @pytest.fixture
-def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path):
+def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None):
     """Runs the command line, which has to refuse: one sentence, exit 2, nothing written. Returns the sentence."""
 
     def check(*arguments: str | Path, out: Path | None = None) -> str:

@@ -153,7 +153,7 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
     assert found.complete
 
 
-def test_the_command_writes_its_report(tmp_path, capsys, small):
+def test_the_command_writes_its_report(tmp_path, capsys, small, no_progress):
     out = tmp_path / "out"
     assert main(["bench", "--quick", "--contestants", "closed-form,floor", "--out", str(out)]) == 0
     said = capsys.readouterr()

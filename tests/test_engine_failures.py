@@ -169,7 +169,7 @@ def test_an_interrupted_run_writes_nothing(stand_in, paper_scene, tmp_path, capf
 
 
 @pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
-def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, capfd):
+def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, capfd, no_progress):
     elsewhere("no_such_module_at_all:load", *broken)
     out = tmp_path / "out"
     names = ",".join(QUANTITIES)
