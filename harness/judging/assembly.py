@@ -25,21 +25,21 @@ CLOSED = 1e-8
 
 
 def joint_places(joint: Joint, q: Array, length: float) -> Array:
-    """Where a joint holds its child, however its angles are counted: rotation matrix and slide over a length.
+    """Where a joint holds its child, however its angles are counted: rotation matrix and displacement over a length.
 
     Args:
         q: Its coordinates. Shape (n, m).
 
     Returns:
-        Shape (n, 10).
+        Shape (n, 12).
     """
-    R, slide = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros(len(q))
+    R, p = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     for (turns, axis), values in zip(joint.freedoms, q.T, strict=True):
         if turns:
             R = R @ rotation(axis, values)
         else:
-            slide = slide + values / length
-    return np.concatenate([R.reshape(-1, 9), slide[:, None]], axis=1)
+            p = p + R @ axis * values[:, None] / length
+    return np.concatenate([R.reshape(-1, 9), p], axis=1)
 
 
 def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
