@@ -28,10 +28,6 @@ class Placed:
     axes: Array
     driven: bool
 
-    def actuated(self) -> Placed:
-        """The same, driven."""
-        return replace(self, driven=True)
-
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
         """Whether each freedom turns, and its axis. C has two along one axis."""
@@ -73,15 +69,8 @@ class Sketch:
 
     def turned(self) -> Array:
         """A random rotation. Shape (3, 3)."""
-        w, x, y, z = self.rng.normal(size=4)
-        Q = np.array(
-            [
-                [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-            ]
-        )
-        return np.asarray(Q / np.linalg.norm(Q[0]))
+        first, second = self.axes("U")
+        return np.stack([first, second, np.cross(first, second)])
 
     def beside(self, direction: Array, least: float = 0.6) -> Array:
         """A random axis at an angle to a direction, sin of it at least so much. Shape (3,)."""
@@ -124,17 +113,15 @@ class Sketch:
         Returns:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
         """
-        place = {name: slice(6 * i, 6 * i + 6) for i, name in enumerate(self.bodies)}
-        S = [joint.screws() for joint in self.joints]
-        n = sum(len(rows) for rows in S)
-        A, q = np.zeros((6 * len(S), n + 6 * len(place))), 0
-        for i, joint in enumerate(self.joints):
-            rows = slice(6 * i, 6 * i + 6)
-            A[rows, q : q + len(S[i])] = S[i].T
-            q += len(S[i])
-            for body, sign in ((joint.a, 1.0), (joint.b, -1.0)):
-                if body != GROUND:
-                    A[rows, n + place[body].start : n + place[body].stop] = sign * np.eye(6)
+        S, place = [joint.screws() for joint in self.joints], {name: i for i, name in enumerate(self.bodies)}
+        rates, of = np.zeros((len(S), 6, sum(map(len, S)))), np.zeros((len(S), 6, len(place) + 1, 6))
+        for i, joint in enumerate(self.joints):  # twist of b - twist of a - screws . rates = 0
+            first = sum(map(len, S[:i]))
+            rates[i, :, first : first + len(S[i])] = S[i].T
+            of[i, :, place.get(joint.a, -1)] = np.eye(6)
+            of[i, :, place.get(joint.b, -1)] = -np.eye(6)
+        n = rates.shape[2]
+        A = np.concatenate([rates.reshape(-1, n), of[:, :, :-1].reshape(6 * len(S), -1)], axis=1)
         _, s, Vt = np.linalg.svd(A)
         if ((s > ZERO) & (s < REGULAR)).any():
             return None
