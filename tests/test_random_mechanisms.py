@@ -19,7 +19,7 @@ from screwgauge.reference.pose import pose
 from screwgauge.scene.preflight import check_home
 from screwgauge.study.run import run
 
-SMALL = ["rsur", "serial", "bennett", "3-rps"]
+SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.
 KNOWN = {"planar-4": 1, "rssr": 2, "rsur": 1, "rccc": 1, "7r": 1, "bennett": 1, "sarrus": 1, "6-rus": 6, "6-pus": 6}
 KNOWN |= {"3-rrr": 3, "3-rrr-spherical": 3, "3-rps": 3, "3-upu": 3, "delta": 3, "redundant": 3, "ladder": 1}
