@@ -60,7 +60,7 @@ FAMILIES: dict[str, Callable[[Sketch], int]] = {
 }
 
 SAMPLES = 5
-AMPLITUDES = (1.6, 0.8, 0.4, 0.2, 0.1)  # [rad or m] of the coordinate that moves most
+AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
 FASTEST = 10.0  # coordinate, where an independent or an actuated one moves by 1
 POSES = 41  # at which a motion is looked at
 WORSE = 4.0  # times the condition number at home is still well inside
@@ -181,6 +181,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
     """A few sines about home, as large as they may be for all poses to stay well conditioned."""
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
+    found: Tables | None = None
     for amplitude in AMPLITUDES:
         motion: Tables = {}
         for label, value, (a, b) in zip(mechanism.independent, home, sines, strict=True):
@@ -188,12 +189,14 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             rows = [[1.0 + 2.0 * abs(row[0]), size * row[1], size * row[2]] for row in (a, b)]
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
-            if _regular(mechanism, motion):
-                return shuffled(rng, motion)
+            regular = _regular(mechanism, motion)
         except ScrewgaugeError:
-            if amplitude == AMPLITUDES[-1]:
-                return motion  # regular at home, as its screws say: whoever cannot move it from there is to be found
-    return None
+            # home is regular, as its screws say: whoever cannot move a little from there is to be found
+            regular = amplitude == AMPLITUDES[0]
+        if not regular:
+            break
+        found = motion
+    return found and shuffled(rng, found)
 
 
 def _regular(mechanism: Mechanism, motion: Tables) -> bool:
