@@ -41,7 +41,10 @@ def test_an_unknown_family_is_bad_input(tmp_path, capsys):
 
 
 def test_a_verdict_says_what_was_found(results):
-    assert judged(results)["verdict"] == "agree"
+    assert (judged(results)["verdict"], judged(results)["branch"]) == ("agree", "same")
+    elsewhere = replace(results.solutions["pinocchio"], assembly=None, values={})
+    unknown = replace(results, solutions={**results.solutions, "pinocchio": elsewhere})
+    assert judged(unknown)["branch"] == "unknown for pinocchio"
     judge, pairs = results.judge.copy(), results.pairs.copy()
     judge.loc[0, "ok"] = False
     assert judged(replace(results, judge=judge))["verdict"] == "judged"

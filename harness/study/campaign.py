@@ -16,6 +16,7 @@ import pandas as pd
 
 from screwgauge.families.draw import families, random
 from screwgauge.judging.answer import largest
+from screwgauge.judging.assembly import assembly_of, other_assemblies
 from screwgauge.reference.errors import ScrewgaugeError, check_choice
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
@@ -27,7 +28,19 @@ EXPLAINED = "within the error"  # how the comparison begins where an estimate ad
 TRUTH_EVERY = 10  # seeds
 COLUMNS = (
     *("family", "seed", "redrawn", "bodies", "joints", "freedoms", "loops", "engines", "verdict"),
-    *("max_scaled", "tolerance", "quantity", "pair", "component", "estimate", "judge", "reason", "truth", "cpu_s"),
+    *(
+        "max_scaled",
+        "tolerance",
+        "quantity",
+        "pair",
+        "component",
+        "estimate",
+        "judge",
+        "branch",
+        "reason",
+        "truth",
+        "cpu_s",
+    ),
     *(f"{engine}_s" for engine in ENGINES),
 )
 
@@ -117,11 +130,19 @@ def judged(results: Comparison) -> dict[str, Any]:
     for name, solution in results.solutions.items():
         row[f"{name}_s"] = f"{sum(timing.min_s for timing in solution.timings):.3g}"
     pairs = [dict[Any, Any](pair) for pair in results.pairs.to_dict("records")]
-    # the tolerance of soft constraints follows their stiffness and says nothing of others
-    ranked = [pair for pair in pairs if not pair["ok"] or pair["quantity"] != "tree_force_soft"]
+    mechanism, solutions = results.scene.mechanism, results.solutions
+    apart = other_assemblies(mechanism, results.scene.problem(()), solutions.values())
+    unknown = [name for name, solution in solutions.items() if assembly_of(mechanism, solution) is None]
+    row["branch"] = f"unknown for {', '.join(unknown)}" if unknown else next(iter(apart.values()), "same")
+    # the tolerance of soft constraints follows their stiffness, and what is zero is told by its summands
+    ranked = [
+        pair
+        for pair in pairs
+        if not pair["ok"] or (pair["quantity"] != "tree_force_soft" and pair["max_scaled"] <= pair["tolerance"])
+    ]
     if numbers := [pair for pair in ranked if np.isfinite(pair["max_scaled"])]:
         worst = max(numbers, key=lambda pair: pair["max_scaled"] / pair["tolerance"])
-        estimates = (results.solutions[worst[side]].estimate.get(worst["quantity"]) for side in "ab")
+        estimates = (solutions[worst[side]].estimate.get(worst["quantity"]) for side in "ab")
         row |= {key: f"{worst[key]:.2g}" for key in ("max_scaled", "tolerance")}
         row |= {"quantity": worst["quantity"], "pair": f"{worst['a']} - {worst['b']}"}
         row |= {"component": worst["worst_component"]}

@@ -58,9 +58,10 @@ def write(found: pd.DataFrame, out: Path) -> Path:
 def _sentence(found: pd.DataFrame) -> str:
     counts = Counter(found["verdict"])
     said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
-    asked = [text for text in found["truth"] if text]
+    asked, branches = [text for text in found["truth"] if text], Counter(found["branch"][found["branch"] != ""])
     return (
         f"{len(found)} random mechanisms of {found['family'].nunique()} families: {said}. "
+        f"All engines were in the same assembly in {branches['same']} of {branches.total()}. "
         f"The truth certified {asked.count(CERTIFIED)} of {len(asked)}."
     )
 
