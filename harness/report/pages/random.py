@@ -67,15 +67,15 @@ def _sentence(found: pd.DataFrame) -> str:
 
 
 def _families(found: pd.DataFrame) -> Table:
-    lines = []
+    verdicts, lines = [verdict for verdict in VERDICTS if (found["verdict"] == verdict).any()], []
     for (family,), group in grouped(rows(found), "family").items():
         counts, asked = Counter(row["verdict"] for row in group), [row["truth"] for row in group if row["truth"]]
         measured = [row for row in group if row["max_scaled"] != ""]
         worst = max(measured, key=lambda row: float(row["max_scaled"]) / float(row["tolerance"]), default={})
         error = (str(worst.get(key, "")) for key in ("max_scaled", "quantity", "seed"))
-        verdicts = (str(counts[verdict] or "") for verdict in VERDICTS)
-        lines.append((family, str(len(group)), *verdicts, f"{asked.count(CERTIFIED)}/{len(asked)}", *error))
-    return Table(("family", "drawn", *VERDICTS, CERTIFIED, "worst error", "of", "seed"), tuple(lines))
+        counted = (str(counts[verdict]) for verdict in verdicts)
+        lines.append((family, str(len(group)), *counted, f"{asked.count(CERTIFIED)}/{len(asked)}", *error))
+    return Table(("family", "drawn", *verdicts, CERTIFIED, "worst error", "of", "seed"), tuple(lines))
 
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
