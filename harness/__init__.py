@@ -11,19 +11,21 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.results import Results, run
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.scene import Scene
     from screwgauge.study.stream import stream
 
-__all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "run", "stream"]
+__all__ = ["Results", "Scene", "ScrewgaugeError", "load_scene", "random", "run", "stream"]
 
 _HOMES = {
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
     "load_scene": "screwgauge.scene.read",
+    "random": "screwgauge.families.draw",
     "run": "screwgauge.report.results",
     "stream": "screwgauge.study.stream",
 }

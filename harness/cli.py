@@ -89,6 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--budget", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
+    add("--random", type=int, metavar="N", help="instead, all engines on so many random mechanisms of all families")
+    add("--seed", type=int, default=0, help="of the first random mechanisms")
 
     add = command(
         commands.stress,

@@ -68,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Error against run time of a scene."""
+    """Error against run time of a scene, or engines on random mechanisms."""
+    if options.random is not None:
+        return _random(options)
     from screwgauge.report.pages import bench, bench_simulation
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
@@ -91,6 +93,20 @@ def bench(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         _complain(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.")
         return 130
+    return 0
+
+
+def _random(options: argparse.Namespace) -> int:
+    """Random mechanisms of all families; those whose rows are there are not done again."""
+    from screwgauge.report.pages import random as page
+    from screwgauge.study.campaign import campaign
+
+    out, names = options.out or OUT / "random", _names(options.contestants)
+    _study(
+        page,
+        out,
+        lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
+    )
     return 0
 
 

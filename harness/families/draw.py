@@ -1,0 +1,217 @@
+"""Random mechanisms in motion, by family and seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from zlib import crc32
+
+import numpy as np
+import tomli_w
+
+from screwgauge.families import parallel, single
+from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.reference import linear
+from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.mechanism import KINDS, Mechanism
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.motion import read_drive
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+
+
+def _any(s: Sketch, families: Iterable[Callable[[Sketch], int]]) -> int:
+    choice = list(families)
+    return choice[s.rng.integers(len(choice))](s)
+
+
+_UPS = {3: ("S", "UP"), 4: ("UPR",), 5: ("UPU",), 6: ("",)}
+
+#: Family -> draws on a sketch, and returns how many freedoms that is to have.
+FAMILIES: dict[str, Callable[[Sketch], int]] = {
+    **{f"planar-{n}": partial(single.planar, n=n) for n in (4, 5, 6)},
+    **{f"{kinds.lower()}": partial(single.loop, kinds=kinds) for kinds in ("RSSR", "RSUR", "RCCC", "RSCR", "RRSRR")},
+    "7r": partial(single.loop, kinds="RRRRRRR"),
+    "mixed-loop": single.mixed,
+    "bennett": single.bennett,
+    "sarrus": single.sarrus,
+    "spherical-loop": lambda s: single.spherical(s, int(s.rng.integers(4, 6))),
+    "ladder": lambda s: single.ladder(s, int(s.rng.integers(2, 9))),
+    "spatial-ladder": lambda s: single.spatial_ladder(s, int(s.rng.integers(2, 9))),
+    "serial": single.serial,
+    "n-ups": lambda s: _any(s, [partial(parallel.ups, n=n, middle=leg) for n, legs in _UPS.items() for leg in legs]),
+    "6-rus": parallel.six_rus,
+    "6-pus": parallel.six_pus,
+    "3-rrr": parallel.three_rrr,
+    "3-rrr-spherical": parallel.three_rrr_spherical,
+    "3-rps": parallel.three_rps,
+    "3-upu": parallel.three_upu,
+    "delta": parallel.delta,
+    "redundant": parallel.redundant,
+    "underactuated": lambda s: parallel.ups(s, int(s.rng.integers(3, 6)), ""),
+}
+
+SAMPLES = 5
+AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
+FASTEST = 10.0  # coordinate, where an independent or an actuated one moves by 1
+POSES = 41  # at which a motion is looked at
+WORSE = 4.0  # times the condition number at home is still well inside
+STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
+
+
+def families() -> list[str]:
+    """Names of the families."""
+    return sorted(FAMILIES)
+
+
+@cache
+def _folder() -> TemporaryDirectory[str]:
+    """Goes away with the process."""
+    return TemporaryDirectory(prefix="screwgauge-random-")
+
+
+def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
+    """A random mechanism in a random motion that stays away from singular poses.
+
+    Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
+    gravity, the order of all entries and the direction of every joint are random, too.
+
+    Args:
+        seed: Gives the same mechanism again.
+        family: One of `families()`; by default the seed decides.
+        folder: Where description and scene are left as TOML files, which any command reads; by default they go away
+            with the process.
+
+    Raises:
+        ScrewgaugeError: There is no such family.
+    """
+    names = families()
+    family = family or names[np.random.default_rng(seed).integers(len(names))]
+    if family not in FAMILIES:
+        raise UnknownNameError("family", family, names)
+    folder = Path(_folder().name) if folder is None else folder
+    folder.mkdir(parents=True, exist_ok=True)
+    for draw in range(1000):
+        rng = np.random.default_rng([seed, crc32(family.encode()), draw])
+        if drawn := _draw(rng, family, folder / f"{family}-{seed}.toml", draw):
+            return drawn
+    raise RuntimeError(f"no regular {family} in 1000 draws from seed {seed}")
+
+
+def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
+    """One draw, None if it is not well conditioned at home or nowhere around."""
+    sketch = Sketch(rng)
+    freedoms = FAMILIES[family](sketch)
+    sketch.flip()
+    K = sketch.freedoms()
+    if K is None or K.shape[1] != freedoms:
+        return None
+    chosen = pick(rng, K, range(len(K)))
+    driven = _drive(sketch, K)
+    strong = np.linalg.matrix_rank(K[driven], 1e-9) == freedoms
+    if len(chosen) < freedoms or max(gain(K, chosen), gain(K, driven) if strong else 0.0) > FASTEST:
+        return None
+    tables, coordinates = described(sketch, file.stem)
+    flat, used = [name for names in coordinates for name in names], set[str]()
+    independent = {unused(rng, used, ("_",)): flat[i] for i in chosen}
+    file.write_text(tomli_w.dumps({**tables, "independent": independent}), encoding="utf-8")
+    mechanism = load_mechanism(file)
+    motion = _motion(rng, mechanism, gain(K, chosen))
+    if motion is None:
+        return None
+    scene = {
+        "description": f"Random mechanism of the family {family}, {redrawn} draws before it being too near singular.",
+        "mechanism": file.name,
+        "gravity": (9.81 * sketch.unit()).tolist(),
+        "motion": motion,
+        "time": {"times": np.sort(rng.uniform(0.0, 1.0, SAMPLES)).tolist()},
+        "loads": [_load(sketch, mechanism)] if rng.random() < 0.5 else [],
+    }
+    if not strong:  # fewer actuators than freedoms
+        scene["quantities"] = [name for name in GIVEN if not QUANTITIES[name].ruled]
+    path = file.with_name(f"{file.stem}-scene.toml")
+    path.write_text(tomli_w.dumps(scene), encoding="utf-8")
+    return load_scene(path)
+
+
+def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
+    """Random rows of a matrix, far from dependent on each other, as many as there are. Shape (n, k)."""
+    rest, chosen, order = K.copy(), list[int](), rng.permutation(list(rows)).astype(int)
+    while len(chosen) < K.shape[1] and len(order):
+        sizes = np.linalg.norm(rest[order], axis=1)
+        if sizes.max() < 1e-6:
+            break
+        chosen.append(int(order[np.argmax(sizes > 0.5 * sizes.max())]))
+        along = rest[chosen[-1]] / np.linalg.norm(rest[chosen[-1]])
+        rest = rest - np.outer(rest @ along, along)
+    return chosen
+
+
+def gain(K: Array, rows: list[int]) -> float:
+    """How much faster than some coordinates others move at most, where those determine all. Shape (n, k)."""
+    return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
+
+
+def _drive(sketch: Sketch, K: Array) -> list[int]:
+    """Actuates R and P joints, those of the family or else as many as there are freedoms, and sometimes one more.
+
+    Returns:
+        Rows of the actuated coordinates.
+    """
+    first = np.cumsum([0, *(len(KINDS[joint.kind]) for joint in sketch.joints)])
+    rows = {int(first[i]): joint for i, joint in enumerate(sketch.joints) if joint.kind in "RP"}
+    driven = [row for row, joint in rows.items() if joint.driven] or pick(sketch.rng, K, rows)
+    if len(rows) > len(driven) and sketch.rng.random() < 0.15:
+        driven.append(int(sketch.rng.choice([row for row in rows if row not in driven])))
+    for row in driven:
+        i = int(np.searchsorted(first, row))
+        sketch.joints[i] = replace(sketch.joints[i], driven=True)
+    return driven
+
+
+def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> Tables | None:
+    """A few sines about home, as large as they may be for all poses to stay well conditioned."""
+    home = mechanism.home[mechanism.independent_columns]
+    sines = [rng.normal(size=(2, 3)) for _ in home]
+    found: Tables | None = None
+    for amplitude in AMPLITUDES:
+        motion: Tables = {}
+        for label, value, (a, b) in zip(mechanism.independent, home, sines, strict=True):
+            size = amplitude / fastest / (np.hypot(*a[1:]) + np.hypot(*b[1:]))
+            rows = [[1.0 + 2.0 * abs(row[0]), size * row[1], size * row[2]] for row in (a, b)]
+            motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
+        try:
+            regular = _regular(mechanism, motion)
+        except ScrewgaugeError:
+            # home is regular, as its screws say: whoever cannot move a little from there is to be found
+            regular = amplitude == AMPLITUDES[0]
+        if not regular:
+            break
+        found = motion
+    return found and shuffled(rng, found)
+
+
+def _regular(mechanism: Mechanism, motion: Tables) -> bool:
+    """Whether poses along the motion are about as well conditioned as home."""
+    lay, t = layout(mechanism), np.linspace(0.0, 1.0, POSES)
+    y = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](t).y
+    y = np.vstack([mechanism.home[mechanism.independent_columns], y])
+    at = positions(lay, y, np.append(0.0, t))
+    found = linear.condition(loop_equations(lay).matrix(at))
+    middle = mechanism.columns(tuple(joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"))
+    return bool((found < WORSE * found[0]).all() and (np.abs(at.q[:, middle]) < STEEPEST).all())
+
+
+def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:
+    force, torque, point = 5.0 * sketch.unit(), sketch.unit(), 0.2 * sketch.rng.normal(size=3)
+    body = mechanism.bodies[sketch.rng.integers(len(mechanism.bodies))].name
+    vectors = {"point": point.tolist(), "force": force.tolist(), "torque": torque.tolist()}
+    return {"on": body, "by": "environment", **vectors}

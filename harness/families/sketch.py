@@ -1,0 +1,211 @@
+"""A mechanism at home, sketched by points and axes of its joints in the world, and the description made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from string import ascii_letters
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.mechanism import GROUND, KINDS
+from screwgauge.reference.rotations import Array, rotation
+
+Tables = dict[str, Any]
+#: Singular values below this are zero, those above `REGULAR` are not; sketches between the two are drawn again.
+ZERO, REGULAR = 1e-9, 5e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A joint at home: a point of it and its axes, `a` and `b` being the bodies it joins. Shapes (3,), (n_axes, 3)."""
+
+    kind: str
+    a: str
+    b: str
+    point: Array
+    axes: Array
+    driven: bool
+
+    @property
+    def freedoms(self) -> list[tuple[bool, Array]]:
+        """Whether each freedom turns, and its axis. C has two along one axis."""
+        turns = KINDS[self.kind]
+        return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
+
+    def tilt(self) -> float:
+        """Second angle of an S joint: how far its third axis is from normal to the others."""
+        first, second, third = self.axes
+        normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
+        return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
+
+    def screws(self) -> Array:
+        """Unit screws of b relative to a about the world's origin. Shape (n, 6)."""
+        pairs = [(axis, np.cross(self.point, axis)) if turn else (np.zeros(3), axis) for turn, axis in self.freedoms]
+        return np.array(pairs).reshape(-1, 6)
+
+
+@dataclass(slots=True)
+class Sketch:
+    """What a family draws on. Lengths are about 1 m.
+
+    Attributes:
+        rng: Where all chance comes from.
+        joints: Those placed so far.
+    """
+
+    rng: np.random.Generator
+    joints: list[Placed] = field(default_factory=list)
+
+    @property
+    def bodies(self) -> list[str]:
+        return sorted({name for joint in self.joints for name in (joint.a, joint.b)} - {GROUND})
+
+    def unit(self) -> Array:
+        """A random direction. Shape (3,)."""
+        v = self.rng.normal(size=3)
+        return np.asarray(v / np.linalg.norm(v))
+
+    def turned(self) -> Array:
+        """A random rotation. Shape (3, 3)."""
+        first, second = self.axes("U")
+        return np.stack([first, second, np.cross(first, second)])
+
+    def beside(self, direction: Array, least: float = 0.6) -> Array:
+        """A random axis at an angle to a direction, sin of it at least so much. Shape (3,)."""
+        while True:
+            axis = self.unit()
+            if np.linalg.norm(np.cross(axis, direction / np.linalg.norm(direction))) >= least:
+                return axis
+
+    def axes(self, kind: str, first: Array | None = None) -> Array:
+        """Random axes of a joint at home, the first of them given or not. Shape (n_axes, 3)."""
+        n = 1 if kind == "C" else len(KINDS[kind])
+        first = self.unit() if first is None else first
+        second = np.cross(first, self.beside(first))
+        second /= np.linalg.norm(second)
+        third = rotation(second, np.array(self.rng.uniform(-0.5, 0.5))) @ np.cross(first, second)
+        return np.stack([first, second, third])[:n]
+
+    def join(self, kind: str, a: str, b: str, point: Array, axes: Array | None = None, *, driven: bool = False) -> None:
+        """Places a joint; one axis or all of them, shape (3,) or (n_axes, 3), random if not given."""
+        axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
+        self.joints.append(Placed(kind, a, b, point, axes, driven))
+
+    def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
+        """A serial chain from a to b through given points, each P along the way. Shape (n_joints, 3)."""
+        names = [a, *(f"{len(self.joints)}-{i}" for i in range(len(kinds) - 1)), b]
+        for i, kind in enumerate(kinds):
+            way = points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)]
+            axis = way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
+            self.join(kind, names[i], names[i + 1], points[i], axis, driven=i == driven)
+
+    def flip(self) -> None:
+        """Exchanges parent and child of joints at random."""
+        for i, joint in enumerate(self.joints):
+            if self.rng.random() < 0.5:
+                self.joints[i] = replace(joint, a=joint.b, b=joint.a, axes=joint.axes[::-1])
+
+    def freedoms(self) -> Array | None:
+        """Joint velocities of all motions at home, from the twists of the bodies; None where in doubt.
+
+        Returns:
+            Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
+        """
+        S, place = [joint.screws() for joint in self.joints], {name: i for i, name in enumerate(self.bodies)}
+        rates, of = np.zeros((len(S), 6, sum(map(len, S)))), np.zeros((len(S), 6, len(place) + 1, 6))
+        for i, joint in enumerate(self.joints):  # twist of b - twist of a - screws . rates = 0
+            first = sum(map(len, S[:i]))
+            rates[i, :, first : first + len(S[i])] = S[i].T
+            of[i, :, place.get(joint.a, -1)] = np.eye(6)
+            of[i, :, place.get(joint.b, -1)] = -np.eye(6)
+        n = rates.shape[2]
+        A = np.concatenate([rates.reshape(-1, n), of[:, :, :-1].reshape(6 * len(S), -1)], axis=1)
+        _, s, Vt = np.linalg.svd(A)
+        if ((s > ZERO) & (s < REGULAR)).any():
+            return None
+        Q, R = np.linalg.qr(Vt[int((s > ZERO).sum()) :, :n].T)
+        return Q if np.abs(np.diag(R)).min(initial=1.0) > REGULAR else None
+
+
+def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("", "-", "_", ".", "+", ":")) -> str:
+    """A random name that no other entry has."""
+    while True:
+        name = "".join(rng.choice(list(ascii_letters), size=rng.integers(1, 6)))
+        name += f"{rng.choice(parts)}{rng.integers(0, 100)}" if rng.random() < 0.5 else ""
+        if name.lower() not in {*used, GROUND, "world", "environment"}:
+            used.add(name.lower())
+            return name
+
+
+def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
+    """A description with random frames, bodies and names, entries in random order.
+
+    One in four is plain: parallel to the world, zero at home; its text closes redundant loops exactly.
+
+    Returns:
+        The tables without ``independent``, and the names of the coordinates of each joint, in the sketch's order.
+    """
+    rng, used = sketch.rng, set[str]()
+    plain = rng.random() < 0.25
+    W, origin = (np.eye(3), np.zeros(3)) if plain else (sketch.turned(), rng.normal(size=3))
+    frames, names, bodies = {GROUND: (np.eye(3), np.zeros(3))}, {GROUND: GROUND}, {}
+    for body in sketch.bodies:
+        cloud = np.array([W @ joint.point + origin for joint in sketch.joints if body in (joint.a, joint.b)])
+        middle = cloud.mean(axis=0) + 0.1 * rng.normal(size=3)
+        R, p = frames[body] = (W, origin) if plain else (sketch.turned(), middle + 0.3 * rng.normal(size=3))
+        names[body] = unused(rng, used)
+        bodies[names[body]] = _body(rng, R.T @ (middle - p))
+    joints, coordinates = {}, []
+    for placed in sketch.joints:
+        n, label = len(KINDS[placed.kind]), unused(rng, used)
+        own = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
+        coordinates.append(own or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
+        home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
+        if placed.kind == "S":  # the second angle is the one that its axes include
+            home[1] = placed.tilt()
+        J = np.eye(3) if plain else sketch.turned()
+        point, ready, back = W @ placed.point + origin, [], np.eye(3)
+        slide = np.zeros(3)
+        for (turn, axis), value in zip(placed.freedoms, home, strict=True):
+            ready.append(back.T @ W @ axis)  # before the freedoms that carry it turned
+            if turn:
+                back = back @ rotation(ready[-1], np.array(value))
+            else:
+                slide += value * W @ axis
+        joints[label] = {
+            "kind": placed.kind,
+            "parent": names[placed.a],
+            "child": names[placed.b],
+            "axes": (np.array(ready[: len(placed.axes)]) @ J).tolist(),
+            "parent_frame": _frame(frames[placed.a], J, point),
+            "child_frame": _frame(frames[placed.b], back @ J, point + slide),
+            **({"home": home.tolist()} if home.any() else {}),
+            **({"coordinates": own} if own else {}),
+            **({"actuated": True} if placed.driven else {}),
+        }
+    return {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}, coordinates
+
+
+def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
+    """The same entries in random order."""
+    keys = list(table)
+    return {keys[i]: table[keys[i]] for i in rng.permutation(len(keys))}
+
+
+def _frame(body: tuple[Array, Array], R: Array, point: Array) -> Tables:
+    """A frame of the world in axes of a body."""
+    turn = body[0].T @ R
+    table: Tables = {"position": (body[0].T @ (point - body[1])).tolist()}
+    return table if np.array_equal(turn, np.eye(3)) else {**table, "rotation": {"matrix": turn.tolist()}}
+
+
+def _body(rng: np.random.Generator, com: Array) -> Tables:
+    """A body whose mass is spread like a random cloud: its inertia tensor is one that bodies can have."""
+    mass = float(np.exp(rng.uniform(-1.5, 1.5)))
+    spread = 0.15 * rng.normal(size=(3, 6))
+    C = mass * (spread @ spread.T) / 6
+    I = np.trace(C) * np.eye(3) - C
+    entries = {a + b: float(I["xyz".index(a), "xyz".index(b)]) for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")}
+    return {"mass": mass, "com": com.tolist(), "inertia": entries}

@@ -1,0 +1,159 @@
+"""A campaign: random mechanisms of all families put to engines, one row each; rows that are there are kept."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.families.draw import families, random
+from screwgauge.judging.answer import largest
+from screwgauge.judging.assembly import assembly_of, other_assemblies
+from screwgauge.reference.errors import ScrewgaugeError, check_choice
+from screwgauge.scene.scene import Scene
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.run import run
+
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+TRUTH, CERTIFIED = "truth", "certified"
+EXPLAINED = "within the error"  # how the comparison begins where an estimate admits what differs
+TRUTH_EVERY = 10  # seeds
+COLUMNS = (
+    *("family", "seed", "redrawn", "bodies", "joints", "freedoms", "loops", "engines", "verdict"),
+    *(
+        "max_scaled",
+        "tolerance",
+        "quantity",
+        "pair",
+        "component",
+        "estimate",
+        "judge",
+        "branch",
+        "reason",
+        "truth",
+        "cpu_s",
+    ),
+    *(f"{engine}_s" for engine in ENGINES),
+)
+
+
+def campaign(
+    count: int,
+    file: Path,
+    *,
+    seed: int = 0,
+    only: Sequence[str] | None = None,
+    workers: int = 2,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+) -> pd.DataFrame:
+    """Puts so many mechanisms to the engines, family by family, and the next seed of each when all had their turn.
+
+    Args:
+        file: CSV file that rows are added to as they come; those that it has already are kept.
+        seed: The first one. Seeds that `TRUTH_EVERY` divides are put to the engine ``truth``, too.
+        only: Families; all by default.
+        workers: Processes.
+
+    Returns:
+        The table, sorted, columns `COLUMNS`.
+    """
+    names = families() if only is None else check_choice("family", only, families())
+    items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = {(int(row["seed"]), row["family"]) for row in _rows(file)}
+    todo = [item for item in items if item not in done]
+    with file.open("a", newline="", encoding="utf-8") as stream, ProcessPoolExecutor(workers) as pool:
+        writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        if not done:
+            writer.writeheader()
+        for i, row in enumerate(pool.map(measured, todo)):
+            writer.writerow(row)
+            stream.flush()
+            progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
+    return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
+
+
+def _rows(file: Path) -> Iterator[dict[str, str]]:
+    if file.is_file():
+        with file.open(newline="", encoding="utf-8") as stream:
+            yield from csv.DictReader(stream)
+
+
+def measured(item: tuple[int, str]) -> dict[str, Any]:
+    """The row of one mechanism, by seed and family."""
+    seed, family = item
+    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        scene = random(seed, family, Path(folder))
+        mechanism = scene.mechanism
+        row["redrawn"] = re.findall(r"\d+(?= draws)", scene.description)[0]
+        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
+        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
+        begin = process_time()
+        try:
+            row |= judged(run(scene, ENGINES))
+        except ScrewgaugeError as error:
+            row |= {"verdict": "refused", "reason": f"{type(error).__name__}: {error.what}"}
+        row["cpu_s"] = f"{process_time() - begin:.3g}"
+        if seed % TRUTH_EVERY == 0 and row["verdict"] != "refused":
+            row["truth"] = _certified(scene)
+    return row
+
+
+def _certified(scene: Scene) -> str:
+    """``certified`` if ``screw`` is right by the truth at every sample, else what is wrong."""
+    results = run(scene, (TRUTH, ENGINES[0]))
+    if TRUTH in results.failures:
+        return str(results.failures[TRUTH].reason)
+    truth = results.solutions[TRUTH]
+    if truth.rows is not None:
+        return f"{len(truth.rows)} of {len(scene.t)} samples certified"
+    found = judged(results)
+    return CERTIFIED if found["verdict"] in ("agree", "estimated") else f"{found['verdict']} by {found['max_scaled']}"
+
+
+def judged(results: Comparison) -> dict[str, Any]:
+    """Verdict and worst pair of a comparison.
+
+    ``agree``, ``estimated`` (out of tolerance, but within what an engine admits), ``differ``, ``judged`` (pairs agree
+    and a residual of an engine is out of tolerance), ``failed`` (an engine gave no answer).
+    """
+    row: dict[str, Any] = {"engines": " ".join(results.solutions), "verdict": "agree"}
+    for name, solution in results.solutions.items():
+        row[f"{name}_s"] = f"{sum(timing.min_s for timing in solution.timings):.3g}"
+    pairs = [dict[Any, Any](pair) for pair in results.pairs.to_dict("records")]
+    mechanism, solutions = results.scene.mechanism, results.solutions
+    apart = other_assemblies(mechanism, results.scene.problem(()), solutions.values())
+    unknown = [name for name, solution in solutions.items() if assembly_of(mechanism, solution) is None]
+    row["branch"] = f"unknown for {', '.join(unknown)}" if unknown else next(iter(apart.values()), "same")
+    # the tolerance of soft constraints follows their stiffness, and what is zero is told by its summands
+    ranked = [
+        pair
+        for pair in pairs
+        if not pair["ok"] or (pair["quantity"] != "tree_force_soft" and pair["max_scaled"] <= pair["tolerance"])
+    ]
+    if numbers := [pair for pair in ranked if np.isfinite(pair["max_scaled"])]:
+        worst = max(numbers, key=lambda pair: pair["max_scaled"] / pair["tolerance"])
+        estimates = (solutions[worst[side]].estimate.get(worst["quantity"]) for side in "ab")
+        row |= {key: f"{worst[key]:.2g}" for key in ("max_scaled", "tolerance")}
+        row |= {"quantity": worst["quantity"], "pair": f"{worst['a']} - {worst['b']}"}
+        row |= {"component": worst["worst_component"]}
+        row |= {"estimate": f"{max((largest(one) for one in estimates if one is not None), default=0.0):.2g}"}
+    if beyond := [dict[Any, Any](residual) for residual in results.judge.to_dict("records") if not residual["ok"]]:
+        worst = max(beyond, key=lambda residual: float(np.nan_to_num(residual["max_scaled"], nan=np.inf)))
+        row |= {"judge": f"{worst['engine']} {worst['residual']} {worst['max_scaled']:.2g}", "verdict": "judged"}
+    if wrong := [pair["reason"] for pair in pairs if not pair["ok"]]:
+        open_ = [reason for reason in wrong if not reason.startswith(EXPLAINED)]
+        row |= {"reason": (open_ or wrong)[0], "verdict": "differ" if open_ else "estimated"}
+    if results.failures:
+        reasons = (f"{name}: {failure.reason}" for name, failure in results.failures.items())
+        row |= {"reason": "; ".join(reasons), "verdict": "failed"}
+    return row
