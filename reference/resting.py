@@ -11,11 +11,13 @@ from screwgauge.reference.continuation import newton, velocity_map
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 
 #: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.
 AWAY, TRIALS = 0.15, 4
+#: Far above what rounding makes of a coordinate that stands still; who is found by mistake costs time only.
+STILL = 1e-7
 #: Trial poses above this condition number say nothing: rounding moves coordinates that stand still.
 CLEAR = 1e4
 
@@ -37,7 +39,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     """
     free = loop_equations(lay)
     # in single precision no trial would come to rest
-    trials = _trials(free) if lay.path.dtype == np.float64 and lay.tree.cuts else None
+    trials = _trials(free) if lay.path.dtype == np.float64 and lay.tree.cuts and _may_rest(free) else None
     if trials is None:
         return ()
     z, y, matrix = trials
@@ -53,6 +55,14 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     start = z[:, [free.unknown.index(c) for c in system.unknown]]
     _, _, error = newton(system.evaluate, start, y)
     return fixed if (error <= 64 * linear.EPS).all() else ()
+
+
+def _may_rest(system: LoopEquations) -> bool:
+    """Whether at home, to first order, anything stands still that is not chosen: of most mechanisms nothing does."""
+    columns = system.lay.mechanism.independent_columns
+    A = system.matrix(pose(system.lay, system.lay.mechanism.home[None]))
+    still = np.abs(velocity_map(A, len(columns))[0]).max(axis=1) <= STILL
+    return any(rests and c not in columns for c, rests in zip(system.unknown, still, strict=True))
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
