@@ -18,10 +18,9 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import KINDS, Mechanism
-from screwgauge.reference.pose import layout
+from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
@@ -201,13 +200,13 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
 
 def _regular(mechanism: Mechanism, motion: Tables) -> bool:
     """Whether poses along the motion are about as well conditioned as home."""
-    lay, t = layout(mechanism), np.linspace(0.0, 1.0, POSES)
-    y = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](t).y
-    y = np.vstack([mechanism.home[mechanism.independent_columns], y])
-    at = positions(lay, y, np.append(0.0, t))
-    found = linear.condition(loop_equations(lay).matrix(at))
+    lay = layout(mechanism)
+    system = loop_equations(lay)
+    given = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](np.linspace(0.0, 1.0, POSES))
+    at = system.follow(system.follower(), given.y, given.t, (given.yd, given.ydd), strict=True)
+    worst = linear.condition(system.matrix(pose(lay, np.vstack([mechanism.home, at.q]))))
     middle = mechanism.columns(tuple(joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"))
-    return bool((found < WORSE * found[0]).all() and (np.abs(at.q[:, middle]) < STEEPEST).all())
+    return bool((worst < WORSE * worst[0]).all() and (np.abs(at.q[:, middle]) < STEEPEST).all())
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:
