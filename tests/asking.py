@@ -152,8 +152,10 @@ def arrays(solution: Solution) -> dict[str, Array]:
         held = getattr(solution, field.name)
         if isinstance(held, np.ndarray):
             found[field.name] = held
-        elif field.name in ("radius", "estimate", "conditions", "tolerances"):
-            found |= {f"{field.name} {name}": np.asarray(value) for name, value in held.items()}
+        elif field.name in ("radius", "estimate", "conditions"):
+            found |= {f"{field.name} {name}": value for name, value in held.items()}
+        elif field.name == "tolerances":
+            found |= {f"{field.name} {name} {unit}": np.asarray(x) for name in held for unit, x in held[name].items()}
     return found
 
 

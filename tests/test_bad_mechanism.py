@@ -281,7 +281,7 @@ def test_independent_coordinates_are_accepted(pair, paper, changed_scene):
 
 def test_too_many_independent_coordinates_are_refused(changed_scene, refused):
     motion = "motion = { a = {}, b = {}, c = {} }"
-    said = refused("run", changed_scene('[independent]\nc = "s.q3"', motion=motion))
+    said = refused("run", changed_scene('[independent]\na = "s.q1"\nb = "s.q2"\nc = "s.q3"', motion=motion))
     assert "3 independent coordinates" in said
     assert "for 2 degrees of freedom" in said
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import test_known_mechanisms as known
 from tolerances import AGREE, RECURSIVE
 
 import screwgauge
@@ -22,7 +23,8 @@ def results(request):
 
 def test_all_built_in_scenes_are_tested():
     given = {name for name in scene_names() if not load_scene(name).simulated}
-    assert given == {"3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"}
+    here = {"3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"}
+    assert given == here | {*known.NAMES}
 
 
 def test_every_pair_agrees_in_every_quantity(results):

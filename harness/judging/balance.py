@@ -168,7 +168,10 @@ def allowed_motions(answer: Answer) -> tuple[Array, Array]:
     q = answer["joint_position"]
     n, n_q = q.shape
     motions = list(unit_motions(answer.mechanism, answer.tree, q, range(n_q)))
-    residuals = np.stack([each.closure_residual(1).reshape(n, -1) for each in motions], axis=2)
-    chosen = np.eye(n_q)[answer.mechanism.independent_columns]
-    joints = velocity_map(np.concatenate([residuals, np.tile(chosen, (n, 1, 1))], axis=1), len(chosen))
+    columns, length = answer.mechanism.independent_columns, answer.scales["m"]  # equations without dimension
+    size = np.array([1.0 if unit == "rad" else length for unit in answer.mechanism.units])
+    lengths = np.array([1.0, length])[:, None]
+    residuals = np.stack([(each.closure_residual(1) / lengths).reshape(n, -1) for each in motions], axis=2) * size
+    chosen = np.tile(np.eye(n_q)[columns], (n, 1, 1))
+    joints = velocity_map(np.concatenate([residuals, chosen], axis=1), len(columns)) * size[:, None] / size[columns]
     return joints, np.einsum("inbx,nij->nbxj", np.stack([each.velocities for each in motions]), joints)

@@ -18,6 +18,8 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array, within_half_turn
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
+#: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
+ALIKE = 1.0 - 1e-9
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
 UNDETERMINED = "undetermined"
 
@@ -73,7 +75,9 @@ def compare(
             reference = next(s.values[quantity] for s in having if s.values[quantity].components == names)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                admitted = max(s.tolerances.get(quantity, {}).get(unit, 0.0) for s in (a, b))
+                # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
+                strict = min(1.0, tolerance_of(quantity) / QUANTITIES[quantity].tolerance)
+                admitted = strict * max(s.tolerances.get(quantity, {}).get(unit, 0.0) for s in (a, b))
                 tolerance = max(tolerance_of(quantity), admitted / scale)
                 rows = list(_components(quantity, unit, a, b, t, scale))
                 for row in rows:
@@ -129,7 +133,9 @@ def _worst(sizes: Array) -> int:
 
 def _pair(rows: Sequence[Row]) -> Row:
     """Sums up the components of one quantity and unit."""
-    worst = rows[_worst(np.array([row["max_scaled"] for row in rows]))]
+    sizes = np.array([row["max_scaled"] for row in rows])
+    lost = ~np.isfinite(sizes)
+    worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
     turned = ", ".join(row["component"] for row in rows if row["turned"])
     reason = f"whole turns of {turned} do not count" if turned else ""
     if not np.isfinite(worst["max_scaled"]):
