@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
@@ -24,14 +23,12 @@ class Sizes:
     Attributes:
         length: Largest distance between joint points and centres of mass at home [m].
         q: Unit of each tree coordinate, 1 rad or that length. Shape (n_v,).
-        turning: Which of them are angles. Shape (n_v,).
         y: Unit of each independent coordinate. Shape (k,).
         rows: Unit of each closing row, those of y last. Shape (m + k,).
     """
 
     length: float
     q: Array
-    turning: NDArray[np.bool_]
     y: Array
     rows: Array
 
@@ -48,8 +45,7 @@ def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     y = np.array([unit[name] for name in file.independent.values()])
     anchors = [1.0 if anchor.angular else length for anchor in loops.anchors for _ in range(3)]
     q = np.array([unit[name] for name in tree.coordinates])
-    turning = np.array([turns[name] for name in tree.coordinates])
-    return Sizes(length, q, turning, y, np.array([*anchors, *y]))
+    return Sizes(length, q, y, np.array([*anchors, *y]))
 
 
 Charts = dict[str, Chart]
