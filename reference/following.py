@@ -8,31 +8,32 @@ sections 3.1 and 5.1). Towards a singular pose steps shrink in proportion to the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference import linear
+from screwgauge.reference.anchor import SHORT, Anchor
 from screwgauge.reference.continuation import OPEN, Evaluation, newton
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.ways import Way, quintic, straight_and_bent
 
 #: How much the derivative may change in a step; below one no other solution lies between.
 CHANGE = 0.5
-#: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``; p = 0, that of
-#: ``dJ J^-1``, takes tens of steps past the lock of a leg at 1e-6 rad where p = 1/2 takes more than 500.
-NORMS = (0.0, 0.5, 1.0)
 MARGIN = 0.6  # of the step that would change as much; on the way to a singular pose it is half of that
 STEP = 0.5  # the longest step in y, however little changes
 FARTHEST = 1.0  # no coordinate is predicted or corrected farther: whole turns mean another position of the joint
-SHORT = 64 * linear.EPS  # a way in y of which rounding leaves nothing
 MOST = 400  # steps of a short way; next to a singular pose, along it, there would be millions
 FIRST, SLOW = 40, 0.1  # after so many steps, this share of what an even pace would have made has to be done
 BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative does: branches meet there
+#: Passing a singular pose where the least singular value is a smaller share of the largest cannot be told from
+#: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
+FAINT = 1e-9
 BLOCK = 1024  # samples corrected at a time
 REMEDY = "shorten the motion or check the geometry"
+LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
 
 
@@ -55,53 +56,6 @@ class PathEnd(ClosureError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Anchor:
-    """A closed pose from which others are predicted.
-
-    Attributes:
-        z, y: Unknowns and independent coordinates, without dimension. Shapes (n_q,), (k,).
-        matrix: Derivative of the closure residuals. Shape (m, n_q).
-        error: Largest closure residual.
-        K: Velocity map dz/dy. Shape (n_q, k).
-        U, s, V: Its singular value decomposition ``U diag(s) V^T``. Shapes (m, n_q), (n_q,), (n_q, n_q).
-        weights: Squares of what entries of ``U^T dJ V`` are divided by in each norm, `NORMS`. Shape (n_q^2, 3).
-        slack: What rounding moves a solution by.
-        singular: Whether rounding leaves nothing of the distance to a singular pose.
-        blurred: Whether rounding changed the derivative more than steps may.
-        all: All joint coordinates, where the unknowns are some of them. Shape (n_all,).
-    """
-
-    z: Array
-    y: Array
-    matrix: Array
-    error: float
-    K: Array
-    U: Array
-    s: Array
-    V: Array
-    weights: Array
-    slack: float
-    singular: bool
-    blurred: bool
-    all: Array
-
-    @classmethod
-    def at(cls, z: Array, y: Array, matrix: Array, error: float, joints: Array, *, blurred: bool = False) -> Anchor:
-        """Shapes as above."""
-        U, s, Vt = np.linalg.svd(matrix, full_matrices=False)
-        s = np.maximum(s, 1e-100)  # whose powers are numbers
-        K = (Vt.T / s) @ U[-len(y) :].T
-        weights = [np.outer(s ** (-2.0 * left), s ** (2.0 * left - 2.0)).ravel() for left in NORMS]
-        slack, singular = 64 * linear.EPS / float(s[-1]), bool(s[-1] < SHORT * s[0])
-        return cls(z, y, matrix, error, K, U, s, Vt.T, np.array(weights).T, slack, singular, blurred, joints)
-
-    def change(self, matrix: Array) -> Array:
-        """How much other derivatives differ from this one. Shape (n, m, n_q) -> (n,)."""
-        turned = self.U.T @ matrix @ self.V - np.diag(self.s)
-        return np.asarray(np.sqrt((turned.reshape(len(matrix), len(self.weights)) ** 2 @ self.weights).min(axis=1)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Followed:
     """Closed poses of n samples.
 
@@ -116,10 +70,6 @@ class Followed:
     matrix: Array
     error: Array
     near: Array
-
-
-Way = Callable[[float], Array]
-"""Share of a way, 0 to 1, -> independent coordinates (k,)."""
 
 
 class Follower:
@@ -219,9 +169,12 @@ class Follower:
 
     def _learn(self, far: Array, change: Array, count: int) -> None:
         """How far the next step may lead, after `count` of those tried were taken: what changes grows as the step."""
-        i = int(np.argmax(far[:count])) if count else 0
+        moved = bool(far[:count].any())
+        if count == len(far) and not moved:
+            return
+        i = int(np.argmax(far[:count])) if moved else count
         growth = np.nan_to_num(MARGIN * CHANGE / np.maximum(change[i], 1e-3), nan=0.1)
-        reach = float(far[i] * np.clip(growth, 0.1, 3.0 if count else 0.5))
+        reach = float(far[i] * np.clip(growth, 0.1, 3.0 if moved else 0.5))
         self.reach = min(STEP, max(reach, self.reach) if count == len(far) else reach)
 
     def _motion(self, y: Array, t: Array, rates: tuple[Array, Array], i: int) -> list[Way]:
@@ -241,7 +194,7 @@ class Follower:
         if not length <= LONGEST:
             what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
             raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
-        straight, *around = _ways(origin.y, target)
+        straight, *around = straight_and_bent(origin.y, target)
         ends = list[PathEnd]()
         for way in (straight, *motion, *([] if strict and self.begun else around)):
             self.anchor = origin
@@ -250,16 +203,25 @@ class Follower:
             ends.append(end)
             self.reach = STEP
         if origin is not self.home and not (strict and all(end.singular for end in ends)):
-            for way in _ways(self.home.y, target):
+            for way in straight_and_bent(self.home.y, target):
                 self.anchor, self.reach = self.home, STEP
                 if self._along(way, target, t) is None:
                     return
+        if not (strict or self.begun):
+            self.anchor, self.reach = origin, STEP
+            if self._along(straight, target, t, over=True) is None:
+                return
         self.anchor = origin
         raise ends[0]
 
-    def _along(self, way: Way, target: Array, t: float) -> PathEnd | None:
-        """Goes along a way in steps that stay on the branch; why it ends early, if it does."""
+    def _along(self, way: Way, target: Array, t: float, *, over: bool = False) -> PathEnd | None:
+        """Goes along a way in steps that stay on the branch; why it ends early, if it does.
+
+        Args:
+            over: Whether it goes straight on over singular poses, where a branch that turns off does not.
+        """
         done, step, singular, edge = 0.0, 1.0, False, None
+        first = low = self.anchor.s[-1]
         for i in range(MOST + int(20.0 * np.abs(target - self.anchor.y).max(initial=0.0) / STEP)):
             if i > FIRST and done < SLOW * i / MOST:
                 break
@@ -277,47 +239,25 @@ class Follower:
             if hidden or singular:
                 break
             if len(self._correct(goal[None], arriving=arriving)[0]):
-                done, step = done + step, 2.0 * step
+                done, step, least = done + step, 2.0 * step, self.anchor.s[-1]
+                low = min(low, least)
+                if singular := bool(low < FAINT * self.anchor.s[0] and 4.0 * low < min(first, least)):
+                    break
                 if done >= 1.0:
                     return None
             elif singular := bool(self.reach <= short):
                 break
-        at = self.anchor
-        beyond = way(min(1.0, done + 1e-3))[None]
-        start = at.z + (beyond - at.y) @ np.linalg.pinv(at.matrix, rcond=BLUR)[:, -len(at.y) :].T
-        z, _, error = newton(self.evaluate, start, beyond)
+        at, beyond = self.anchor, min(1.0, done + LEAP)
+        y = way(beyond)
+        start = at.z + np.linalg.pinv(at.matrix, rcond=BLUR)[:, -len(y) :] @ (y - at.y)
+        z, matrix, error = newton(self.evaluate, start[None], y[None])
         closes = bool(error[0] < OPEN and np.abs(z - start).max() < FARTHEST)
+        if over and closes and beyond < 1.0:
+            self.anchor = Anchor.at(z[0], y, matrix[0], float(error[0]), self.read(z[0], at.all))
+            return self._along(lambda s: way(beyond + s * (1.0 - beyond)), target, t, over=True)
         return PathEnd(at, self.size, t, singular=singular, beyond=closes)
 
 
 def _leading(flags: NDArray[np.bool_]) -> int:
     """How many are true before the first that is not."""
     return len(flags) if flags.all() else int(np.argmin(flags))
-
-
-def quintic(before: Sequence[Array], after: Sequence[Array]) -> Way:
-    """The polynomial of degree five between two samples: time, values, first and second derivatives."""
-    (t0, y0, v0, a0), (t1, y1, v1, a1) = before, after
-    h = float(t1 - t0)
-    v0, v1, a0, a1 = h * v0, h * v1, h * h * a0, h * h * a1
-
-    def way(s: float) -> Array:
-        r = y1 - y0 - v0 - 0.5 * a0
-        v, a = v1 - v0 - a0, a1 - a0
-        c3, c4, c5 = 10 * r - 4 * v + 0.5 * a, -15 * r + 7 * v - a, 6 * r - 3 * v + 0.5 * a
-        return np.asarray(y0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5)))))
-
-    return way
-
-
-def _ways(origin: Array, target: Array) -> list[Way]:
-    """The straight way, and two that bend to either side of it."""
-    along = target - origin
-    across = np.eye(len(along))[int(np.argmin(np.abs(along)))]
-    across = across - along * (across @ along) / max(float(along @ along), np.finfo(float).tiny)
-    bends = 0.3 * np.linalg.norm(along) * across
-
-    def bent(sign: float) -> Way:
-        return lambda s: np.asarray(origin + s * along + sign * np.sin(np.pi * s) * bends)
-
-    return [bent(sign) for sign in ((0.0, 1.0, -1.0) if len(along) > 1 else (0.0,))]

@@ -50,6 +50,14 @@ def test_a_motion_through_a_lock_is_refused_by_name():
         check_scene(scene_at([[BASE_LOCK + 0.2, 0.0], [BASE_LOCK - 0.2, 0.0]]))
 
 
+@pytest.mark.parametrize("to", [[0.1, 0.9], [0.0, 0.5], [-0.3, 0.36], [0.2, SINGULAR_B + 1e-7]])
+def test_a_motion_over_the_lost_constraint_is_refused_there_and_follows_no_branch_that_turns_off(to):
+    with pytest.raises(
+        SingularPoseError, match=r"(?s)near a = \S+, b = 0.356801: .*the constraint of leg1.wrist is lost"
+    ):
+        check_scene(scene_at([[0.0, 0.0], to]))
+
+
 def test_random_steps_stay_on_the_branch_of_the_closed_form():
     rng, lay = np.random.default_rng(4), layout(load_mechanism(SCENE))
     around = 10.0 ** rng.uniform(-5.0, -0.5, 12)

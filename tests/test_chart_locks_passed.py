@@ -13,6 +13,7 @@ from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, Problem
 from screwgauge.reference.applied import GRAVITY, Applied, hold
+from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import rotation
 
 NAME = "3ups-upu-s"
@@ -67,17 +68,35 @@ def test_a_fall_through_the_lock_is_read_alike(name, engine):
         assert np.abs(getattr(found, what) - getattr(expected, what)).max() < error, what
 
 
+def given(first, last):
+    """A motion from one b to another, with a bend in both angles."""
+    t, far = np.linspace(0.0, 1.0, 12), last - first
+    y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, first + far * (1.2 * t - 0.2 * t**2)], axis=1)
+    yd, ydd = np.stack([0.2 + 0.2 * t, far * (1.2 - 0.4 * t)], axis=1), np.tile([0.2, -0.4 * far], (len(t), 1))
+    return GivenMotion(t, y, yd, ydd)
+
+
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_a_given_motion_is_read_through_the_lock(engine):
+@pytest.mark.parametrize("b", [(0.7, 0.9), (1.65, 1.9)])
+def test_a_given_motion_that_starts_beyond_singular_poses_is_on_the_branch_that_goes_straight_on(b, engine):
     """Of the joint in the middle of the base all is known: (a, b, 0)."""
-    t = np.linspace(0.0, 1.0, 12)
-    y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, 1.35 + t - 0.2 * t**2], axis=1)
-    yd, ydd = np.stack([0.2 + 0.2 * t, 1.0 - 0.4 * t], axis=1), np.tile([0.2, -0.4], (len(t), 1))
-    problem = Problem(Applied(), GivenMotion(t, y, yd, ydd), MOTION)
-    found = ask(engine, model_files(NAME, engine), problem).values
+    motion = given(*b)
+    found = ask(engine, model_files(NAME, engine), Problem(Applied(), motion, MOTION)).values
     own = slice(column("s.q1"), column("s.q3") + 1)
-    for what, known in (("joint_position", y), ("joint_velocity", yd), ("joint_acceleration", ydd)):
-        assert np.abs(found[what].array[:, own] - np.column_stack([known, 0.0 * t])).max() < 1e-9, what
+    for what, known in (
+        ("joint_position", motion.y),
+        ("joint_velocity", motion.yd),
+        ("joint_acceleration", motion.ydd),
+    ):
+        error = found[what].array[:, own] - np.column_stack([known, 0.0 * motion.t])
+        assert np.abs(error).max() < 1e-9, what
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_a_given_motion_through_the_lock_of_its_own_angles_is_refused(engine):
+    """At b = pi/2 the first and the last angle of that joint mean the same, and any split of a closes the loops."""
+    with pytest.raises(ClosureError, match=r"beyond y = \[0.15.* 1.570"):
+        ask(engine, model_files(NAME, engine), Problem(Applied(), given(1.35, 2.15), MOTION))
 
 
 def path(n):

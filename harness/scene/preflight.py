@@ -166,7 +166,7 @@ class Walk:
             at = self.system.follow(self.path, motion.y, motion.t, (motion.yd, motion.ydd), strict=True)
         except PathEnd as end:
             if not end.beyond:
-                raise
+                raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
         check_regular(self.lay, at, motion.t, motion.y)
         self.before = float(motion.t[-1])
