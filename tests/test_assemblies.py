@@ -6,19 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planar import Bar, four_bar, moving
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
+from screwgauge.reference import following
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.errors import SingularPoseError
+from screwgauge.reference.errors import ClosureError, SingularPoseError
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.ask import solve
+from screwgauge.study.cases.case import OK, SILENT
 from screwgauge.study.cases.given import SCENE, still
 from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
+from screwgauge.study.cases.question import findings
+from screwgauge.study.cases.registry import load
 
 FAR = 1.2
 #: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.
@@ -88,3 +93,22 @@ def test_another_assembly_is_one_sentence(tmp_path, write):
     assert all(reason.startswith(said) for reason in results.pairs["reason"]), results.pairs.to_string()
     assert not results.pairs["ok"].any()
     assert repr(results).replace("\n", " ").count("another assembly") == 1
+
+
+@pytest.mark.parametrize(("step", "verdict"), [(following.STEP, OK), (np.inf, SILENT)])
+def test_the_stress_case_tells_an_engine_that_jumps(step, verdict, tmp_path, monkeypatch):
+    if step > following.STEP:  # as if no step were bounded
+        monkeypatch.setattr(following, "STEP", step)
+        monkeypatch.setattr(following, "CHANGE", step)
+        monkeypatch.setattr(following, "FARTHEST", step)
+    found = [one for question in load("assembly").ask(1e-2, True, tmp_path) for one in findings(question)]
+    assert {one.verdict for one in found if one.engine.endswith("1.2 rad") and not one.own} == {verdict}
+    assert {one.verdict for one in found if one.own} == {OK}
+
+
+def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
+    """A four-bar that ends with coupler and rocker in line, at cos a = (1 + 1 - 1.3^2) / 2."""
+    text, last = four_bar([Bar(1.0), Bar(0.5), Bar(0.8)], 1.0, 0.9), np.arccos(0.155)
+    with pytest.raises(ClosureError, match=rf"t = 2 s: the loops cannot close beyond y = \[{last:.6f}"):
+        check_scene(moving(write, text, [0.9, 1.2, 2.0], 0.0))
+    check_scene(moving(write, text, [0.9, 1.2, last - 1e-3, 1.0], 0.0))

@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.models.generate import write_models
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.cases.given import QUANTITIES, SCENE, compare, still
-from screwgauge.study.cases.question import Question
+from screwgauge.solution import Values
+from screwgauge.study.cases.given import ENGINES, QUANTITIES, SCENE, compare, still
+from screwgauge.study.cases.question import Question, by_size, put
 from screwgauge.study.method import Method
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
@@ -28,6 +32,8 @@ _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
 _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
+#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that tell the assemblies of that leg.
+FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
 #: Angular velocity and acceleration of (a, b), without symmetry.
 _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
 _WHOLE = (
@@ -60,6 +66,26 @@ def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question
         scene, setting = _passing(name, _around(lock, distance, 5 if quick else 9)), "" if name == SCENE else "table2"
         yield compare(scene, folder, setting=setting)
         yield compare(scene, folder, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE)
+
+
+def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """Past the lock of leg 4, in steps of several sizes, the last of which is one far pose."""
+    for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
+        a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
+        scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
+        write_models(scene.mechanism, folder, gravity=scene.applied.g)
+        known = positions(layout(scene.mechanism), scene.motion.y, scene.motion.t).q
+        names, units = scene.mechanism.coordinates, scene.mechanism.units
+        right = {"joint_position": Values(names, units, known).pick(_ANGLES)}
+        methods = tuple(Method(name, label=f"{name} {step:g} rad") for name in ENGINES)
+        yield put(
+            scene,
+            folder,
+            scene.problem(("joint_position",)),
+            methods,
+            ("joint_position",),
+            by_size("closed form", scene.mechanism, right),
+        )
 
 
 def _towards(angle: float) -> Array:
