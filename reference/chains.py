@@ -40,7 +40,8 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     R, p = _from_ground(driver, q[:, lay.columns[driver.name]])
     for leg in legs:
         _leg(lay, leg, R, p, q)
-    return q[1:] if np.abs(q[0] - mechanism.home).max() < HOME else None
+    close = max(HOME, 64 * float(np.finfo(q.dtype).eps))  # single precision has no 1e-8
+    return q[1:] if np.abs(q[0] - mechanism.home).max() < close else None
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:

@@ -31,7 +31,8 @@ def scene(write):
     def make(text):
         write("m.toml", text)
         label = re.search(r"\[independent\]\n(\w+)", text)[1]
-        given = f'mechanism = "m.toml"\nmotion.{label}.polynomial = ["pi/2", 1, 2]\ntime.times = [0.1, 0.5]\n'
+        motion = '["pi/4", 0.5, 1]' if "Sarrus" in text else '["pi/2", 1, 2]'  # one that ends below pi/2, stretched out
+        given = f'mechanism = "m.toml"\nmotion.{label}.polynomial = {motion}\ntime.times = [0.1, 0.5]\n'
         return screwgauge.load_scene(write("s.toml", given))
 
     return make

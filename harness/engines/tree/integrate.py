@@ -25,6 +25,7 @@ from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, qui
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.continuation import OPEN
 from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
+from screwgauge.reference.following import PathEnd
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch
 
@@ -223,12 +224,16 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
     y, yd = task.start[None].astype(float), task.rates[None].astype(float)
     wanted = frozenset(("joint_position", "joint_velocity"))
     motion = GivenMotion(task.grid[:1].astype(float), y, yd, np.zeros_like(y))
-    solution = solve_motion(closed, Problem(Applied(), motion, wanted), motion, quiet)
+    singular = SingularPoseError(
+        "the independent coordinates do not determine the motion there",
+        f"{closed.tree.engine}, start of {closed.file.mechanism}",
+        "start elsewhere or choose other coordinates",
+    )
+    try:
+        solution = solve_motion(closed, Problem(Applied(), motion, wanted), motion, quiet)
+    except PathEnd as end:
+        raise (singular if end.singular else end) from None
     q, v = (solution.values[name].pick(closed.tree.coordinates).array[0] for name in sorted(wanted))
     if not (np.isfinite(q).all() and np.isfinite(v).all()):
-        raise SingularPoseError(
-            "the independent coordinates do not determine the motion there",
-            f"{closed.tree.engine}, start of {closed.file.mechanism}",
-            "start elsewhere or choose other coordinates",
-        )
+        raise singular
     return q.copy(), v.copy()
