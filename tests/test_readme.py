@@ -251,7 +251,7 @@ def test_every_key_of_a_loops_file_is_documented(name, example, write) -> None:
 def test_every_column_of_a_table_is_documented(path) -> None:
     columns = set(pd.read_csv(path, nrows=0).columns)
     passages = re.split(r"\n\n|\n(?=\|)", TEXTS["reports"])
-    assert any(f"`{path.name}`" in text and columns <= set(re.findall(r"\w+", text)) for text in passages)
+    assert any(f"`{path.name}`" in text and columns <= set(re.findall(r"\w[\w-]*", text)) for text in passages)
 
 
 @pytest.mark.parametrize("command", ["list", "models", "run", "bench", "stress", "paper"])
