@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
-from screwgauge.engines.mujoco.tree import MujocoTree, take_mass
+from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
@@ -109,8 +109,7 @@ def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
             sides = {"site1": f"{closure.joint}@parent", "site2": f"{closure.joint}@child"}
             ET.SubElement(equality, "weld", {"name": closure.joint, **sides})
     model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
-    take_mass(model)
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    prepare(model)
     return model
 
 

@@ -53,7 +53,6 @@ def harden(model: mujoco.MjModel, d: float, harder: float) -> None:
     (100 per second by default) would make every motion stiff.
     """
     model.opt.disableflags &= ~EQUALITY
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
     model.opt.tolerance = EXACT
     model.eq_solimp[:, :2] = d
     model.body_invweight0[:] /= harder
@@ -148,7 +147,6 @@ class Settings:
         self.soften(model)
         model.opt.integrator = kind
         model.opt.timestep = self.dt or model.opt.timestep  # `discrete` accelerations depend on it
-        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
         model.opt.disableflags |= _AUTORESET  # a state that is not finite is to be seen
         if self.passes:
             model.opt.tolerance = EXACT

@@ -15,7 +15,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import Settings, refine
-from screwgauge.engines.mujoco.tree import MujocoTree, take_mass
+from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.protocol import BodyAt
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
@@ -42,7 +42,7 @@ def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
             (spec.body(body) or spec.worldbody).add_site(name=f"{name}.{body}", pos=point)
             tendon.wrap_site(f"{name}.{body}")
     model = spec.compile()
-    take_mass(model)
+    prepare(model)
     for name, spring in tendons.items():
         k = model.tendon(name).id
         model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping

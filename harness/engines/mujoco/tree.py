@@ -27,10 +27,13 @@ _SITE = mujoco.mjtObj.mjOBJ_SITE
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
-def take_mass(model: mujoco.MjModel) -> None:
-    """Makes bodies massless whose mass and inertia are no more than MuJoCo's compiler insists on."""
+def prepare(model: mujoco.MjModel) -> None:
+    """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one."""
     stand_in = (model.body_mass <= LEAST) & (model.body_inertia <= LEAST).all(axis=1)
     model.body_mass[stand_in], model.body_inertia[stand_in] = 0.0, 0.0
+    for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
+        getattr(model, f"{kind}_sameframe")[:] = 0
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
 
 
 class MujocoTree:
@@ -45,12 +48,9 @@ class MujocoTree:
                 f"give every body more than {LEAST:g} kg and kg m^2, or no mass at all" if small else "correct the MJCF"
             )
             raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), remedy) from None
-        take_mass(self.model)
+        prepare(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
-        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
-        for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
-            getattr(self.model, f"{kind}_sameframe")[:] = 0
         self.gravity = self.model.opt.gravity.copy()
         self.data = mujoco.MjData(self.model)
         self.engine = "mujoco" if file.cut == "minimal" else f"mujoco-{file.cut}"
