@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,6 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.following import PathEnd
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
@@ -78,7 +77,8 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
 def _walked(scene: Scene) -> Mobility:
     lay = check_home(scene.mechanism)
     _check_jumps(scene)
-    walk = Walk(lay)
+    walk, looked_at = Walk(lay), list[Array]()
+    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
         at = walk.part(motion)
@@ -89,7 +89,8 @@ def _walked(scene: Scene) -> Mobility:
                 f"t = {motion.t[i]:g} s",
                 "shorten the motion or widen the limits",
             )
-    return _mobility(lay, scene)
+        looked_at += [at.q[i - first] for i in rows if first <= i < first + PART]
+    return _mobility(lay, looked_at)
 
 
 def check_actuation(scene: Scene, found: Mobility, quantities: Collection[str]) -> None:
@@ -213,15 +214,13 @@ def check_regular(lay: Layout, at: Pose, t: Array, y: Array) -> None:
         )
 
 
-def _mobility(lay: Layout, scene: Scene) -> Mobility:
-    """Counts at the most general of a few poses: symmetric ones make forces look unique.
+def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
+    """Counts at the most general of a few poses, joint coordinates each: symmetric ones make forces look unique.
 
     Next to a singular pose rounding decides on ranks, so that only poses of the highest rank count, that of home among
     them if there is no other.
     """
-    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
-    at = positions(lay, scene.motion.y[rows], scene.motion.t[rows])
-    *found, home = (mobility(lay, pose(lay, q[None])) for q in [*at.q, lay.mechanism.home])
+    *found, home = (mobility(lay, pose(lay, q[None])) for q in [*poses, lay.mechanism.home])
 
     def ranks(one: Mobility) -> tuple[int, int]:
         return one.constraint_rank, -one.actuation_redundancy
