@@ -6,7 +6,7 @@ import numpy as np
 
 from screwgauge.reference.continuation import OPEN
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.following import REMEDY
+from screwgauge.reference.following import REMEDY, no_further
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.resting import home_equations
@@ -75,9 +75,7 @@ class Branch:
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:
                 break
-        last = np.array2string(self.y, precision=6)
-        what = f"the loops cannot close beyond y = {last}, or the pose there is singular"
-        raise ClosureError(what, self.lay.mechanism.name, REMEDY)
+        raise ClosureError(no_further(self.y), self.lay.mechanism.name, REMEDY)
 
     def poses(self, y: Array) -> Pose:
         """Closed poses for some independent coordinates in order. Shape (n, k)."""

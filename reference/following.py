@@ -37,6 +37,11 @@ LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyo
 LONGEST = 1e3  # what is further away is not reached by following a path
 
 
+def no_further(y: Array) -> str:
+    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
+
+
 class PathEnd(ClosureError):
     """A motion that cannot be followed any further.
 
@@ -48,10 +53,7 @@ class PathEnd(ClosureError):
     """
 
     def __init__(self, at: Anchor, size: Array | float, t: float, *, singular: bool, beyond: bool) -> None:
-        y = np.array2string(at.y * size, precision=6)
-        super().__init__(
-            f"the loops cannot close beyond y = {y}, or the pose there is singular", f"t = {t:g} s", REMEDY
-        )
+        super().__init__(no_further(at.y * size), f"t = {t:g} s", REMEDY)
         self.z, self.y, self.t, self.singular, self.beyond = at.z, at.y, t, singular, beyond
 
 
