@@ -48,11 +48,18 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Scaled error of one quantity: the largest, and RMS over samples and components. `reason` if there is none."""
+    """Error of one quantity.
+
+    Attributes:
+        max_scaled, rms_scaled: The largest, and RMS over samples and components; not a number as soon as one is none.
+        reason: Why there is none.
+        largest: Unit -> largest error, not scaled.
+    """
 
     max_scaled: float
     rms_scaled: float
-    reason: str = ""
+    reason: str
+    largest: Mapping[str, float]
 
 
 def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
@@ -65,12 +72,13 @@ def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
         scales: Unit -> S.
     """
     known = np.isfinite(right.array).all(axis=1)
-    scale = np.array([scales[unit] for unit in values.units])
-    error = (np.abs(values.array - right.array) / scale)[known]
+    difference = Values(values.components, values.units, (values.array - right.array)[known])
+    error = np.abs(difference.array) / np.array([scales[unit] for unit in values.units])
     lost = int((~np.isfinite(error)).any(axis=1).sum())
-    if lost or not error.size:
-        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples")
-    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))))
+    largest = sizes(difference) if error.size else {}
+    if lost or not largest:
+        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples", largest)
+    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))), "", largest)
 
 
 def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, dict[str, float]]:

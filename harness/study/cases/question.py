@@ -19,7 +19,7 @@ from screwgauge.solution import Failure, Solution, Values
 from screwgauge.study.ask import ask, model_files
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference, scales_of
+from screwgauge.study.reference import Reference, scales_of, score
 
 OWN = "screw"  # the engine that answers for our own solver
 LONGEST = 500  # letters of a reason: some errors name a whole state
@@ -132,11 +132,8 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
         values: Of at least the components of `right`, in any order.
         scales: Unit -> S.
     """
-    known = np.isfinite(right.array).all(axis=1)
-    scale = np.array([scales[unit] for unit in right.units])
-    if not known.any():
-        return math.nan
-    return float((np.abs(values.pick(right.components).array - right.array)[known] / scale).max())
+    largest = score(values.pick(right.components), right, scales).largest
+    return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
 def _measured(
