@@ -40,6 +40,16 @@ class Reference:
     note: str
     scales: Mapping[str, Mapping[str, float]]
 
+    @classmethod
+    def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
+        """Values that errors are measured against by their own size, or by a natural scale where they vanish."""
+        natural = natural_scales(mechanism)
+        scales = {
+            name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
+            for name, has in values.items()
+        }
+        return cls(engine, values, note, scales)
+
     def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Score:
         """Error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
@@ -81,15 +91,6 @@ def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
     return Score(float(error.max()), float(np.sqrt(np.mean(error**2))), "", largest)
 
 
-def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, dict[str, float]]:
-    """S of the scaled error by quantity and unit."""
-    natural = natural_scales(mechanism)
-    return {
-        name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
-        for name, has in values.items()
-    }
-
-
 def sizes(values: Values) -> dict[str, float]:
     """Unit -> largest magnitude."""
     size = np.abs(values.array).max(axis=0)
@@ -110,7 +111,7 @@ def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> R
     for engine, note in _NOTES.items():
         values = _solve(scene, times, names, engine)
         if not isinstance(values, Failure):
-            return Reference(engine, values, note.format(reason=reason), scales_of(scene.mechanism, values))
+            return Reference.by_size(engine, scene.mechanism, values, note.format(reason=reason))
         reason = values.reason
     raise RuntimeError(f"no reference values: {reason}")
 

@@ -31,7 +31,7 @@ from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, compared_rows
 from screwgauge.study.provenance import provenance
-from screwgauge.study.reference import Reference, scales_of, score
+from screwgauge.study.reference import Reference, score
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
@@ -147,7 +147,7 @@ def simulated(scene: Scene, folder: Path) -> Posed:
             )
         known = observe(layout(scene.mechanism), scene.observables, solution.values["joint_position"].array)
     values = {"observable": known}
-    return Posed(scene, scene, folder, Reference(name, values, "", scales_of(scene.mechanism, values)))
+    return Posed(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
 
 
 def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:

@@ -14,9 +14,9 @@ from screwgauge.quantities import QUANTITIES as KNOWN
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.question import UNKNOWN, Question, by_size, put
+from screwgauge.study.cases.question import UNKNOWN, Question, put
 from screwgauge.study.method import Method
-from screwgauge.study.reference import TRUTH
+from screwgauge.study.reference import TRUTH, Reference
 
 SCENE = "3ups-upu-s"
 #: Poses (a, b) [rad] with no symmetry, and rates and accelerations that make inertia matter as much as weight does.
@@ -70,6 +70,6 @@ def compare(
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
     truth = solve(scene, (TRUTH,), quantities)[0].get(TRUTH)
     known = truth is not None and truth.rows is None
-    right = by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
+    right = Reference.by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
     question = put(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
     return replace(question, cause=cause)
