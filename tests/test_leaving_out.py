@@ -58,7 +58,8 @@ def test_a_reader_who_leaves_changes_no_exit_status(tmp_path):
     """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
     scene = tmp_path / "strict.toml"
     scene.write_text(
-        'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\nquantities = ["joint_position"]\n[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n'
+        'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\nquantities = ["joint_position"]\n'
+        "[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n"
         "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n"
     )
     code = "import sys, screwgauge.cli; sys.exit(screwgauge.cli.main(sys.argv[1:]))"
