@@ -18,8 +18,8 @@ from screwgauge.reference.pose import layout
 from screwgauge.solution import Clock
 from screwgauge.truth import exact, forces
 from screwgauge.truth.certify import Certifier, NotCertified
+from screwgauge.truth.jets import drive, read_terms
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.motion import drive, read_terms
 from screwgauge.truth.samples import Sampler
 
 

@@ -36,8 +36,7 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Sampler, ruled
-from screwgauge.truth.workshop import Workshop, centred, enclosed
+from screwgauge.truth.samples import Sampler, Workshop, centred, enclosed, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
