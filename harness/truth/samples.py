@@ -5,8 +5,7 @@ The two routes to the forces are checked against each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flint import arb, arb_mat, ctx
@@ -19,9 +18,12 @@ from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import Vector, number, vector
 from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
-from screwgauge.truth.jets import Jet, MatrixJet, Terms, drive, read_terms, samples
+from screwgauge.truth.jets import Jet, MatrixJet, drive, read_terms, samples
 from screwgauge.truth.kinematics import State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
+
+Balls = dict[str, list[arb]]
+"""Quantity -> its components."""
 
 #: A sample with a wider ball than this share of its quantity is enclosed anew with more bits: near singular poses and
 #: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
@@ -37,13 +39,14 @@ class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
     def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
-        """Reads what acts.
+        """Reads what acts and what moves, in the working precision, which samples will be computed in.
 
         Args:
             redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
-        self.certifier = Certifier(linkage)
+        self.certifier, self.bits, said = Certifier(linkage), ctx.prec, problem.wording.motion
+        self.terms = None if said is None else read_terms(said, list(linkage.mechanism.independent))
         self.ruled = ruled(problem)
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
@@ -56,7 +59,13 @@ class Sampler:
         else:
             self.loads = [_said(table, index) for table in problem.wording.loads]
 
-    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> dict[str, list[arb]]:
+    def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+        """All quantities of one sample of the motion, see `sample`."""
+        with ctx.workprec(self.bits):
+            y = samples(motion, row) if self.terms is None else drive(self.terms, float(motion.t[row]))
+            return self.sample(y, start)
+
+    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> Balls:
         """All quantities at one time.
 
         Args:
@@ -84,7 +93,7 @@ class Sampler:
         if self.redundant:
             check_closed(self.linkage, q, bodies)
 
-    def _forces(self, now: State) -> dict[str, list[arb]]:
+    def _forces(self, now: State) -> Balls:
         linkage, k = self.linkage, now.partial.ncols()
         with self.clock.stage("forces by virtual power"):
             Q = generalized_force(linkage, now, self.gravity, self.loads)
@@ -109,7 +118,7 @@ class Sampler:
         return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
 
 
-def _motion(linkage: Linkage, now: State) -> dict[str, list[arb]]:
+def _motion(linkage: Linkage, now: State) -> Balls:
     bodies = list(zip(now.bodies[1:], linkage.masses, strict=True))
     return {
         "joint_position": [x[0] for x in now.q],
@@ -138,54 +147,23 @@ def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
     return BallLoad(index[body], None if at == "com" else vector(at), signed("force"), signed("torque"))
 
 
-class Workshop:
-    """All that depends on the precision, made when it is first needed."""
-
-    def __init__(self, sampler: Callable[[], Sampler], problem: Problem, motion: GivenMotion, bits: int) -> None:
-        self.make, self.problem, self.motion, self.bits = sampler, problem, motion, bits
-
-    @cached_property
-    def sampler(self) -> Sampler:
-        return self.make()
-
-    @cached_property
-    def terms(self) -> Terms | None:
-        said = self.problem.wording.motion
-        return None if said is None else read_terms(said, list(self.sampler.linkage.mechanism.independent))
-
-    def sample(self, row: int, start: Sequence[float]) -> dict[str, list[arb]]:
-        """All quantities of one sample of the motion.
-
-        Args:
-            start: An unverified guess of the joint coordinates.
-
-        Raises:
-            NotCertified: Something could not be enclosed.
-        """
-        motion = self.motion
-        with ctx.workprec(self.bits):
-            terms = self.terms
-            y = samples(motion, row) if terms is None else drive(terms, float(motion.t[row]))
-            return self.sampler.sample(y, start)
-
-
-def enclosed(workshops: Sequence[Workshop], row: int, start: Sequence[float]) -> dict[str, list[arb]]:
-    """A sample in narrow balls: of the first workshop that makes them, else those of the last.
+def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+    """A sample in narrow balls: of the first sampler that makes them, else those of the last.
 
     Raises:
         NotCertified: None of them had bits enough.
     """
-    for workshop in workshops[:-1]:
+    for sampler in samplers[:-1]:
         try:
-            quantities = workshop.sample(row, start)
+            quantities = sampler.at(motion, row, start)
         except NotCertified:
             continue
         if all(_narrow(balls) for balls in quantities.values()):
             return quantities
-    return workshops[-1].sample(row, start)
+    return samplers[-1].at(motion, row, start)
 
 
-def centred(wide: Workshop, exact: Workshop, row: int, start: Sequence[float]) -> dict[str, list[arb]]:
+def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
     """A sample that `wide` encloses, in balls around what the exact text gives, whose redundant rows were left out.
 
     Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
@@ -193,7 +171,7 @@ def centred(wide: Workshop, exact: Workshop, row: int, start: Sequence[float]) -
     Raises:
         NotCertified: Something could not be enclosed.
     """
-    enclosures, values = wide.sample(row, start), exact.sample(row, start)
+    enclosures, values = wide.at(motion, row, start), exact.at(motion, row, start)
     with ctx.workprec(wide.bits):
         return {
             name: [arb(b.mid(), (a - b.mid()).abs_upper()) for a, b in zip(balls, values[name], strict=True)]

@@ -29,7 +29,7 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     section, drawn = partial(blocks.section, "bench"), list(pictures)
     over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
-    protocol = {"samples": bench.n_compared, "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
+    protocol = {"samples": len(bench.scene.t), "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
     threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
     return [
         *title(bench, headline(bench)),

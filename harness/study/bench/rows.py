@@ -74,11 +74,6 @@ class Row:
         return self.cost.cpu_s if np.isfinite(self.cost.cpu_s) else self.cost.wall_s
 
     @property
-    def scored(self) -> bool:
-        """Whether there is an error at all."""
-        return bool(np.isfinite(self.max_scaled))
-
-    @property
     def per_sample(self) -> float:
         """Run time for each sample delivered [s]."""
         return self.time_s / self.n_sample if self.n_sample else float("nan")

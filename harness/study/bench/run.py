@@ -82,10 +82,6 @@ class Bench:
     provenance: Mapping[str, Any]
 
     @property
-    def n_compared(self) -> int:
-        return len(self.scene.t)
-
-    @property
     def complete(self) -> bool:
         """Nothing was cut short."""
         return CUT not in {*self.leaving_out["status"], *(row.status for row in self.rows)}
