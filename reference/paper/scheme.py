@@ -197,29 +197,32 @@ def chain_accelerations(
     return beta, np.cumsum(S * beta[..., None] + terms, axis=-2)
 
 
-def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:
-    """Eq. (27): ``theta(n + 1) = theta(n) + dt w(n)``."""
+#: Method -> its stages: the part of the step at which each looks, and its weight.
+STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
+#: Into how many parts a method divides its step.
+PARTS = {"euler": 1, "rk4": 2}
+
+
+def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Array:
+    """Steps in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
+
+    Args:
+        start: Coordinates chain by chain. Shape (n_chain, m).
+        V: Twist of the platform at the ends of all parts of the steps. Shape (parts n + 1, 6).
+
+    Returns:
+        Shape (n + 1, n_chain, m).
+    """
+    parts = PARTS[method]
+    theta = np.empty(((len(V) - 1) // parts + 1, *start.shape))
+    theta[0] = start
     for i in range(len(theta) - 1):
-        theta[i + 1] = theta[i] + step * side.solve(side.walk(theta[i])[0], V[i])
-
-
-def _rk4(side: Chains, theta: Array, V: Array, step: float) -> None:
-    """The classical method of order four; `V` on the grid of half steps."""
-
-    def w(at: Array, k: int) -> Array:
-        return side.solve(side.walk(at)[0], V[k])
-
-    for i in range(len(theta) - 1):
-        here = theta[i]
-        first = w(here, 2 * i)
-        second = w(here + 0.5 * step * first, 2 * i + 1)
-        third = w(here + 0.5 * step * second, 2 * i + 1)
-        fourth = w(here + step * third, 2 * i + 2)
-        theta[i + 1] = here + step / 6.0 * (first + 2.0 * (second + third) + fourth)
-
-
-#: Method -> steps in place: ``(chains, theta, V, step)``, the first row of theta given, V as the method needs it.
-STEPPERS = {"euler": _euler, "rk4": _rk4}
+        w, way = np.zeros_like(start), np.zeros_like(start)
+        for part, weight in STAGES[method]:
+            w = side.solve(side.walk(theta[i] + part * step * w)[0], V[parts * i + round(parts * part)])
+            way += weight * step * w
+        theta[i + 1] = theta[i] + way
+    return theta
 
 
 def integrate(
@@ -243,19 +246,16 @@ def integrate(
     Raises:
         ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
     """
-    if method not in STEPPERS:
-        raise UnknownNameError("method", method, STEPPERS)
+    if method not in PARTS:
+        raise UnknownNameError("method", method, PARTS)
     if not 0.0 < step <= duration:
         raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
-    parts = 1 if method == "euler" else 2
-    n = int(duration / step * (1 + 1e-12))
+    parts, n = PARTS[method], int(duration / step * (1 + 1e-12))
     t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
     motion = drive(t)
     V, A = platform_screws(lay, motion, t, twist)
     side = chains(lay)
-    theta = np.empty((n + 1, *side.used.shape))
-    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
-    STEPPERS[method](side, theta, V[:, None], step)
+    theta = march(side, side.gather(positions(lay, motion.y[:1], t[:1]).q[0]), V, step, method)
     S, R, p = side.walk(theta)
     w = side.solve(S, V[::parts, None])
     beta, _ = chain_accelerations(side, S, w, A[::parts])
