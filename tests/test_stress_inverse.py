@@ -16,8 +16,8 @@ from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.scene.read import load_scene
 from screwgauge.study.ask import solve
 from screwgauge.study.cases import given
+from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, still
 from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.study.cases.given import ENGINES, POSES, compare, exactly, still
 from screwgauge.study.cases.poses import WRIST_LOCKS
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import CASES, decades, load

@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.cases.given import SCENE
+from screwgauge.study.cases.asking import SCENE
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
 from screwgauge.study.reference import joined, reference_values

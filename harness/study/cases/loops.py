@@ -12,8 +12,7 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
-from screwgauge.study.cases.given import ENGINES
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
+from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put
 from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
 from screwgauge.study.method import Method

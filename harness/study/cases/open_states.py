@@ -23,8 +23,16 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, moving
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
+from screwgauge.study.cases.asking import (
+    ACCELERATION,
+    ENGINES,
+    JUDGED,
+    SCENE,
+    SCREW,
+    closure_residuals,
+    moving,
+    tree_coordinates,
+)
 from screwgauge.study.cases.question import Question, files_of, findings
 from screwgauge.study.method import Method
 from screwgauge.study.posed import pushed

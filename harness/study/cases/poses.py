@@ -16,7 +16,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
-from screwgauge.study.cases.given import ENGINES, QUANTITIES, SCENE, compare, still
+from screwgauge.study.cases.asking import ENGINES, QUANTITIES, SCENE, compare, still
 from screwgauge.study.cases.question import Question, put
 from screwgauge.study.method import Method
 from screwgauge.study.reference import Reference
