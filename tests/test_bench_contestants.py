@@ -24,7 +24,6 @@ from screwgauge.solution import Values
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.forward_contestants import contestants as simulators
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
@@ -177,7 +176,7 @@ def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatc
 
 @pytest.mark.parametrize(
     "chosen",
-    [registry.contestants(quick=False), simulators("DOP853", 1.0, stiff=False, quick=False)],
+    [registry.contestants(quick=False), registry.simulators("DOP853", 1.0, stiff=False, quick=False)],
     ids=["given motion", "simulation"],
 )
 def test_all_contestants_are_data(chosen):

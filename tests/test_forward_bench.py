@@ -21,8 +21,9 @@ from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.forward_contestants import contestants, simulation
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated
+from screwgauge.study.bench.questions import simulation
+from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK, bench_table
 from screwgauge.study.method import Method
 
@@ -115,7 +116,7 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
             for name in ("refuses", "stops")
         ]
 
-    monkeypatch.setattr(module, "all_contestants", some)
+    monkeypatch.setattr(module, "simulators", some)
     refused, lost, stopped, _ = contest(scene, plan=PLAN).rows
     assert (refused.status, refused.reason) == (FAILED, "ValueError: no body without inertia")
     assert (stopped.status, stopped.reason) == (FAILED, "no step leads on")
@@ -127,14 +128,14 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
 def test_rows_of_steppers_say_what_their_engines_say(family, tmp_path):
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.01])
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
-    everyone = contestants("DOP853", 0.01, stiff=False, quick=True)
+    everyone = simulators("DOP853", 0.01, stiff=False, quick=True)
     stepper = next(contestant for contestant in everyone if contestant.family == family)
     asked = stepper.ask(simulated(scene, tmp_path))
     assert stepper.method.load(asked.files).solve(asked.problems[0]).setting == stepper.setting
 
 
 def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
-    everyone = contestants("Radau", 1.0, stiff=True, quick=False)
+    everyone = simulators("Radau", 1.0, stiff=True, quick=False)
     assert len([c for c in everyone if c.family == "screw-DOP853"]) == 1
     implicit = [c.setting for c in everyone if c.family == "mujoco"]
     assert implicit == [f"Radau, rtol = atol = {rtol}" for rtol in ("1e-04", "1e-06", "1e-08")]

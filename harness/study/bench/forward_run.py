@@ -22,8 +22,8 @@ from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, st
 from screwgauge.solution import REFERENCE, Cost, Failure, Solution
 from screwgauge.study.ask import Report, TooLongError, ask, generated, model_files, silent, within
 from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_contestants import contestants as all_contestants
 from screwgauge.study.bench.leaving_out import table as leaving_out
+from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, models_of
 from screwgauge.study.bench.slopes import Rule, fits
@@ -115,7 +115,7 @@ def _stiff(scene: Scene, lay: Layout) -> bool:
 
 def _chosen(scene: Scene, names: Iterable[str] | None, *, stiff: bool, quick: bool) -> list[Contestant]:
     start = scene.start
-    everyone = all_contestants(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
+    everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
     if names is None:
         return everyone
     known = dict.fromkeys(name for c in everyone for name in (c.family, c.method.engine))
