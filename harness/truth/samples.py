@@ -14,10 +14,9 @@ from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.applied import Load
 from screwgauge.solution import Clock
-from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import Vector, number, vector
-from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
+from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler
 from screwgauge.truth.jets import Jet, MatrixJet, drive, read_terms, samples
 from screwgauge.truth.kinematics import State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
