@@ -113,7 +113,7 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     Raises:
         ScrewgaugeError: The scene cannot be computed.
     """
-    whole = replace(scene, rule="min_norm", models={})
+    whole = replace(scene, rule="min_norm")
     motion: GivenMotion = whole.motion
     here = whole.at(motion.t[compared_rows(len(motion), samples)])
     write_models(scene.mechanism, folder, gravity=scene.applied.g)

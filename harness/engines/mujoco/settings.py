@@ -75,7 +75,7 @@ def refine(
     """
     change = 0.0
     for made in range(1, passes + 1):
-        data.qfrc_applied[:] += data.qfrc_constraint
+        data.qfrc_applied[:] += _closing_pull(model, data)
         mujoco.mj_forwardSkip(model, data, _VEL, 1)
         before, change = change, float(abs(data.qacc - a).max())
         a[:] = data.qacc
@@ -84,6 +84,15 @@ def refine(
         if same and (change <= same * float(abs(a).max()) or (made > 2 and not change < before)):
             return made, change
     return passes, change
+
+
+def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Forces of the equality constraints along the coordinates, which come first; friction, limits and contacts of a
+    file of the user's own are no closed loops, and stay as soft as MuJoCo makes them."""
+    rows, all_of_them = data.ne, data.nefc
+    if rows == all_of_them:
+        return np.asarray(data.qfrc_constraint)
+    return np.asarray(data.efc_J[: rows * model.nv].reshape(rows, model.nv).T @ data.efc_force[:rows])
 
 
 @dataclass(frozen=True, slots=True)
