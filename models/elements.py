@@ -52,11 +52,14 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
     Args:
         form: ``urdf`` or ``mjcf``.
+
+    Raises:
+        ParseError: It is no XML: the parsers of robotics let pass more than is one.
     """
     root = ET.parse(path).getroot()
     _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
-    return list(_Walk(table()[form], flags, _limits(mechanism)).into(root, "", ""))
+    return list(_Walk(table()[form], flags, _limits(mechanism)).through(root))
 
 
 def unread_rows(library: str) -> list[str]:
@@ -65,15 +68,15 @@ def unread_rows(library: str) -> list[str]:
     return rows
 
 
-def _include(element: ET.Element, folder: Path) -> None:
-    """Puts the elements of included files in the place of ``<include>``, as MuJoCo has done before."""
-    for child in list(element):
-        _include(child, folder)
-        if child.tag == "include" and (file := folder / child.get("file", "")).is_file():
-            included = ET.parse(file).getroot()
-            _include(included, folder)
-            at = list(element).index(child)
-            element[at : at + 1] = list(included)
+def _include(root: ET.Element, folder: Path) -> None:
+    """Puts the elements of included files in the place of ``<include>``, as MuJoCo does."""
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
+        for i in reversed(range(len(element))):
+            if element[i].tag == "include" and (file := folder / element[i].get("file", "")).is_file():
+                element[i : i + 1] = [*ET.parse(file).getroot()]
+        waiting += element
 
 
 def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
@@ -100,35 +103,34 @@ class _Walk:
     flags: Mapping[str, str]
     limits: Mapping[str, Mapping[str, str]]
 
-    def into(self, element: ET.Element, parent: str, owner: str) -> Iterator[Extra]:
-        """What an element says, and all in it.
+    def through(self, root: ET.Element) -> Iterator[Extra]:
+        """All that a file says; its elements may be nested deeper than Python's calls."""
+        waiting = [(root, "", "")]  # element, tag of what it is in, tag and name of the nearest around it with a name
+        while waiting:
+            element, parent, owner = waiting.pop()
+            tag, name = element.tag, element.get("name", "")
+            kinds = {kind: self._attributes(kind, parent, tag) for kind in _KINDS}
+            whole = next((kind for kind, names in kinds.items() if names == [_WITH_ALL_IN_IT]), "")
+            if whole or all(names is None for names in kinds.values()):
+                if whole not in ("compared", "nothing") and not self._is_nothing(element):
+                    yield Extra(whole or "unknown", _plain(tag), f" {name}" if name else owner and f" of {owner}")
+                continue
+            owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
+            for attribute, value in element.items():
+                kind = self._kind(attribute, kinds)
+                if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
+                    what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
+                    yield Extra(kind, what, owner and f" of {owner}")
+            once, read = self.table.get("once", {}).get(tag, "").split(), dict[str, ET.Element]()
+            for child in element:
+                if child.tag in once and read.setdefault(child.tag, child) is not child:
+                    yield Extra("ignored", f"second {child.tag}", owner and f" of {owner}")
+            waiting += [(child, tag, owner) for child in reversed(element) if read.get(child.tag, child) is child]
 
-        Args:
-            parent: Tag of the element that it is in.
-            owner: Tag and name of the nearest one around it that has a name.
-        """
-        tag, name = element.tag, element.get("name", "")
-        kinds = {kind: self._attributes(kind, parent, tag) for kind in _KINDS}
-        whole = next((kind for kind, names in kinds.items() if names == [_WITH_ALL_IN_IT]), "")
-        if whole or all(names is None for names in kinds.values()):
-            if whole not in ("compared", "nothing") and not self._is_nothing(element):
-                yield Extra(whole or "unknown", tag, f" {name}" if name else owner and f" of {owner}")
-            return
-        # the model itself is no owner worth naming
-        owner = f"{tag} {name}" if name and parent else owner
-        for attribute, value in element.items():
-            kind = next((k for k, names in kinds.items() if names and {attribute, _ALL} & {*names}), "unknown")
-            if self.flags.get(self.table.get("switch", {}).get(attribute)) == "disable":
-                kind = "ignored"
-            if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
-                yield Extra(kind, attribute if name else f"{tag} {attribute}", owner and f" of {owner}")
-        met = set[str]()
-        for child in element:
-            if child.tag in met and child.tag in self.table.get("once", "").split() and parent:
-                yield Extra("ignored", f"second {child.tag}", owner and f" of {owner}")
-            else:
-                met.add(child.tag)
-                yield from self.into(child, tag, owner)
+    def _kind(self, attribute: str, kinds: Mapping[str, list[str] | None]) -> str:
+        if self.flags.get(self.table.get("switch", {}).get(attribute)) == "disable":
+            return "ignored"
+        return next((kind for kind, names in kinds.items() if names and {attribute, _ALL} & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
         """Those that the table has of a kind; None if it does not have the element."""
@@ -146,6 +148,11 @@ class _Walk:
         """Whether a value is the neutral one, or that of the description."""
         idle = self.table["neutral"].get(attribute), self.limits.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
+
+
+def _plain(name: str) -> str:
+    """A name without its namespace."""
+    return name.rpartition("}")[2]
 
 
 def _numbers(text: str) -> list[float] | str:

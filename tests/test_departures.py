@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.engines import registry
 from screwgauge.engines.registry import ENGINES, get_engine
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.models.elements import FORMATS, extras
@@ -21,6 +21,8 @@ from screwgauge.models.layout import CUTS
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.applied import Motor
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages.run import report, summary
 from screwgauge.report.verdict import verdict
 from screwgauge.study.departures import departures
 
@@ -218,6 +220,20 @@ def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
     assert any(re.match(rf"{begin}(.*, )?{re.escape(what)}(,| and|$)", sentence) for sentence in said), said
 
 
+def test_what_urdf_readers_let_pass_as_xml_is_said(own, scene):
+    files = own("pinocchio", "urdf", "</robot>", "<undeclared:pull/>&")
+    get_engine("pinocchio").load(files)
+    (said,) = departures(scene, "pinocchio", files)
+    assert said.startswith("own.urdf cannot be searched for what is beyond the description (unbound prefix: ")
+
+
+def test_long_chains_are_searched_to_their_end(scene, write):
+    n = 5000
+    chain = "".join(f'<body name="b{i}"><joint damping="1"/>' for i in range(n)) + "</body>" * n
+    found = extras(write("own.xml", f"<mujoco><worldbody>{chain}</worldbody></mujoco>"), "mjcf", scene.mechanism)
+    assert [extra.whose for extra in found] == [f" of body b{i}" for i in range(n)]
+
+
 @pytest.mark.parametrize("mechanism", mechanism_names())
 @pytest.mark.parametrize("cut", CUTS)
 def test_generated_files_say_nothing_beyond_the_description(mechanism, cut):
@@ -265,7 +281,7 @@ def test_the_table_knows_all_that_mujoco_reads(scene, tmp_path):
 
 
 def test_of_an_engine_of_another_package_it_is_not_known(own, scene, monkeypatch):
-    monkeypatch.setitem(ENGINES, "other", replace(ENGINES["mujoco"], name="other"))
+    monkeypatch.setattr(registry, "_plugins", lambda: {"other": replace(ENGINES["mujoco"], name="other")})
     files = own("mujoco", "xml", _B, '& damping="1" actuatorfrcrange="-1 1"')
     what = "not known whether applied by other in own.xml: damping of joint b, actuatorfrcrange of joint b"
     assert departures(scene, "other", files) == (what,)
@@ -293,16 +309,15 @@ def test_many_of_a_kind_are_counted(own, scene, texts):
 DAMPED = "ignored by pinocchio in own.urdf: dynamics damping of joint a"
 
 
-def test_agreement_on_another_model_is_no_plain_agreement(own, scene, tmp_path):
+def test_agreement_on_another_model_is_no_plain_agreement(own, scene):
     files = own("pinocchio", "urdf", _AXIS, '&<dynamics damping="0.5"/>')
     mine = replace(scene, models={"pinocchio": files.model})
     results = screwgauge.run(mine, engines=("screw", "pinocchio"), quantities=("actuator_force",))
     banner = verdict(results)
     assert (results.exit_status, banner.word, banner.status) == (0, "✓ AGREE, but", "note")
     assert banner.text.startswith(f"{DAMPED}. screw and pinocchio agree: ")
-    results.write(tmp_path / "out")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["engine_warnings"] == {"pinocchio": [DAMPED]}
-    assert f"- pinocchio: {DAMPED}" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert summary(results)["engine_warnings"] == {"pinocchio": [DAMPED]}
+    assert f"- pinocchio: {DAMPED}" in markdown(report(results, ()))
 
 
 FORWARD = """

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from xml.etree.ElementTree import ParseError
 
-from screwgauge.engines.registry import Engine, get_engine
+from screwgauge.engines.registry import ENGINES, Engine, get_engine
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import check_file
 from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
@@ -32,12 +33,16 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         files: That file, which the engine has loaded, and its loops file.
     """
     engine, mechanism = get_engine(name), scene.mechanism
-    library = name.partition("-")[0]
-    if not engine.cut:
+    if engine.reads == ".toml":
         return tuple(_otherwise(files.model, _of_description(mechanism, files.model)))
-    said = list(_beyond(mechanism, engine, files.model, known=library in READERS))
-    reader = library if library in READERS else _reader(engine)
-    said += _otherwise(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g))
+    if engine.reads not in FORMATS:
+        return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
+    known, library = name in ENGINES, name.partition("-")[0]
+    reader = library if known else _reader(engine)
+    said = [
+        *_beyond(mechanism, engine, files.model, known=known),
+        *_otherwise(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
+    ]
     if files.loops == files.model.with_suffix(".loops.toml"):
         rows, unread = check_file(mechanism, engine.cut, files.loops, "loops"), unread_rows(library)
         said += _otherwise(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
@@ -52,7 +57,12 @@ def _reader(engine: Engine) -> str:
 
 def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
     found: dict[str, dict[str, list[str]]] = {}
-    for extra in extras(model, FORMATS[engine.reads], mechanism):
+    try:
+        said = extras(model, FORMATS[engine.reads], mechanism)
+    except (ParseError, LookupError, ValueError) as error:
+        yield f"{model.name} cannot be searched for what is beyond the description ({error})"
+        return
+    for extra in said:
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
         found.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
     for fate in sorted(found, key=[*_FATE.values(), _NOT_KNOWN].index):
