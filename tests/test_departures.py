@@ -25,6 +25,7 @@ from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.run import report, summary
 from screwgauge.report.verdict import verdict
 from screwgauge.study.departures import departures
+from screwgauge.study.reference import reference_values
 
 DATA = Path(__file__).parent / "data"
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
@@ -304,6 +305,15 @@ def test_many_of_a_kind_are_counted(own, scene, texts):
         "ignored by pinocchio in own.urdf: dynamics damping of joint a and 2 more, "
         "dynamics friction of joint a and 2 more, limit effort of joint a and 2 more and 1 more"
     )
+
+
+def test_a_reference_goes_by_the_description_whatever_the_solver_reads(scene, write):
+    text = (DATA / "four-bar.toml").read_text(encoding="utf-8").replace("mass = 1.1", "mass = 2.2")
+    one, other = (
+        reference_values(replace(scene, models=models), scene.t, ["actuator_force"]).values["actuator_force"].array
+        for models in ({}, {"screw": write("own.toml", text), "truth": write("own.toml", text)})
+    )
+    assert np.array_equal(one, other)
 
 
 DAMPED = "ignored by pinocchio in own.urdf: dynamics damping of joint a"
