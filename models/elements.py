@@ -57,7 +57,8 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
         ParseError: It is no XML: the parsers of robotics let pass more than is one.
     """
     root = ET.parse(path).getroot()
-    _include(root, path.parent)
+    if form == "mjcf":
+        _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
     return list(_Walk(table()[form], flags, _limits(mechanism)).through(root))
 

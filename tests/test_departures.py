@@ -66,6 +66,7 @@ URDF = {  # old text, new text (`&` is the old one), what becomes of it
     "seen only": ("<inertial>", f"<visual>{_BALL}</visual>&", ""),
     "misspelt": (_AXIS, '&<dynamic damping="0.5"/>', "unknown: dynamic of joint a"),
     "unknown attribute": ('<link name="crank"', '& gravity="0"', "unknown: gravity of link crank"),
+    "another file": (_END, '<include file="more.xml"/>&', "unknown: include"),
     "loop": (_END, '<loop_joint name="z"/>&', "unknown: loop_joint z"),
     "inertia that no plane motion shows": ('ixx="0.001"', 'ixx="0.002"', "other: inertia tensor of coupler"),
     "continuous": ('type="revolute"', 'type="continuous"', "refused"),
@@ -293,6 +294,25 @@ def test_a_description_of_ones_own_is_compared_with_that_of_the_scene(scene, wri
     assert departures(scene, "screw", ModelFiles(write("own.toml", same))) == ()
     other = ModelFiles(write("own.toml", same.replace("xx = 1e-3", "xx = 2e-3")))
     assert departures(scene, "screw", other) == ("own.toml, other than described: inertia tensor of coupler",)
+
+
+@pytest.mark.parametrize("engine", SUFFIX)
+def test_so_in_the_full_cut(engine, scene, texts, write):
+    suffix = SUFFIX[engine]
+    old, new = {"urdf": (_AXIS, f'{_AXIS}<mimic joint="b"/>'), "xml": (_MOTOR, f'{_MOTOR} ctrlrange="0 1"')}[suffix]
+    model = write(f"own.{suffix}", texts[f"four-bar-full.{suffix}"].replace(old, new, 1))
+    loops = write("own.loops.toml", texts["four-bar-full.loops.toml"])
+    (said,) = departures(scene, f"{engine}-full", ModelFiles(model, loops))
+    assert said in (
+        "ignored by pinocchio-full in own.urdf: mimic of joint a",
+        "ignored by mujoco-full in own.xml: ctrlrange of motor a",
+    )
+
+
+def test_long_names_are_cut(own, scene):
+    files = own("pinocchio", "urdf", _END, f'<transmission name="{"x" * 10_000}"/>&')
+    (said,) = departures(scene, "pinocchio", files)
+    assert said == f"ignored by pinocchio in own.urdf: transmission {'x' * 64}..."
 
 
 def test_many_of_a_kind_are_counted(own, scene, texts):

@@ -22,7 +22,7 @@ from screwgauge.scene.scene import Scene
 #: What an engine of this package makes of something beyond the description, by its kind.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
 _NOT_KNOWN = "not known whether applied by {} in {}"
-_NAMED = 3  # things of a kind that are named; the others are counted
+_NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
 
 
 def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ def _otherwise(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator
 
 
 def _listed(things: Iterable[str]) -> str:
-    named = [*things]
+    named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
     return f"{', '.join(named[:_NAMED])}{_others(len(named) - _NAMED)}"
 
 
