@@ -337,6 +337,13 @@ def test_a_reference_goes_by_the_description_whatever_the_solver_reads(scene, wr
     assert np.array_equal(one, other)
 
 
+def test_a_verdict_names_three_doubts_and_counts_them_all(scene, own):
+    results = screwgauge.run(scene, engines=("screw", "mujoco"), quantities=("joint_position",))
+    doubtful = replace(results.solutions["mujoco"], warnings=("one", "two.", "three", "four"))
+    banner = verdict(replace(results, solutions={**results.solutions, "mujoco": doubtful}))
+    assert banner.text.startswith("one. two. three. All 4 are listed under Engines. screw and mujoco agree")
+
+
 DAMPED = "ignored by pinocchio in own.urdf: dynamics damping of joint a"
 
 

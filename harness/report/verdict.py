@@ -7,7 +7,7 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
 
-DOUBTS = 3  # that a verdict names
+DOUBTS = 3  # about the models or the engines, that a verdict names
 
 
 def compared(results: Comparison) -> list[Row]:
@@ -39,7 +39,7 @@ def verdict(results: Comparison) -> Banner:
         return Banner(_agreement(results), "✗ NOTHING COMPARED", "differ")
     word = "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE"
     if doubts := [f"{text.rstrip('.')}." for solution in results.solutions.values() for text in solution.warnings]:
-        more = f" {len(doubts) - DOUBTS} more are listed under Engines." if len(doubts) > DOUBTS else ""
+        more = f" All {len(doubts)} are listed under Engines." if len(doubts) > DOUBTS else ""
         return Banner(f"{' '.join(doubts[:DOUBTS])}{more} {_agreement(results)}", f"{word}, but", "note")
     return Banner(_agreement(results), word, "agree")
 

@@ -87,12 +87,14 @@ def refine(
 
 
 def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Forces of the equality constraints along the coordinates, which come first; friction, limits and contacts of a
-    file of the user's own are no closed loops, and stay as soft as MuJoCo makes them."""
-    rows, all_of_them = data.ne, data.nefc
-    if rows == all_of_them:
+    """Forces of the equality constraints along the coordinates; their rows come first.
+
+    Friction, limits and contacts of a file of the user's own close no loop: they stay as soft as MuJoCo makes them.
+    """
+    if data.ne == data.nefc:
         return np.asarray(data.qfrc_constraint)
-    return np.asarray(data.efc_J[: rows * model.nv].reshape(rows, model.nv).T @ data.efc_force[:rows])
+    J = data.efc_J[: data.ne * model.nv].reshape(data.ne, model.nv)
+    return np.asarray(J.T @ data.efc_force[: data.ne])
 
 
 @dataclass(frozen=True, slots=True)
