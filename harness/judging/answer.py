@@ -71,6 +71,13 @@ class Answer:
         """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
 
+    def admitted(self, quantity: str, unit: str) -> float:
+        """What an error of a quantity that the scene admits more of is a share of: its largest magnitude in a unit."""
+        if quantity not in self.looser or not self.has(quantity):
+            return 0.0
+        values = self.values[quantity]
+        return largest(values.array[:, [has == unit for has in values.units]])
+
     def moving(self, joints: Array) -> Answer:
         """The same with other joint coordinates and derivatives. Shape (3, n, n_q)."""
         return replace(self, joints=joints, motions=walk(self.mechanism, self.tree, *joints))
@@ -84,13 +91,19 @@ class Answer:
             components: Names of the columns.
             missing: What the equation leaves over. Shape (n, m).
             size: What that is measured by, one number or one for each component, shape (m,).
-            of: Quantities that the equation is about. Their rounding alone, as the engine admits it, is no fault, nor
-                is an error that the scene admits, measured as pairs are by the largest of its kind.
+            of: Quantities that the equation is about. Their rounding alone, as the engine admits it, is no fault, and
+                what the scene admits of one of them is the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
-        rounding = max((self._in(unit, self.tolerances.get(name, {})) for name in of), default=0.0) / tolerance
-        loose = [self._in(unit, _sizes(self.values[name])) for name in of if name in self.looser and self.has(name)]
-        scaled = np.abs(missing) / np.maximum(size, max(FLOOR * self.scales[unit], rounding, *loose, 0.0))
+        L, kind = self.scales["m"], _kind(unit)
+        admitted = [
+            size * arm(unit, L) / arm(has, L)
+            for name in of
+            for has, size in self.tolerances.get(name, {}).items()
+            if _kind(has) == kind
+        ]
+        rounding = max(admitted, default=0.0) / tolerance
+        scaled = np.abs(missing) / np.maximum(size, max(FLOOR * self.scales[unit], rounding))
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
@@ -99,22 +112,10 @@ class Answer:
         reason = f"not a number at t = {t:g} s" if lost.any() else ""
         return {"engine": self.engine, **where, **error, "ok": worst <= tolerance, "reason": reason}
 
-    def _in(self, unit: str, sizes: Mapping[str, float]) -> float:
-        """The largest of sizes by unit in another unit of the same kind: a force stands for its moment, and so on."""
-        L = self.scales["m"]
-        alike = (size * arm(unit, L) / arm(has, L) for has, size in sizes.items() if _kind(has) == _kind(unit))
-        return max(alike, default=0.0)
-
 
 def _kind(unit: str) -> str:
     """The same for units that a length turns into each other."""
     return unit.replace("rad", "m").replace("N m", "N")
-
-
-def _sizes(values: Values) -> dict[str, float]:
-    """Largest magnitude by unit."""
-    columns = np.array(values.units)
-    return {unit: largest(values.array[:, columns == unit]) for unit in dict.fromkeys(values.units)}
 
 
 def answer_at(

@@ -78,12 +78,15 @@ def _springs_and_motors(answer: Answer) -> Array:
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
-    mechanism, missing, sizes = answer.mechanism, required.copy(), sizes.copy()
+    mechanism, missing, sizes, loose = answer.mechanism, required.copy(), sizes.copy(), np.zeros_like(sizes)
     for unit in (*unit_forces(answer, "reaction"), *unit_forces(answer, "actuator_force")):
+        admitted = answer.admitted(unit.quantity, unit.unit)
         for body, wrench in unit.sides(answer):
             exerted = unit.amount(answer) * wrench
             missing[:, body] -= exerted
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
+            loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
+    sizes = np.maximum(sizes, loose)
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
@@ -93,12 +96,19 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
 
 def power_balance(answer: Answer) -> Iterator[Row]:
     """What motion, gravity and loads take up less the power of the actuators."""
-    given = answer["actuator_force"] * answer.joints[1][:, answer.mechanism.actuated_columns]
+    rates = answer.joints[1][:, answer.mechanism.actuated_columns]
+    given = answer["actuator_force"] * rates
     taken = required_wrenches(answer)[0] * answer.motions.velocities
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    size, about = largest(given, taken), ("actuator_force", "joint_velocity", *BODY_MOTION)
+    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
+
+
+def _loose(answer: Answer, rates: Array) -> Array:
+    """Power of the actuators that an error admitted by the scene is a share of, rates being (n, n_actuator, ...)."""
+    forces = [answer.admitted("actuator_force", unit) for unit in answer.mechanism.actuator_units]
+    return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
 def virtual_work(answer: Answer, allowed: Allowed, required: Array, sizes: Array) -> Iterator[Row]:
@@ -110,17 +120,18 @@ def virtual_work(answer: Answer, allowed: Allowed, required: Array, sizes: Array
     joints, bodies = allowed.partial
     needed = np.einsum("nbx,nbxj->nj", required, bodies)
     terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies)).max(axis=0)
-    given = {}
+    given, loose = {}, np.zeros(terms.shape)
     if answer.has("generalized_force"):
         given[""] = answer["generalized_force"]
     if answer.has("actuator_force"):
         driven = joints[:, mechanism.actuated_columns]
         given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer["actuator_force"])
+        loose = _loose(answer, driven)
     units = [mechanism.units[column] for column in mechanism.independent_columns]
     for unit in dict.fromkeys(units):
         columns = [k for k, has in enumerate(units) if has == unit]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
-        size = largest(needed[:, columns]) if given else terms[columns]
+        size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
         left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *BODY_MOTION)
         yield answer.residual("virtual_work", _FORCE[unit], names, left, size, about)

@@ -17,7 +17,6 @@ from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
@@ -60,9 +59,10 @@ def judge(
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
-        table = [*closure(whole, (task.y[rows], task.yd[rows], task.ydd[rows]))]
-        if not {*whole.values} <= {"joint_position", *_MOTION}:
-            table += _bodies(whole, some, task.part(rows[few]))
+        # without velocities accelerations close no loop: those of a few samples are completed
+        table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
+        if not {*whole.values} <= {"joint_position", "joint_velocity"}:
+            table += _beyond(whole, some, task.part(rows[few]))
         admitted = max((largest(estimate) for estimate in solution.estimate.values()), default=0.0)
         for row in table:
             if not row["ok"] and not row["reason"] and admitted >= row["max_scaled"]:
@@ -77,8 +77,8 @@ def judge(
     return pd.DataFrame(table, columns=COLUMNS)
 
 
-def _bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
-    """Residuals of the motion of bodies and of forces.
+def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
+    """Residuals of the motion of bodies and of forces, and of accelerations without velocities.
 
     Args:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
@@ -90,6 +90,8 @@ def _bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         allowed = allowed_motions(some)
     if lacking:
         whole = some = completed(some, allowed, motion)
+        if not some.has("joint_velocity"):
+            yield from closure(some, motion, [2])
     yield from body_motions(whole)
     if tree:
         yield from tree_forces(some, allowed)
@@ -108,24 +110,27 @@ def _bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         yield from balance.virtual_work(some, allowed, *required)
 
 
-def closure(answer: Answer, asked: Sequence[Array] = ()) -> Iterator[Row]:
+def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
     """Closure of every loop in position, velocity and acceleration, and whether y follows what was asked for.
 
     Args:
-        asked: Independent coordinates and derivatives, if they were given. Shape (n, k) each.
+        asked: The given motion, if there is one.
+        orders: Of the derivatives, as far as the answer has them.
     """
-    names = [f"{joint.name}.{axis}" for joint in answer.tree.cuts for axis in "xyz"]
     mechanism = answer.mechanism
-    for order, (name, quantity, per) in enumerate(_CLOSURE):
+    names = [f"{joint.name}.{axis}" for joint in answer.tree.cuts for axis in "xyz"]
+    given = () if asked is None else (asked.y, asked.yd, asked.ydd)
+    for order in orders:
+        name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
             continue
         values, missing = answer.joints[order], answer.motions.closure_residual(order)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
-                if asked and f"{mechanism.units[column]}{per}" == unit:
+                if given and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")
-                    columns.append(values[:, [column]] - asked[order][:, [k]])
+                    columns.append(values[:, [column]] - given[order][:, [k]])
             if components:
                 # velocities and accelerations are measured against the largest of the motion
                 size = _largest(answer, order, unit) if order else answer.scales[unit]

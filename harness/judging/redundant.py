@@ -72,7 +72,8 @@ def _smallest(answer: Answer, allowed: Allowed) -> Iterator[Row]:
     units = np.array(mechanism.actuator_units)
     for unit in dict.fromkeys(mechanism.actuator_units):
         names = [name for name, has in zip(mechanism.actuator_names, units, strict=True) if has == unit]
-        left, size = preload[:, units == unit], largest(f[:, units == unit])
+        left = preload[:, units == unit]
+        size = max(largest(f[:, units == unit]), len(units) * answer.admitted("actuator_force", unit))
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 
