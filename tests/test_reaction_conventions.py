@@ -16,7 +16,7 @@ from screwgauge.engines.tree.closed import close_tree
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.judging.exerted import held
 from screwgauge.judging.judge import judge
-from screwgauge.models.generate import write_models
+from screwgauge.models.generate import stem, write_models
 from screwgauge.models.loops import read_loops
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.mechanism import KINDS, Frame, Joint
@@ -86,23 +86,55 @@ def reframed(mechanism, kinds: str):
     return replace(mechanism, joints=joints)
 
 
-@pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
-def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_are_taken(engine, tmp_path):
+def solved(scene, mechanism, engine: str, folder):
+    """Everything that an engine answers for another mechanism in the motion of a scene; the judge agrees."""
+    model, (name, _, cut) = ScrewModel(layout(mechanism)), engine.partition("-")
+    if engine != "screw":
+        write_models(mechanism, folder, gravity=scene.applied.g)
+        base = folder / stem(mechanism.name, cut or "minimal")
+        kind, suffix = (PinocchioTree, ".urdf") if name == "pinocchio" else (MujocoTree, ".xml")
+        file = read_loops(base.with_suffix(".loops.toml"))
+        model = TreeModel(close_tree(kind(base.with_suffix(suffix), file), file))
+    problem = scene.problem(frozenset(GIVEN))
+    solution = model.solve(problem)
+    rows = judge(mechanism, problem, solution)
+    assert rows["ok"].all(), rows[~rows["ok"]].to_string()
+    return {quantity: values.array for quantity, values in solution.values.items()}
+
+
+@pytest.fixture
+def scene():
     scene = screwgauge.load_scene("3ups-upu-s-fast")
-    scene = scene.at(scene.t[205:2000:500])
-    answers = {}
-    for name, mechanism in (("as it is", scene.mechanism), ("moved", reframed(scene.mechanism, "P"))):
-        model = ScrewModel(layout(mechanism))
-        if engine != "screw":
-            write_models(mechanism, tmp_path, gravity=scene.applied.g)
-            file = read_loops(tmp_path / f"{mechanism.name}.loops.toml")
-            kind, suffix = (PinocchioTree, ".urdf") if engine == "pinocchio" else (MujocoTree, ".xml")
-            model = TreeModel(close_tree(kind(tmp_path / f"{mechanism.name}{suffix}", file), file))
-        problem = scene.problem(frozenset(GIVEN))
-        answers[name] = model.solve(problem)
-        rows = judge(mechanism, problem, answers[name])
-        assert rows["ok"].all(), rows[~rows["ok"]].to_string()
-    assert answers["moved"].values["reaction"].components != answers["as it is"].values["reaction"].components
+    return scene.at(scene.t[205:2000:500])
+
+
+@pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
+def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_are_taken(scene, engine, tmp_path):
+    right, found = (solved(scene, it, engine, tmp_path) for it in (scene.mechanism, reframed(scene.mechanism, "P")))
+    assert np.abs(right["reaction"] - found["reaction"]).max() > 1.0
     for quantity in set(GIVEN) - {"reaction"}:
-        one, other = (answer.values[quantity].array for answer in answers.values())
-        assert np.abs(one - other).max() < AGREE * np.abs(one).max(), quantity
+        assert np.abs(right[quantity] - found[quantity]).max() < AGREE * np.abs(right[quantity]).max(), quantity
+
+
+def test_the_axial_rule_of_another_mechanism(scene, tmp_path):
+    """Its spherical joint is declared from the platform to the ground, where the line is fixed then."""
+    usual = scene.mechanism.joint("s")
+    other = replace(
+        usual,
+        parent=usual.child,
+        child=usual.parent,
+        parent_frame=usual.child_frame,
+        child_frame=usual.parent_frame,
+        **{name: getattr(usual, name)[::-1] for name in ("coordinates", "home", "limits")},
+        axes=-usual.axes[::-1],
+    )
+    joints = tuple(other if joint is usual else joint for joint in scene.mechanism.joints)
+    mechanism = replace(scene.mechanism, joints=joints, axial=("s", np.array([2.0, 3.0, 6.0]) / 7))
+    scene, engines = replace(scene, rule="spherical_axial"), ("screw", "pinocchio", "pinocchio-full", "mujoco")
+    right, *others = (solved(scene, mechanism, engine, tmp_path) for engine in engines)
+    assert (
+        np.abs(right["actuator_force"] - solved(scene, scene.mechanism, "screw", tmp_path)["actuator_force"]).min() > 1
+    )
+    for quantity in set(GIVEN) - {"tree_force", "tree_force_soft"}:
+        for found in others:
+            assert np.abs(right[quantity] - found[quantity]).max() < AGREE * np.abs(right[quantity]).max(), quantity
