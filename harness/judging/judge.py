@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging import balance, redundant
-from screwgauge.judging.allowed import allowed_motions, completed
+from screwgauge.judging.allowed import Allowed, allowed_motions, completed
 from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
 from screwgauge.judging.energy import energy_balance
 from screwgauge.judging.open_tree import TREE_FORCES, tree_forces
@@ -93,10 +93,14 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         if not some.has("joint_velocity"):
             yield from closure(some, motion, [2])
     yield from body_motions(whole)
+    if forces:
+        yield from _forces(whole, some, allowed)
     if tree:
         yield from tree_forces(some, allowed)
-    if not forces:
-        return
+
+
+def _forces(whole: Answer, some: Answer, allowed: Allowed) -> Iterator[Row]:
+    """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
     required = balance.required_wrenches(some)
     full = redundant.balanced(some, required[0])
     if some.has("reaction"):
