@@ -7,16 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asking import ask, model_files
+from planar import Bar, four_bar
+from planar import moving as moving_bars
 from tolerances import LINEAR
 
 import screwgauge
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.screw import inverse
+from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.engines.tree import closed_forces
 from screwgauge.judging.judge import judge
 from screwgauge.quantities import GIVEN
 from screwgauge.reference import dynamics, reactions
+from screwgauge.reference.pose import layout
 from screwgauge.solution import Solution
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
@@ -163,6 +167,25 @@ def test_forces_of_no_tree_fail_and_it_says_why():
     row = rows.set_index("residual").loc["tree_force"]
     assert not row["ok"]
     assert row["reason"] == "its components are not the joint coordinates of a tree of the mechanism"
+
+
+def test_the_tree_of_another_cut_is_judged_as_it_is(write):
+    """Of two mechanisms alike but for a name, each is cut at the joint whose name comes last."""
+    bars = [Bar(0.3, 1.0, (0.1, 0.02, 0.03)), Bar(0.9, 2.0, (0.4, 0.0, 0.1)), Bar(0.7, 1.5, (0.3, -0.05, 0.0))]
+    text = four_bar(bars, 0.8, 1.0)
+    answers = {}
+    for name in ("d", "b0"):
+        scene = moving_bars(write, text.replace("[joints.d]", f"[joints.{name}]"), [1.0, 1.4, 2.0], 3.0, 1.0)
+        problem = scene.problem(frozenset(("joint_position", "tree_force")))
+        answers[name] = scene, ScrewModel(layout(scene.mechanism)).solve(problem)
+    (scene, right), (_, other) = answers["d"], answers["b0"]
+    assert (*right.values["tree_force"].components, *other.values["tree_force"].components) == (*"abc", "a", "b", "b0")
+    there = replace(other.values["tree_force"], components=("a", "b", "d"))
+    found = replace(right, values={"tree_force": there})
+    assert judged(scene, found)["ok"].all()
+    rows = judged(scene, shifted(found, "tree_force", "d", 1e-9)).set_index("residual")
+    assert not rows.loc["tree_force", "ok"]
+    assert rows.loc["tree_force", "worst_component"] == "d"
 
 
 def test_a_gate_that_admits_an_error_of_a_force_admits_it_in_every_residual_of_that_force():

@@ -45,10 +45,10 @@ class Allowed:
         """
         single = y.ndim == 2
         y = y[..., None] if single else y
-        right = np.zeros((len(y), self.closing.shape[1], y.shape[2]))
-        right[:, -y.shape[1] :] = y / self.size[self.columns, None]
+        right, m = np.zeros((len(y), self.closing.shape[1], y.shape[2])), self.closing.shape[1] - y.shape[1]
+        right[:, m:] = y / self.size[self.columns, None]
         if gaps is not None:
-            right[:, : -y.shape[1]] = -without_dimension(gaps, self.length)[..., None]
+            right[:, :m] = -without_dimension(gaps, self.length)[..., None]
         found = linear.solve(self.closing, right) * self.size[:, None]
         return np.asarray(found[..., 0] if single else found)
 
