@@ -198,7 +198,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
 def _regular(mechanism: Mechanism, motion: Tables) -> bool:
     """Whether poses along the motion are about as well conditioned as home."""
     given = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](np.linspace(0.0, 1.0, POSES))
-    return stays_regular(layout(mechanism), given)
+    return stays_regular(layout(mechanism), given, POSES)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:

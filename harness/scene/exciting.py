@@ -32,20 +32,26 @@ SAMPLES = 101
 PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
 
 
-def stays_regular(lay: Layout, motion: GivenMotion) -> bool:
+def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
     """Whether poses along a motion from home are within limits and about as well conditioned as home.
+
+    Args:
+        part: So many are followed before they are looked at: to find where a way ends takes long.
 
     Raises:
         ScrewgaugeError: It cannot be followed.
     """
     system, mechanism = loop_equations(lay), lay.mechanism
-    at = system.follow(system.follower(), motion.y, motion.t, (motion.yd, motion.ydd), strict=True)
-    q = np.vstack([mechanism.home, at.q])
-    worst = linear.condition(system.matrix(pose(lay, q)))
-    middle = mechanism.columns(tuple(joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"))
-    steep = np.abs(q[:, middle])
-    inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
-    return bool(inside) and beyond_limits(mechanism, at.q) is None
+    path, middle = system.follower(), [joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"]
+    for first in range(0, len(motion), part):
+        some = motion.part(slice(first, first + part))
+        at = system.follow(path, some.y, some.t, (some.yd, some.ydd), strict=True)
+        q = np.vstack([mechanism.home, at.q])
+        worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
+        inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
+        if not inside or beyond_limits(mechanism, at.q):
+            return False
+    return True
 
 
 def exciting(scene: Scene, seed: int = 0) -> Scene:
