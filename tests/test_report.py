@@ -128,6 +128,7 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         published=(),
         rule="min_norm",
         figures=figures,
+        text={"motion": {"a": {"offset": 0, "harmonics": [["1.5", 0, "pi/3"]]}}},
     )
 
 

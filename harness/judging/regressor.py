@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,7 +73,7 @@ def moved(lay: Layout, at: Pose, motion: GivenMotion) -> dict[str, Moved]:
     return {"": one(None), **{term: one(_without(term)) for term in BRACKET}}
 
 
-def terms(versions: dict[str, Moved], applied: Applied) -> tuple[tuple[str, ...], Needed]:
+def terms(versions: Mapping[str, Moved], applied: Applied) -> tuple[tuple[str, ...], Needed]:
     """Names of the kinds of terms, and what bodies need by each. The parts of the bracket are parts of `inertial`."""
     now = versions[""]
     lay, rate, bodies, none = now.lay, now.rate, now.bodies, np.zeros(3)

@@ -84,7 +84,7 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
         step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
         drive = read_drive(tables, list(mechanism.independent), Path(), "motion")[0]
         try:
-            if stays_regular(lay, drive(step * np.arange(SAMPLES))):
+            if stays_regular(lay, drive(step * np.arange(SAMPLES, dtype=float))):
                 return _moving(scene, seed, tables, drive, step)
         except ScrewgaugeError:
             continue
@@ -98,7 +98,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, step:
         name=f"{scene.name}-exciting-{seed}",
         title=f"{scene.title}, exciting motion of seed {seed}",
         description=f"{scene.description} An exciting motion, of seed {seed}, takes the place of its own.",
-        task=drive(step * np.arange(SAMPLES)),
+        task=drive(step * np.arange(SAMPLES, dtype=float)),
         drive=drive,
         text={**scene.text, "motion": tables},
     )
