@@ -150,19 +150,23 @@ def coverage(
 
 def _motions(versions: Mapping[str, Moved], problem: Problem) -> Iterator[Row]:
     """What accelerations lose with the Lie bracket."""
-    units = np.array(versions[""].lay.mechanism.units)
-    for quantity in (name for name in _MOTIONS if name in problem.wanted):
+    scales, whole = natural_scales(versions[""].lay.mechanism), _accelerations(versions[""])
+    for (quantity, unit), array in whole.items():
+        if quantity in problem.wanted:
+            size = max(largest(array), FLOOR * scales[unit])
+            for term in BRACKET:
+                rest = _accelerations(versions[term])[quantity, unit]
+                yield _share(quantity, unit, term, largest(array - rest) / size)
 
-        def values(of: Moved, quantity: str = quantity) -> Iterator[tuple[str, Array]]:
-            if quantity == "joint_acceleration":
-                yield from ((f"{unit}/s^2", of.qdd[:, units == unit]) for unit in dict.fromkeys(units))
-            else:
-                yield ("m/s^2", of.bodies.a) if quantity == "com_acceleration" else ("rad/s^2", of.bodies.beta)
 
-        for term in BRACKET:
-            for (unit, whole), (_, rest) in zip(values(versions[""]), values(versions[term]), strict=True):
-                size = max(largest(whole), FLOOR * natural_scales(versions[""].lay.mechanism)[unit])
-                yield _share(quantity, unit, term, largest(whole - rest) / size)
+def _accelerations(of: Moved) -> dict[tuple[str, str], Array]:
+    """(quantity, unit) -> values."""
+    units = np.array(of.lay.mechanism.units)
+    return {
+        **{("joint_acceleration", f"{unit}/s^2"): of.qdd[:, units == unit] for unit in dict.fromkeys(units)},
+        ("body_angular_acceleration", "rad/s^2"): of.bodies.beta,
+        ("com_acceleration", "m/s^2"): of.bodies.a,
+    }
 
 
 def _forces(visible: Visible, versions: Mapping[str, Moved]) -> tuple[list[Row], dict[tuple[str, str], float]]:

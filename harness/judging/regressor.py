@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,10 @@ from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import spring_forces
 
 _AXES = "xyz"
-_PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
+_Wrench = tuple[Array | float, Array | float]
+_NONE: _Wrench = (0.0, 0.0)
+_Column = tuple[str, int, _Wrench, _Wrench]
+"""Name, body, and what it needs by the parameter: force and moment, own and applied, see `Needed`."""
 
 
 def _products(first: Array, second: Array) -> dict[str, Array]:
@@ -106,41 +109,41 @@ def parameters(now: Moved, applied: Applied) -> tuple[tuple[str, ...], Needed]:
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
     inertia. A body without mass has neither centre nor inertia.
     """
-    lay, bodies, mechanism = now.lay, now.bodies, now.lay.mechanism
-    R, L, names = now.rate.pose.R[:, 1:], length(lay), list[str]()
-    own, outside = list[Array](), list[Array]()
-    zero = np.zeros((*bodies.a.shape[:2], 6))
+    found = [*_of_bodies(now, applied), *_of_loads(now, applied)]
+    parts = np.zeros((2, *now.bodies.a.shape[:2], 6, len(found)))
+    for column, (_, body, *wrenches) in enumerate(found):
+        for part, (force, moment) in zip(parts, wrenches, strict=True):
+            part[:, body, :3, column], part[:, body, 3:, column] = force, moment
+    return tuple(name for name, *_ in found), Needed(*parts)
 
-    def add(name: str, body: int, wrenches: Sequence[tuple[Array, Array] | None]) -> None:
-        names.append(name)
-        for found, wrench in zip((own, outside), wrenches, strict=True):
-            found.append(zero.copy())
-            if wrench is not None:
-                found[-1][:, body] = np.concatenate(wrench, axis=1)
 
+def _of_bodies(now: Moved, applied: Applied) -> Iterator[_Column]:
+    bodies, L, mechanism = now.bodies, length(now.lay), now.lay.mechanism
     for i, body in enumerate(mechanism.bodies):
-        w, b, free = bodies.omega[:, i], bodies.beta[:, i], bodies.a[:, i] - applied.g
-        none = np.zeros_like(w)
-        add(f"mass of {body.name}", i, [((body.mass or mechanism.mass) * free, none), None])
+        R, w, b = now.rate.pose.R[:, i + 1], bodies.omega[:, i], bodies.beta[:, i]
+        weight = (body.mass or mechanism.mass) * (bodies.a[:, i] - applied.g)
+        yield f"mass of {body.name}", i, (weight, 0.0), _NONE
         if not body.mass:
             continue
-        carried = sum((load.force for load in applied.loads if load.body == body.name and load.point is None), none)
-        for k, axis in enumerate(_AXES):
-            r = L * R[:, i, :, k]
-            bent = body.mass * (cross(b, r) + cross(w, cross(w, r)))
-            add(f"com {axis} of {body.name}", i, [(bent, cross(r, body.mass * free)), (none, -cross(r, carried))])
+        # what acts at the centre of mass goes with it
+        carried = sum((load.force for load in applied.loads if load.body == body.name and load.point is None), 0.0 * w)
+        for axis, r in zip(_AXES, np.moveaxis(L * R, 2, 0), strict=True):
+            force = body.mass * (cross(b, r) + cross(w, cross(w, r)))
+            yield f"com {axis} of {body.name}", i, (force, cross(r, weight)), (0.0, -cross(r, carried))
         size = float(np.abs(body.inertia).max()) or body.mass * L**2
-        for pair in _PAIRS:
+        for pair in ("xx", "yy", "zz", "xy", "xz", "yz"):
             j, k = (_AXES.index(axis) for axis in pair)
             unit = np.zeros((3, 3))
             unit[j, k] = unit[k, j] = size
-            J = R[:, i] @ unit @ R[:, i].swapaxes(1, 2)
+            J = R @ unit @ R.swapaxes(1, 2)
             Jb, Jw = ((J @ v[..., None])[..., 0] for v in (b, w))
-            add(f"inertia {pair} of {body.name}", i, [(none, Jb + cross(w, Jw)), None])
+            yield f"inertia {pair} of {body.name}", i, (0.0, Jb + cross(w, Jw)), _NONE
+
+
+def _of_loads(now: Moved, applied: Applied) -> Iterator[_Column]:
     for number, load in enumerate(applied.loads, 1):
-        i, which = mechanism.body_index[load.body] - 1, f" {number}" if len(applied.loads) > 1 else ""
-        for k, axis in enumerate(_AXES if np.any(load.force) else ""):
-            r = L * R[:, i, :, k]
-            force = np.broadcast_to(load.force, r.shape)
-            add(f"point {axis} of load{which} on {load.body}", i, [None, (np.zeros_like(r), -cross(r, force))])
-    return tuple(names), Needed(np.stack(own, axis=3), np.stack(outside, axis=3))
+        i, which = now.lay.mechanism.body_index[load.body], f" {number}" if len(applied.loads) > 1 else ""
+        if np.any(load.force):
+            for axis, r in zip(_AXES, np.moveaxis(length(now.lay) * now.rate.pose.R[:, i], 2, 0), strict=True):
+                moment = -cross(r, np.broadcast_to(load.force, r.shape))
+                yield f"point {axis} of load{which} on {load.body}", i - 1, _NONE, (0.0, moment)

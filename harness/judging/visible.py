@@ -17,7 +17,7 @@ from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, cross
 
 _FORCE = {"rad": "N m", "m": "N"}
-SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
+_SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
 _Table = dict[str, tuple[tuple[str, ...], Array]]
 """Quantity -> units and values of its components, shape (n, m, p)."""
 
@@ -55,7 +55,7 @@ class Visible:
         wanted, found = self.problem.wanted, _Table()
         if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
             found[trees[0]] = self._tree(needed.own)  # the second says no more
-        if wanted & SOLVED:
+        if wanted & _SOLVED:
             found |= self._solved(needed.own + needed.applied)
         for name, (units, array) in found.items():
             for unit in dict.fromkeys(units if name in wanted else ()):
