@@ -94,11 +94,12 @@ def _agreement(results: Comparison) -> str:
     if not engines:
         return "No engine ran."
     if pairs:
+        unseen = f" {results.coverage.poor}" if results.coverage.poor else ""
         # what is zero within rounding has no digits
         least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
         return (
             f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
-            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})."
+            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{unseen}"
         )
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"

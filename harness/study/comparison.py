@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from screwgauge.judging.conditioning import Guarded, guarded
+from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.refusals import Refusal
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -35,6 +36,7 @@ class Comparison:
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
+        coverage: What the scene could have seen of mistakes.
         provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
     """
 
@@ -48,6 +50,7 @@ class Comparison:
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
+    coverage: Coverage = field(default_factory=Coverage)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -17,6 +17,7 @@ from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
+from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
 from screwgauge.models.catalog import is_file
@@ -103,6 +104,7 @@ def run(
         environment=environment(),
         warnings=warnings,
         refusals=refused,
+        coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
         provenance=judged_files,
     )
 

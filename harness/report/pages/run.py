@@ -48,6 +48,7 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
         *section("Engines", *sections.engines(results)),
         *section("Pairs", *sections.every_pair(results)),
         *section("Judge", *sections.judge(results)),
+        *section("Coverage", *sections.coverage(results)),
         *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
         *(section("Plots") if len(results.solutions) > 1 and drawn else [Heading("Plots")]),
         *(drawn or [Paragraph("Nothing to draw.")]),
@@ -143,11 +144,18 @@ def summary(results: Comparison) -> dict[str, Any]:
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
         "refused": refused,
+        "coverage": _coverage(results),
         "timings": [asdict(timing) for timing in _timings(results)],
         "environment": results.environment,
         **{key: results.provenance.get(key) for key in FILES},
     }
     return dict(plain(found))
+
+
+def _coverage(results: Comparison) -> Row:
+    found = results.coverage
+    said = {"sentence": found.sentence, "parameters": len(found.parameters)}
+    return {**said, "untested": [*found.untested, *found.absent], "terms": found.shares}
 
 
 def _quantity(row: Row) -> Row:
