@@ -19,9 +19,9 @@ from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
-from screwgauge.models.catalog import is_file
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import is_file
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.scene.observables import Known, known_values, observe
