@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report.blocks import Picture
+from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.terminal import terminal
-from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
 from screwgauge.study import run as study
 from screwgauge.study.comparison import Comparison

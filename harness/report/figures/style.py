@@ -18,6 +18,7 @@ DOTTED: Look = {"color": GREY, "linestyle": (0, (1, 2)), "linewidth": 0.9}
 STYLE = {
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Segoe UI", "sans-serif"],
     "font.size": 9.0,
+    "text.parse_math": False,  # titles may have a $
     "text.hinting": "none",  # letters are measured as they will be in the SVG, not moved to whole pixels
     "figure.dpi": 72.0,  # a pixel is a point, as in the SVG
     "axes.linewidth": 0.7,

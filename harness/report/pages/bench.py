@@ -22,6 +22,7 @@ from screwgauge.study.bench.slopes import table as slope_table
 NINE, SHOWN = LEVELS[2], ("joint_acceleration", "actuator_force")
 WHO = "contestant | setting | quantity"
 ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
+DATA = ("bench.csv", "slopes.csv", "timings.csv", "reach.csv", "leaving_out.csv", "environment.json")
 CUT_SHORT = "cut short = family | rows | contestants"
 
 
@@ -52,15 +53,9 @@ def write(bench: Bench, out: Path) -> Path:
     """Writes report, plots, tables and environment."""
     from screwgauge.report.figures.bench import make_plots
 
-    data = {
-        "bench.csv": bench_table(bench.rows),
-        "slopes.csv": slope_table(bench.fits),
-        "timings.csv": timing_table(bench.rows),
-        "reach.csv": reach(bench.rows),
-        "leaving_out.csv": bench.leaving_out,
-        "environment.json": bench.environment,
-    }
-    return write_report(out, report(bench, make_plots(bench)), data, figures=6)
+    tables = bench_table(bench.rows), slope_table(bench.fits), timing_table(bench.rows), reach(bench.rows)
+    data = dict(zip(DATA, (*tables, bench.leaving_out, bench.environment), strict=True))
+    return write_report(out, lambda: report(bench, make_plots(bench)), data, figures=6)
 
 
 def headline(bench: Bench) -> str:

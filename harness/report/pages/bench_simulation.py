@@ -24,6 +24,7 @@ ABSOLUTE = [
     *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
     *("steps", "evaluations", "status", "reason"),
 ]
+DATA = ("bench.csv", "forward.csv", "slopes.csv", "environment.json")
 SIX = 1e-6
 SHOWN = (
     "who = family | setting | observable off by = observable | energy off by [J] = energy | processor time = cpu | "
@@ -60,13 +61,9 @@ def write(found: Contest, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
     from screwgauge.report.figures.bench_simulation import make_plots
 
-    data = {
-        "bench.csv": bench_table(found.rows),
-        "forward.csv": absolute_table(found.outcomes),
-        "slopes.csv": slope_table(found.fits),
-        "environment.json": found.environment,
-    }
-    return write_report(out, report(found, make_plots(found)), data, figures=6)
+    tables = bench_table(found.rows), absolute_table(found.outcomes), slope_table(found.fits)
+    data = dict(zip(DATA, (*tables, found.environment), strict=True))
+    return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
 def absolute_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from screwgauge.study.paper.errata import KINDS, Erratum
 from screwgauge.study.paper.measure import NUMBERS, Paper, is_the_papers, measured
 from screwgauge.study.provenance import provenance
 
+DATA = ("errata.csv", "environment.json")
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"
 MEANING = Paragraph(", ".join(f"{key} {word}" for key, word in KINDS.items()))
@@ -102,8 +103,8 @@ def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:
     from screwgauge.report.figures.paper import make_plots
 
     record, files = environment(), judged(provenance(load_scene(SCENE), {}, date=date))
-    blocks = report(paper, make_plots(paper.runs, paper.axial), {**files, **record})
-    return write_report(out, blocks, {"errata.csv": errata_frame(paper.errata), "environment.json": record})
+    data = dict(zip(DATA, (errata_frame(paper.errata), record), strict=True))
+    return write_report(out, lambda: report(paper, make_plots(paper.runs, paper.axial), {**files, **record}), data)
 
 
 def errata_section(scene: Scene) -> list[Block]:

@@ -17,6 +17,7 @@ from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Cas
 from screwgauge.study.stress import Stress
 
 BAD = (DEGRADED, REFUSED, SILENT)
+DATA = ("stress.csv", "environment.json")
 WHO = ("case", "engine", "digits")
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 
@@ -40,8 +41,8 @@ def write(found: Stress, out: Path) -> Path:
     """Writes report, page of small plots, table and environment."""
     from screwgauge.report.figures.stress import make_plots
 
-    data = {"stress.csv": found.table, "environment.json": found.environment}
-    return write_report(out, report(found, make_plots(found)), data, figures=6)
+    data = dict(zip(DATA, (found.table, found.environment), strict=True))
+    return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
 def _rows(found: Stress) -> list[Row]:
