@@ -9,7 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Items, Paragraph, Picture, Table, facts, folded, table
+from screwgauge.report.blocks import (
+    Banner,
+    Block,
+    Heading,
+    Items,
+    Marked,
+    Paragraph,
+    Picture,
+    Table,
+    facts,
+    folded,
+    table,
+)
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
@@ -121,7 +133,7 @@ def _reach(bench: Bench) -> list[Block]:
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
         told += [
-            Paragraph(f"**{words(quantity).capitalize()}**"),
+            Paragraph(Marked(f"**{words(quantity).capitalize()}**")),
             Table(head, tuple(line for _, line in sorted(lines))),
         ]
     return told or [Paragraph("Nothing was timed.")]

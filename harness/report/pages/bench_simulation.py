@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.blocks import Banner, Block, Heading, Marked, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes
 from screwgauge.report.pages.sections import judged
@@ -133,7 +133,7 @@ def _rows(found: Contest) -> list[Row]:
     ]
     published = [
         {
-            "family": "*published*",
+            "family": Marked("*published*"),
             "setting": item.who,
             "label": item.who[:18],
             "status": "other machine",

@@ -12,7 +12,19 @@ import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.quantities import MAX_DIGITS
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Paragraph, Picture, Table, facts, section, table
+from screwgauge.report.blocks import (
+    Banner,
+    Block,
+    Folded,
+    Heading,
+    Marked,
+    Paragraph,
+    Picture,
+    Table,
+    facts,
+    section,
+    table,
+)
 from screwgauge.report.formatting import number, unit_text
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
@@ -113,4 +125,4 @@ def errata_section(scene: Scene) -> list[Block]:
         return []
     paper = measured()
     lead = f"{paper.reach.sentence} `screwgauge paper` writes this table, its plots and how it was measured."
-    return [Paragraph(lead), Folded(f"All {len(paper.errata)} measurements", (_shown(paper.errata), MEANING))]
+    return [Paragraph(Marked(lead)), Folded(f"All {len(paper.errata)} measurements", (_shown(paper.errata), MEANING))]

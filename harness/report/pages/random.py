@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.environment import environment
-from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
+from screwgauge.report.blocks import Block, Heading, Marked, Paragraph, Table, facts
 from screwgauge.report.formatting import grouped, rows
 from screwgauge.report.write import write_report
 from screwgauge.study.campaign import CERTIFIED, ENGINES
@@ -37,7 +37,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
     return [
         Heading("Random mechanisms", 1),
         Paragraph(_sentence(found)),
-        Paragraph(MEANING),
+        Paragraph(Marked(MEANING)),
         Heading("By family"),
         _families(found),
         Heading("Who did not agree, and why"),
