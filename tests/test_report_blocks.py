@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from html import escape
 
 import pytest
+from markdown_it import MarkdownIt
 
 from screwgauge.report.blocks import (
     LONG,
@@ -127,8 +128,7 @@ KNOWN |= {f"{part}_open" for part in ("table", "thead", "tbody", "tr", "th", "td
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_text_is_text_in_markdown_whatever_it_contains(text: str) -> None:
-    markdown_it = pytest.importorskip("markdown_it")
-    parser, said = markdown_it.MarkdownIt("gfm-like", {"linkify": False}), " ".join(text.split())
+    parser, said = MarkdownIt("gfm-like", {"linkify": False}), " ".join(text.split())
     for block in (Heading(text), Paragraph(text), Banner(text), Items((text,)), Table((text,), ((text,),))):
         found = [piece for piece in shown(parser.parse(markdown([block]))) if piece]
         times = 2 if isinstance(block, Table) else 1
