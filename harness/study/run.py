@@ -130,7 +130,7 @@ def _asked(
         check_engines(scene.models, f"{where}, models")
     for engine, file in scene.models.items():
         if not is_file(file):
-            what = f"model file of {engine} does not exist ('{file}')"
+            what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
     task = type(scene.task)
     names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb
 
-from screwgauge.problem import Rows
 from screwgauge.reference.rotations import Array
 from screwgauge.truth import cache
 
@@ -46,7 +45,7 @@ class Table:
         spent = dict(zip(stored["stages"].tolist(), map(float, stored["seconds"]), strict=True))
         return cls(mid, radius, list(map(str, stored["reasons"])), spent, bool(stored["rounded"]))
 
-    def answers(self, wanted: Collection[str], sizes: Mapping[str, int], y: Array, columns: Rows) -> bool:
+    def answers(self, wanted: Collection[str], sizes: Mapping[str, int], y: Array, columns: list[int]) -> bool:
         """Whether this can be the answer to a problem.
 
         Args:
