@@ -115,6 +115,8 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame]) -> Path:
 def _stage(out: Path) -> Path:
     """An empty folder on the same disk: in `out` where that exists (it may be a mount), else beside it."""
     out = out.absolute()
+    if "\0" in str(out):
+        raise ValueError("it holds a null byte")
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file")
     home = out if out.is_dir() else out.parent
