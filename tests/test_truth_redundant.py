@@ -15,9 +15,9 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import rotation
-from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier
 from screwgauge.truth.exact import number, widened
+from screwgauge.truth.forces import newton_euler
 from screwgauge.truth.kinematics import state
 from screwgauge.truth.linkage import Linkage
 
@@ -80,7 +80,7 @@ def test_redundant_loops_of_exact_text_close(name, scene):
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
     assert "no proof" in notes(results)
     assert "rounded" not in notes(results)
-    assert max(results.radius(name).max() for name in results.solutions["truth"].values) < 1e-40
+    assert max(results.radius(name).max() for name in results.solutions["truth"].values) < 1e-46
 
 
 def test_bennett_linkage_moves_as_its_closed_form_says(scene):

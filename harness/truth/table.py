@@ -6,10 +6,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from flint import arb
 
 from screwgauge.reference.rotations import Array
 from screwgauge.truth import cache
+from screwgauge.truth.samples import Balls
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class Table:
         return bool(len(self.reasons) == lost.sum() < len(y) and all(there) and all(known) and same)
 
 
-def enclosures(found: list[dict[str, list[arb]] | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
+def enclosures(found: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
     """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
 
     A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
