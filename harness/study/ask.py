@@ -18,6 +18,7 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError, Unknow
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.departures import departures
 from screwgauge.study.method import Method
 
 Report = Callable[[str, float], None]
@@ -128,11 +129,12 @@ def ask_engines(
         progress(name, 0.0)
         method, own = Method(name), name in scene.models
         try:
-            # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-            problem = scene.problem(wanted, own_gravity=own and get_engine(name).reads == ".xml")
-            model = method.load(model_files(scene, name, folder))
+            problem = scene.problem(wanted, name)
+            files = model_files(scene, name, folder)
+            model = method.load(files)
             answer = model.solve(_ordered(problem, scene, model), partial(progress, name))
-            answer = replace(answer, engine=name)
+            said = departures(scene, name, files) if own else ()
+            answer = replace(answer, engine=name, notes=(*answer.notes, *said), warnings=(*answer.warnings, *said))
             _check_answer(answer, len(scene.t), expected or {})
             solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
         except Exception as error:  # whatever an engine raises becomes a row, so that the others go on

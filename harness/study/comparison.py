@@ -52,8 +52,12 @@ class Comparison:
 
     @property
     def ok(self) -> bool:
-        """Every engine ran and gave every number; something was compared or judged, all within its tolerance."""
-        if self.failures or self.refusals or not (len(self.pairs) or len(self.judge)):
+        """Every engine ran and gave every number; all is within its tolerance, and something was compared.
+
+        Of one engine, which has none beside it, it is enough that something was judged.
+        """
+        looked_at = len(self.pairs) or (len(self.solutions) == 1 and len(self.judge))
+        if self.failures or self.refusals or not looked_at:
             return False
         return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
 

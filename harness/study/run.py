@@ -77,10 +77,11 @@ def run(
         answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
     for name, answer in answers.items():
         if not scene.simulated and assembly_of(mechanism, answer) is None:
-            answers[name] = replace(
-                answer, notes=(*answer.notes, "its assembly is not known, as it gives no joint positions")
-            )
-    judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
+            unknown = "its assembly is not known, as it gives no joint positions: nothing of it can be judged"
+            answers[name] = replace(answer, notes=(*answer.notes, unknown))
+    judged = [
+        judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
+    ]
     solutions, lost = dict(answers), list[dict[str, Any]]()
     if lay is not None:
         solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in answers.items()}

@@ -137,6 +137,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
         "failures": {name: failure.reason for name, failure in results.failures.items()},
         "warnings": results.warnings,
+        "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
         "first_difference": first_difference(results),
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],

@@ -70,7 +70,7 @@ def judge(results: Comparison) -> list[Block]:
         for row in rows(results.judge)
     ]
     if not found:
-        return [Paragraph("Nothing was judged: the quantities asked for do not suffice.")]
+        return [Paragraph("Nothing was judged: no engine gives joint positions or its assembly.")]
     across = cross_table(found, "residual, scaled = residual | unit", "engine", "cell")
     return [across, folded(f"All {len(found)} residuals", _with_reason(found, JUDGE))]
 

@@ -25,7 +25,7 @@ from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.leaving_out import table as leaving_out
 from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
-from screwgauge.study.bench.run import Bench, Plan, models_of
+from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.method import Method
@@ -65,6 +65,7 @@ def contest(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
+    check_generated(scene)
     begin, t = perf_counter(), scene.start.t
     if not scene.observables:
         raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")

@@ -1,0 +1,48 @@
+"""An MJCF of the user's own keeps the gravity that it says, whatever is made of the scene; the scene's is judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import screwgauge
+from screwgauge.models.generate import write_models
+
+OTHERS = [
+    ("a02-fourbar-2", "0 0 0"),
+    ("a02-fourbar-2", "0 9.81 0"),
+    ("a05-governor", "0 0 9.81"),
+    ("3ups-upu-s", "0 0 0"),
+]
+
+
+@pytest.fixture
+def under(tmp_path):
+    """A scene on whose MJCF another gravity acts than on all else, or the same."""
+
+    def make(name: str, gravity: str = ""):
+        scene = screwgauge.load_scene(name).at([0.0, 0.01])
+        write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
+        path = tmp_path / f"{scene.mechanism.name}.xml"
+        tree = ET.parse(path)
+        if gravity:
+            tree.getroot().find("option").set("gravity", gravity)
+        tree.write(path)
+        return replace(scene, models={"mujoco": path})
+
+    return make
+
+
+@pytest.mark.parametrize(("name", "gravity"), OTHERS)
+def test_another_gravity_is_noticed_and_judged(name, gravity, under):
+    results = screwgauge.run(under(name, gravity), engines=["screw", "mujoco"])
+    assert results.exit_status == 1
+    assert not results.pairs["ok"].all()
+    assert set(results.judge[~results.judge["ok"]]["engine"]) == {"mujoco"}
+
+
+@pytest.mark.parametrize("name", ["a05-governor", "a02-fourbar-2"])
+def test_a_file_that_says_the_same_gravity_agrees(name, under):
+    assert screwgauge.run(under(name), engines=["screw", "mujoco"]).ok
