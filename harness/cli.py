@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from screwgauge import __version__, commands
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.report.console import console, ended, say
 from screwgauge.study.bench.threads import fix_threads
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
-2 bad input or usage; 3 an engine failed or is missing"""
+2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130, 143 stopped"""
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
@@ -27,18 +26,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
-    options = _parser().parse_args(arguments)
+    with console():
+        try:
+            return _command(arguments)
+        except (Exception, KeyboardInterrupt) as error:
+            return ended(error, debug="--debug" in (sys.argv if arguments is None else arguments))
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    try:
+        options = _parser().parse_args(arguments)
+    finally:
+        say("", end="")  # what cannot be said is not begun
     fix_threads()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
         try:
             return int(options.command(options))
-        except ScrewgaugeError as error:
-            print(traceback.format_exc() if options.debug else f"screwgauge: {error}", file=sys.stderr)
-            return 2
-        except KeyboardInterrupt:
-            print("screwgauge: interrupted; nothing was written.", file=sys.stderr)
-            return 130
+        except SystemExit as error:  # a library's, which would pass for ours
+            raise RuntimeError(f"a library ended the program, status {error.code}") from error
 
 
 def _parser() -> argparse.ArgumentParser:

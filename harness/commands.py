@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.report.console import complain, say
 
 OUT = Path("screwgauge-out")
 
@@ -18,7 +20,7 @@ def list_(options: argparse.Namespace) -> int:
     """What there is to choose from."""
     from screwgauge.report.listing import listing
 
-    _say(listing(options.what))
+    say(listing(options.what))
     return 0
 
 
@@ -32,13 +34,13 @@ def models(options: argparse.Namespace) -> int:
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
-        _say(str(path))
+        say(str(path))
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table
 
     rows = check_models(mechanism, out)
-    _say(check_table(rows))
+    say(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -63,14 +65,12 @@ def run(options: argparse.Namespace) -> int:
         page,
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn),
-        show=not options.json,
+        tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,
     )
     for failure in results.failures.values() if options.debug else ():
-        _complain(failure.traceback)
-    if options.json:
-        _say(json_text(page.summary(results)))
+        complain(failure.traceback)
     return int(results.exit_status)
 
 
@@ -95,11 +95,7 @@ def bench(options: argparse.Namespace) -> int:
         _study(bench_simulation, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
         return 0
     more["journal"] = out / NAME
-    try:
-        _study(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more))
-    except KeyboardInterrupt:
-        _complain(f"screwgauge: interrupted; run the same command again to go on from {out / NAME}.")
-        return 130
+    _study(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
     return 0
 
 
@@ -113,6 +109,7 @@ def _random(options: argparse.Namespace) -> int:
         page,
         out,
         lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
+        again=page.NAME,
     )
     return 0
 
@@ -129,7 +126,7 @@ def stress(options: argparse.Namespace) -> int:
     more = {"quick": options.quick, "severities": severities}
     found = _study(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
     if found.broken:
-        _complain(f"screwgauge: a rung broke: {found.broken[0]}")
+        complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
     return 0 if found.ok else 1
 
@@ -143,27 +140,45 @@ def paper(options: argparse.Namespace) -> int:
     return 0 if _study(page, out, measure).complete else 1
 
 
-def _study(page: ModuleType, out: Path, work: Callable[[Any], Any], *, show: bool = True, **writing: bool) -> Any:
+def _study(
+    page: ModuleType,
+    out: Path,
+    work: Callable[[Any], Any],
+    *,
+    tell: Callable[[Any], str] | None = None,
+    again: str = "",
+    **writing: bool,
+) -> Any:
     """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
     Args:
         work: Takes the progress.
+        tell: What to print of what was found; by default what the page has for a terminal.
+        again: File that the same command goes on from.
         writing: What else the page is written with.
 
     Returns:
         What was found.
     """
+    from screwgauge.report.folder import PAGES, SAMPLES, check_writable
     from screwgauge.report.progress import Progress
     from screwgauge.report.terminal import terminal
-    from screwgauge.report.write import check_writable
 
-    check_writable(out, samples=writing.get("samples", False))
+    check_writable(out, [*page.DATA, *([again] if again else []), *([SAMPLES] if writing.get("samples") else [])])
+    lost: ScrewgaugeError | None = None
     with Progress(sys.stderr) as progress:
-        found = work(progress.show)
+        try:
+            found = work(progress.show)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
         progress.show("report", 0.0)
-        page.write(found, out, **writing)
-    if show:
-        _say(f"{terminal(page.terminal(found))}\n\nreport: {out / 'report.html'}")
+        try:
+            page.write(found, out, **writing)
+        except ScrewgaugeError as error:  # what was found is told all the same
+            lost = error
+    say(tell(found) if tell else f"{terminal(page.terminal(found))}\n\nreport: {'none' if lost else out / PAGES[1]}")
+    if lost is not None:
+        raise lost
     return found
 
 
@@ -172,16 +187,4 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def _warn(sentence: str) -> None:
-    _complain(f"screwgauge: warning: {sentence}")
-
-
-def _complain(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-def _say(text: str) -> None:
-    """Prints; a reader of the pipe who has gone changes nothing about the exit status."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    complain(f"screwgauge: warning: {sentence}")

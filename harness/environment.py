@@ -47,9 +47,9 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-def json_text(value: Any) -> str:
-    """Indented JSON that every reader takes."""
-    return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(value: Any, *, escaped: bool = False) -> str:
+    """Indented JSON that every reader takes; `escaped`: every stream, too."""
+    return json.dumps(plain(value), indent=2, ensure_ascii=escaped, allow_nan=False) + "\n"
 
 
 def _packages() -> dict[str, str]:

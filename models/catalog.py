@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.files import beside, is_file, is_path
 from screwgauge.reference.mechanism import Mechanism
 
 FOLDER = Path(__file__).parent
@@ -18,25 +19,21 @@ def mechanism_names() -> list[str]:
     return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
 
 
-def is_file(path: Path) -> bool:
-    """Whether there is such a file; what can be no path at all, being too long, is none."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
+def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> Path:
+    """Path of the description of a built-in mechanism, or of what a name means in a folder.
 
-
-def mechanism_path(name: str | Path) -> Path:
-    """Path of the description of a built-in mechanism, or the path itself.
+    Args:
+        where: What to blame.
 
     Raises:
-        UnknownNameError: Neither a built-in name nor a file.
+        UnknownNameError: Neither a built-in name nor a file, and nothing that is meant to be one.
     """
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
-    if Path(name).suffix == ".toml" and is_file(Path(name)):
-        return Path(name)
-    raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML file"])
+    path = beside(folder, str(name))
+    if is_path(str(name)) or (where and is_file(path)):
+        return path
+    raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML file"], where)
 
 
 def load_mechanism(name: str | Path) -> Mechanism:
@@ -46,7 +43,7 @@ def load_mechanism(name: str | Path) -> Mechanism:
         ScrewgaugeError: It does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
-    return read_mechanism(path, _finder(path))
+    return read_mechanism(path, partial(mechanism_path, folder=path.parent, where=str(path)))
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:
@@ -56,14 +53,4 @@ def mechanism_tables(name: str | Path) -> dict[str, Any]:
         ScrewgaugeError: It does not exist or cannot be read.
     """
     path = mechanism_path(name)
-    return read_tables(path, _finder(path))
-
-
-def _finder(path: Path) -> Callable[[str], Path]:
-    """Finds what a description extends: a file beside it, or a built-in one."""
-
-    def find(base: str) -> Path:
-        beside = path.parent / base
-        return beside if is_file(beside) else mechanism_path(base)
-
-    return find
+    return read_tables(path, partial(mechanism_path, folder=path.parent, where=str(path)))

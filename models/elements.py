@@ -15,6 +15,7 @@ import numpy as np
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.placement import vector_text
 from screwgauge.models.urdf import WIDE
+from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import Mechanism
 
 #: Ending of a model file -> its format in the table.
@@ -56,7 +57,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     Raises:
         ParseError: It is no XML: the parsers of robotics let pass more than is one.
     """
-    root = ET.parse(path).getroot()
+    root = ET.fromstring(read_file(path))
     if form == "mjcf":
         _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
@@ -76,7 +77,7 @@ def _include(root: ET.Element, folder: Path) -> None:
         element = waiting.pop()
         for i in reversed(range(len(element))):
             if element[i].tag == "include" and (file := folder / element[i].get("file", "")).is_file():
-                element[i : i + 1] = [*ET.parse(file).getroot()]
+                element[i : i + 1] = [*ET.fromstring(read_file(file))]
         waiting += element
 
 

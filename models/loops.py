@@ -16,6 +16,7 @@ from screwgauge.models.placement import number_text
 from screwgauge.reference.description import check_keys, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.expressions import rotation_matrix, unit_vector, vector
+from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -122,6 +123,8 @@ def read_loops(path: Path) -> LoopsFile:
         if cut not in CUTS:
             raise UnknownNameError("cut", str(cut), CUTS, f"{where}, cut")
         tables = _typed(data, "joints", dict, where)
+        for what in ("bodies", "joints", "closures"):
+            check_count(len(data.get(what, ())), what, where)
         joints = tuple(read_joint(name, table, f"{where}, joints.{name}") for name, table in tables.items())
         file = LoopsFile(
             mechanism=_typed(data, "mechanism", str, where),
@@ -209,6 +212,11 @@ def _check_names(file: LoopsFile, where: str) -> None:
         if side not in bodies:
             raise UnknownNameError("body", side, bodies, place)
     coordinates = [name for joint in file.joints for name in joint.coordinates]
+    closed = [closure.joint for closure in file.closures]
+    named = {"bodies": file.bodies, "tree": file.tree, "joints": coordinates, "closures": closed}
+    for what, names in named.items():
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ModelFileError(f"names '{twice[0]}' twice", f"{where}, {what}", "name it once")
     for name in (*file.tree, *file.independent.values()):
         if name not in coordinates:
             raise UnknownNameError("coordinate", str(name), coordinates, where)

@@ -12,6 +12,7 @@ import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
+from screwgauge.reference.files import check_count, read_file
 from screwgauge.reference.graph import check_connected
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -24,6 +25,8 @@ _JOINT |= {"parent_frame", "child_frame"}
 WHOLE = ("inertia", "independent")
 #: Default of three axes.
 XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+#: All but line breaks and tabs.
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -33,16 +36,23 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         DescriptionError: The file cannot be read or is not TOML.
     """
+    text = read_file(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"), parse_float=str)
-    except OSError as error:
-        raise DescriptionError(f"cannot be read ({error.strerror})", str(path), "check the path") from None
-    except UnicodeDecodeError:
-        raise DescriptionError("is not UTF-8 text", str(path), "give a TOML file") from None
+        data = tomllib.loads(text, parse_float=str)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
     except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
         raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
+    _check_text(data, str(path))
+    return data
+
+
+def _check_text(value: Any, where: str) -> None:
+    """Refuses control characters, which terminals obey and pictures cannot hold, in any key or text."""
+    if isinstance(value, str) and (odd := _CONTROL.search(value)):
+        raise DescriptionError(f"{value!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
+    for item in (*value, *value.values()) if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _check_text(item, where)
 
 
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:
@@ -94,6 +104,8 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     name = _name(required(data, "name", where), f"{where}, name")
     bodies = _table(data, "bodies", where)
     joints = _table(data, "joints", where)
+    for what, table in (("bodies", bodies), ("joints", joints)):
+        check_count(len(table), what, where)
     mechanism = Mechanism(
         name=name,
         title=_text(data.get("title", name), f"{where}, title"),
@@ -114,9 +126,9 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
 def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The tables of a description, merged with those that it extends; numbers are still text."""
+    data = read_toml(path)
     if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
-    data = read_toml(path)
     if "extends" not in data:
         return data
     base = find(_text(data.pop("extends"), f"{path}, extends"))

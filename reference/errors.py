@@ -15,6 +15,8 @@ class ScrewgaugeError(Exception):
         remedy: What to do about it.
     """
 
+    exit_status = 2  #: Of a command that ends with it.
+
     def __init__(self, what: str, where: str, remedy: str) -> None:
         what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)
         super().__init__(f"{where}: {what}; {remedy}." if where else f"{what}; {remedy}.")
@@ -75,4 +77,10 @@ class ModelFileError(ScrewgaugeError):
 
 
 class OutputError(ScrewgaugeError):
-    """A folder that cannot be written."""
+    """A folder or stream that cannot be written."""
+
+
+class ReportError(ScrewgaugeError):
+    """Pages of a report that could not be made; its numbers are there."""
+
+    exit_status = 3

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import check_count
 from screwgauge.reference.rotations import Array, rotation
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
@@ -61,6 +62,7 @@ def number(value: Any, where: str) -> float:
     Raises:
         DescriptionError: It is no number, or not finite.
     """
+    check_count(len(value) if isinstance(value, str) else 0, "characters", where)
     try:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("not a number")

@@ -12,7 +12,7 @@ from screwgauge import ScrewgaugeError, load_scene
 from screwgauge.cli import main
 
 
-@pytest.mark.parametrize("name", ["3ups", "no/such.toml", "scene.json", "x" * 5000, "", ".", "/", "\udcff"])
+@pytest.mark.parametrize("name", ["3ups", "scene.json", "x" * 5000, "", ".", "\udcff"])
 def test_unknown_scene_is_refused(name, refused):
     said = refused("run", name)
     assert "unknown scene '" in said
@@ -22,7 +22,7 @@ def test_unknown_scene_is_refused(name, refused):
 
 def test_folder_is_no_scene(tmp_path, refused):
     (tmp_path / "folder.toml").mkdir()
-    assert "unknown scene" in refused("run", tmp_path / "folder.toml")
+    assert "folder.toml: cannot be read (is a directory)" in refused("run", tmp_path / "folder.toml")
 
 
 def test_scene_that_is_no_text_is_refused(tmp_path, refused):
@@ -140,7 +140,7 @@ def test_unknown_rule_is_refused(rule, paper_scene, refused):
     assert "spherical_axial" in said
 
 
-@pytest.mark.parametrize("name", ['"no-such"', '"no-such.toml"', '"."', '""', f'"{"x" * 5000}"'])
+@pytest.mark.parametrize("name", ['"no-such"', '"."', '""', f'"{"x" * 5000}"'])
 def test_unknown_mechanism_in_a_scene_is_refused(name, paper_scene, refused):
     said = refused("run", paper_scene(mechanism=f"mechanism = {name}"))
     assert "scene.toml: unknown mechanism '" in said
@@ -204,7 +204,7 @@ def test_a_time_grid_that_is_none_is_refused(time, what, paper_scene, refused):
 def test_more_than_ten_million_samples_are_refused_at_once(step, paper_scene, refused):
     said = refused("run", paper_scene(time=f"time = {{ duration = 10, step = {step} }}"))
     assert "scene.toml, time" in said
-    assert "samples are asked for, more than 1e+07" in said
+    assert "samples, more than 1e+07" in said
     assert "take a longer step" in said
 
 

@@ -51,13 +51,19 @@ def test_a_line_cut_off_while_it_was_written_is_dropped(path):
     assert Journal(path, "stamp").times == {"a": [0.25, 0.5]}
 
 
-@pytest.mark.parametrize("text", ["", "no JSON at all\n", "[1, 2]\n", "\x00\n"])
-def test_a_file_of_something_else_is_no_journal(path, text):
+@pytest.mark.parametrize("text", ["no JSON at all\n", "[1, 2]\n", "\x00\n", '{"mine": 1}\n'])
+def test_a_file_of_something_else_is_no_journal_and_stays(path, text):
     path.parent.mkdir()
     path.write_text(text, encoding="utf-8")
-    journal = Journal(path, "stamp")
-    assert not journal.results
-    journal.time("a", 1.0)
+    with pytest.raises(OutputError, match="is no journal of a bench"):
+        Journal(path, "stamp")
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_an_empty_journal_is_begun(path):
+    path.parent.mkdir()
+    path.write_text("", encoding="utf-8")
+    Journal(path, "stamp").time("a", 1.0)
     assert Journal(path, "stamp").times == {"a": [1.0]}
 
 

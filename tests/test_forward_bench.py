@@ -67,7 +67,16 @@ def test_files_and_columns(found, tmp_path):
     assert len(table) == 2 * len({row.contestant for row in found.rows})
     assert list(pd.read_csv(out / "forward.csv").columns) == ABSOLUTE
     assert {path.name for path in out.iterdir()} == {
-        *("bench.csv", "forward.csv", "slopes.csv", "environment.json", "report.md", "report.html", "plots"),
+        *(
+            "bench.csv",
+            "forward.csv",
+            "slopes.csv",
+            "environment.json",
+            "report-files.json",
+            "report.md",
+            "report.html",
+            "plots",
+        ),
     }
     text = (out / "report.md").read_text(encoding="utf-8")
     for words in ("*published*", "OpenSim", "other machine", "Only the first 5% of the motion"):

@@ -22,7 +22,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import digits
 from screwgauge.reference.applied import Applied, Load
 from screwgauge.reference.errors import OutputError
-from screwgauge.report import write as writing
+from screwgauge.report import folder as writing
 from screwgauge.report.blocks import Picture, Table
 from screwgauge.report.figures import run as drawing
 from screwgauge.report.figures.page import arrange, panels, saved

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from html import escape
+
 import pytest
+from markdown_it import MarkdownIt
 
 from screwgauge.report.blocks import (
     LONG,
@@ -11,7 +16,9 @@ from screwgauge.report.blocks import (
     Folded,
     Heading,
     Items,
+    Marked,
     Paragraph,
+    Picture,
     Table,
     cross_table,
     facts,
@@ -32,7 +39,7 @@ ROWS = [
 EVERYTHING: list[Block] = [
     Heading("A <title>", 1),
     Banner("they agree", "✓ AGREE", "agree"),
-    Paragraph("some **bold**, *slanted* and `a < b` text"),
+    Paragraph(Marked("some **bold**, *slanted* and `a < b` text")),
     Items(("one", "two")),
     Table(("name", "size"), (("a", "1e-3"),)),
     Folded("behind", (Paragraph("inside"),)),
@@ -80,6 +87,70 @@ def test_a_terminal_shows_plain_text() -> None:
 def test_what_only_looks_like_markup_stays_as_it_is(text: str) -> None:
     assert terminal([Paragraph(text)]) == text
     assert fragment([Paragraph(text)]) == f"<p>{text}</p>"
+
+
+HOSTILE = [
+    "[click](javascript:alert(1)) ![x](http://example.org/x.png)",
+    "<javascript:alert(1)> <img src=x onerror=alert(1)> &lt;b&gt; &#60;",
+    "**bold** *slanted* `code` __bold__ _slanted_ ~~gone~~ ``two``",
+    "[x]: javascript:alert(1)",
+    "# heading #",
+    "- item",
+    "+ item",
+    "1. item",
+    "10) item",
+    "===",
+    "---",
+    "> quote",
+    "```html",
+    "a | b \\| c \\",
+    "\\*x\\* \\[x\\](y) \\",
+    "line\n\n# heading\n\n<script>alert(1)</script>",
+    "</summary></details><script>alert(1)</script>",
+    "$x$ * 3 * leg1.q1_dot_x _",
+    '" onload="alert(1)',
+]
+
+
+def shown(tokens) -> Iterator[str]:
+    """Text of Markdown as a reader sees it, and the names of whatever is not plain text."""
+    for token in tokens:
+        yield from shown(token.children) if token.children else ()
+        if token.type == "text":
+            yield token.content
+        elif token.type not in KNOWN and not token.type.endswith("_close"):
+            yield f"<{token.type}>"
+
+
+KNOWN = {"inline", "paragraph_open", "heading_open", "bullet_list_open", "list_item_open", "blockquote_open"}
+KNOWN |= {f"{part}_open" for part in ("table", "thead", "tbody", "tr", "th", "td")}
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_text_is_text_in_markdown_whatever_it_contains(text: str) -> None:
+    parser, said = MarkdownIt("gfm-like", {"linkify": False}), " ".join(text.split())
+    for block in (Heading(text), Paragraph(text), Banner(text), Items((text,)), Table((text,), ((text,),))):
+        found = [piece for piece in shown(parser.parse(markdown([block]))) if piece]
+        times = 2 if isinstance(block, Table) else 1
+        assert "".join(found) == said * times, block
+    picture = parser.parse(markdown([Picture("01-x", text, "")]))[1].children
+    assert [(token.type, token.attrs.get("src")) for token in picture] == [("image", "plots/01-x.svg")]
+    folded_ = "".join(token.content for token in parser.parse(markdown([Folded(text, ())])))
+    assert re.findall(r"<(/?\w+)", folded_) == ["details", "summary", "/summary", "/details"]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_text_is_text_in_html_and_on_a_terminal(text: str) -> None:
+    assert fragment([Paragraph(text)]) == f"<p>{escape(text, quote=False)}</p>".replace("\n", " ")
+    assert terminal([Table(("", ""), (("a", text),))]) == f"a  {text}".replace("\n", " ").rstrip()
+    svg = fragment([Picture("x", text, "<svg >")])
+    assert re.findall(r'(\w[\w-]*)="', svg) == ["role", "aria-label"]
+
+
+def test_what_steers_a_terminal_is_not_passed_on() -> None:
+    text = "a\x1b[31mred\x9b2J\x07\u202eb\u2028c\udcff"
+    for rendered in (terminal([Paragraph(text)]), markdown([Heading(text)]), page([Heading(text), Banner(text)])):
+        assert all(sign.isprintable() or sign == "\n" for sign in rendered)
 
 
 def test_nothing_in_a_cell_can_break_a_page() -> None:

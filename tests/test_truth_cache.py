@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,45 @@ def test_damaged_or_stale_file_is_computed_anew_and_said_so(calls, folder, damag
     assert "computed anew" in notes(again)
     assert "anew" not in notes(solve())  # mended
     assert len(calls) == 4
+
+
+WRONG = (
+    lambda arrays: arrays.clear(),
+    lambda arrays: arrays.pop("stages"),
+    lambda arrays: arrays.pop("mid.joint_velocity"),
+    lambda arrays: arrays.pop("radius.joint_position"),
+    lambda arrays: arrays.update(reasons=np.array(["one too many"])),
+    lambda arrays: arrays.update(seconds=np.array(["a"] * len(arrays["seconds"]))),
+    lambda arrays: arrays.update({"mid.nothing": np.zeros(2), "radius.nothing": np.zeros(2)}),
+    lambda arrays: arrays.update({"mid.joint_velocity": arrays["mid.joint_velocity"][:0]}),
+    lambda arrays: arrays.update({"mid.joint_velocity": arrays["mid.joint_velocity"] * np.nan}),
+    lambda arrays: arrays.update({"mid.joint_position": arrays["mid.joint_position"] + 1e-3}),
+    lambda arrays: arrays.update({"radius.joint_position": -1.0 - arrays["radius.joint_position"]}),
+    lambda arrays: arrays.update({"radius.joint_position": arrays["radius.joint_position"].astype(str)}),
+)
+
+
+def test_another_payload_with_its_own_hash_is_computed_anew_and_said_so(calls, folder):
+    first = solve([0.1])
+    (file,) = folder.iterdir()
+    version = file.read_bytes().split(b" ")[1].decode()
+    right = cache.read(file.name, version)[0]
+    for count, change in enumerate(WRONG, 2):
+        arrays = dict(right)
+        change(arrays)
+        assert cache.write(file.name, version, arrays) == ""
+        again = solve([0.1])
+        assert (len(calls), "damaged; computed anew" in notes(again)) == (count, True)
+        assert np.array_equal(first.values("joint_position"), again.values("joint_position"))
+    assert "anew" not in notes(solve([0.1]))
+
+
+@pytest.mark.parametrize("payload", [b"", b"PK\x05\x06", b"PK\x03\x04" + bytes(40), b"\x93NUMPY", b"x" * 100])
+def test_a_payload_that_is_no_archive_is_damaged(folder, payload):
+    assert cache.write("key", "version", {}) == ""
+    head = [*(folder / "key").read_bytes().split(b" ")[:2], hashlib.sha256(payload).hexdigest().encode()]
+    (folder / "key").write_bytes(b" ".join(head) + b"\n" + payload)
+    assert cache.read("key", "version") == (None, cache.DAMAGED)
 
 
 def test_folder_that_cannot_be_used_costs_only_a_sentence(folder, calls):

@@ -37,44 +37,11 @@ from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, centred, enclosed, ruled
+from screwgauge.truth.table import Table, enclosures
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
 _OPEN = ("tree_force", "tree_force_soft")  # of the open tree: nothing to certify that RNEA does not know
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Table:
-    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any.
-
-    Attributes:
-        rounded: Long decimals of the geometry were read as rounded.
-    """
-
-    mid: dict[str, Array]
-    radius: dict[str, Array]
-    reasons: list[str]
-    spent: dict[str, float]
-    rounded: bool
-
-    def pack(self) -> dict[str, Array]:
-        return {
-            **{f"mid.{name}": array for name, array in self.mid.items()},
-            **{f"radius.{name}": array for name, array in self.radius.items()},
-            "reasons": np.array(self.reasons, dtype=str),
-            "stages": np.array(list(self.spent), dtype=str),
-            "seconds": np.array(list(self.spent.values())),
-            "rounded": np.array(self.rounded),
-        }
-
-    @classmethod
-    def unpack(cls, stored: cache.Arrays) -> _Table:
-        mid, radius = (
-            {name.removeprefix(part): array for name, array in stored.items() if name.startswith(part)}
-            for part in ("mid.", "radius.")
-        )
-        spent = dict(zip(stored["stages"].tolist(), stored["seconds"].tolist(), strict=True))
-        return cls(mid, radius, stored["reasons"].tolist(), spent, bool(stored["rounded"]))
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -108,11 +75,12 @@ class TruthModel:
         version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)
         key = _key(self.file, problem, motion, rows, depth)
         stored, note = cache.read(key, version)
-        notes = [note]
-        table = _compute(self, problem, motion, rows, depth, progress) if stored is None else _Table.unpack(stored)
-        if stored is None:
+        kept = None if stored is None else _kept(stored, problem, self.mechanism, motion.y[rows])
+        notes = [cache.DAMAGED if stored is not None and kept is None else note]
+        table = kept or _compute(self, problem, motion, rows, depth, progress)
+        if kept is None:
             notes.append(cache.write(key, version, table.pack()))
-        solution = _solution(problem, self.mechanism, rows, table, notes, cached=stored is not None)
+        solution = _solution(problem, self.mechanism, rows, table, notes, cached=kept is not None)
         assembly = np.full((n, len(self.mechanism.coordinates)), np.nan)
         assembly[rows] = table.mid["joint_position"]
         return replace(solution, assembly=assembly)
@@ -125,6 +93,16 @@ class TruthModel:
             raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
         check_fits(problem, self.mechanism, str(self.file))
         return motion
+
+
+def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> Table | None:
+    """A table from the cache; none if it has anything but what the answer to this problem has."""
+    try:
+        table = Table.unpack(stored)
+    except (KeyError, TypeError, ValueError):
+        return None
+    sizes, wanted = {name: len(found[0]) for name, found in _names(mechanism).items()}, problem.wanted - {*_OPEN}
+    return table if table.answers(wanted, sizes, y, mechanism.independent_columns) else None
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
@@ -143,7 +121,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
-) -> _Table:
+) -> Table:
     """Reads the decimals exactly; where redundant loops then stay open, long ones as rounded."""
     try:
         return _table(model, problem, motion, rows, depth, progress)
@@ -160,7 +138,7 @@ def _table(
     progress: Progress,
     *,
     rounded: bool = False,
-) -> _Table:
+) -> Table:
     mechanism, clock = model.mechanism, Clock()
     tables = mechanism_tables(model.file)
 
@@ -193,33 +171,15 @@ def _table(
     if all(one is None for one in found):
         where, _, what = reasons[0].partition(": ")
         raise NotCertified(f"no sample can be certified: {what}", where, remedy)
-    return _Table(*_arrays(found, rounded), reasons, dict(clock.spent), rounded)
+    return Table(*enclosures(found, rounded), reasons, dict(clock.spent), rounded)
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:
     return f"t = {t:g} s, {mechanism.described(y)}"
 
 
-def _arrays(found: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
-
-    A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
-    rounded, it may be as wide as a number that does not vanish.
-    """
-    first = next(one for one in found if one is not None)
-    mid = {name: np.full((len(found), len(balls)), np.nan) for name, balls in first.items()}
-    radius = {name: array.copy() for name, array in mid.items()}
-    for i, one in enumerate(found):
-        for name, balls in (one or {}).items():
-            centred = [not rounded and ball.contains(0) for ball in balls]
-            mid[name][i] = [0.0 if zero else float(b.mid()) for b, zero in zip(balls, centred, strict=True)]
-            size = [float(b.abs_upper() if zero else b.rad()) for b, zero in zip(balls, centred, strict=True)]
-            radius[name][i] = np.nextafter(size, np.inf)
-    return mid, radius
-
-
 def _solution(
-    problem: Problem, mechanism: Mechanism, rows: Rows, table: _Table, notes: list[str], *, cached: bool
+    problem: Problem, mechanism: Mechanism, rows: Rows, table: Table, notes: list[str], *, cached: bool
 ) -> Solution:
     n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
@@ -257,7 +217,7 @@ def _names(mechanism: Mechanism) -> Names:
     return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
-def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
+def _notes(table: Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
     sizes = {
         f"{name}, {unit}": _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
         for name in table.mid
@@ -283,6 +243,6 @@ def _notes(table: _Table, names: Names, mechanism: Mechanism, how_many: str) -> 
     return notes
 
 
-def _scaled_radius(table: _Table, name: str, columns: list[int]) -> float:
+def _scaled_radius(table: Table, name: str, columns: list[int]) -> float:
     mid, radius = table.mid[name][:, columns], table.radius[name][:, columns]
     return float(np.nanmax(radius)) / (float(np.nanmax(np.abs(mid) + radius)) or 1.0)

@@ -1,4 +1,4 @@
-"""What reports are made of. Texts may hold **bold**, *emphasis* and `code`; three renderers make files of them."""
+"""What reports are made of. Text is shown as it is, unless it is `Marked`; three renderers make files of it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
 _MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
 _VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
 _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no number|cut short")
+
+
+class Marked(str):
+    """Text of our own, with **bold**, *emphasis* and `code`. What files, engines and users say never is."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +109,8 @@ def prose(text: str) -> list[Block]:
     blocks: list[Block] = []
     for part in filter(None, text.strip().split("\n\n")):
         lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
-        blocks += [*([Paragraph(lead)] if lead else []), *([Items(tuple(items))] if items else [])]
+        blocks += [Paragraph(Marked(lead))] if lead else []
+        blocks += [Items(tuple(map(Marked, items)))] if items else []
     return blocks
 
 
@@ -136,7 +143,10 @@ def _columns(columns: str) -> dict[str, str]:
 
 def _text(row: Mapping[str, Any], key: str) -> str:
     name = key.rstrip("?")
-    return "" if key != name and missing(row.get(name)) else FORMS.get(name, str)(row[name])
+    if key != name and missing(row.get(name)):
+        return ""
+    value = row[name]
+    return value if isinstance(value, Marked) else FORMS.get(name, str)(value)
 
 
 def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
@@ -166,10 +176,18 @@ def folded(title: str, long: Table) -> Block:
 
 
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones."""
-    end = 0
-    for match in _MARKUP.finditer(text):
-        yield "", text[end : match.start()]
+    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones.
+
+    What steers a terminal, or the direction of writing, becomes a space.
+    """
+    shown, end = "".join(sign if sign.isprintable() else " " for sign in text), 0
+    for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
+        yield "", shown[end : match.start()]
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)
         end = match.end()
-    yield "", text[end:]
+    yield "", shown[end:]
+
+
+def plain(text: str) -> str:
+    """A text without its marks."""
+    return "".join(piece for _, piece in spans(text))

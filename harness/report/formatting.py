@@ -92,8 +92,8 @@ def tick(ok: Any) -> str:
 
 
 def file_name(title: str) -> str:
-    """A title as a file name: lower case, words joined by hyphens."""
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+    """A title as a file name: lower case, words joined by hyphens, not too long for any disk."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
 
 
 def listed(names: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, spans
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain, spans
 
 PAGE = Path(__file__).with_name("page.html")
 WIDE = 8  # columns from which a table scrolls instead of wrapping
@@ -18,9 +18,8 @@ def page(blocks: Iterable[Block]) -> str:
     """The whole page, pictures inside; its title is the first heading."""
     blocks = list(blocks)
     title = next((block.text for block in blocks if isinstance(block, Heading)), "Screwgauge")
-    plain = "".join(piece for _, piece in spans(title))
     template = Template(PAGE.read_text(encoding="utf-8"))
-    return template.substitute(title=escape(plain, quote=False), body=fragment(blocks))
+    return template.substitute(title=escape(plain(title), quote=False), body=fragment(blocks))
 
 
 def fragment(blocks: Iterable[Block]) -> str:
@@ -50,7 +49,7 @@ def _block(block: Block) -> str:
 def _inline(picture: Picture) -> str:
     """A picture within the page: with ids of its own, and a label for screen readers."""
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(picture.title)}" ', 1).strip()
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(picture.title))}" ', 1).strip()
 
 
 def _text(text: str) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from html import escape
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain, spans
+
+MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
 
 def markdown(blocks: Iterable[Block]) -> str:
@@ -18,11 +21,11 @@ def _block(block: Block) -> str:
         case Heading(text, level):
             return f"{'#' * level} {_text(text)}"
         case Paragraph(text):
-            return _text(text)
+            return _line(text)
         case Banner(text, word):
-            return f"> **{word}** {_text(text)}" if word else f"> {_text(text)}"
+            return f"> **{_text(word)}** {_text(text)}" if word else f"> {_line(text)}"
         case Items(texts):
-            return "\n".join(f"- {_text(text)}" for text in texts)
+            return "\n".join(f"- {_line(text)}" for text in texts)
         case Table():
             right = block.right
             rule = tuple("---:" if i in right else "---" for i in range(len(block.head)))
@@ -31,14 +34,24 @@ def _block(block: Block) -> str:
         case Picture(name, title):
             return f"![{_text(title)}](plots/{name}.svg)"
         case Folded(title, inside):
-            return f"<details>\n<summary>{_text(title)}</summary>\n\n{markdown(inside)}\n</details>"
+            return (
+                f"<details>\n<summary>{escape(plain(title), quote=False)}</summary>\n\n{markdown(inside)}\n</details>"
+            )
 
 
 def _text(text: str) -> str:
-    """One line; what HTML would take for its own is escaped outside of code, where Markdown does it."""
-    parts = re.split(r"(`[^`]+`)", " ".join(text.split()))
-    plain = (part.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;") for part in parts[::2])
-    return "".join(x for pair in zip(plain, [*parts[1::2], ""], strict=True) for x in pair)
+    """One line; what Markdown or HTML would take for its own is escaped outside of code, where Markdown does it."""
+    pieces = (MARKS[tag].format(piece if tag == "code" else _escaped(piece)) for tag, piece in spans(text))
+    return " ".join("".join(pieces).split())
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"[\\`*\[\]~$#]|(?<![^\W_])_|_(?![^\W_])", r"\\\g<0>", escape(text, quote=False))
+
+
+def _line(text: str) -> str:
+    """A text at the beginning of a line, where it must not begin a list or underline what is before."""
+    return re.sub(r"^(\d+)(?=[.)](\s|$))", r"\1\\", re.sub(r"^(?=[-+=])", r"\\", _text(text)))
 
 
 def _cells(texts: Iterable[str]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 from types import TracebackType
 from typing import TextIO
@@ -30,8 +31,9 @@ class Progress:
             self._write(f"screwgauge: {step}, {share:.0%} done after {now - self.began:.0f} s\n")
 
     def _write(self, text: str) -> None:
-        self.stream.write(text)
-        self.stream.flush()
+        with suppress(OSError):  # nobody looks any more, which is no reason to stop
+            self.stream.write(text)
+            self.stream.flush()
 
     def __enter__(self) -> Progress:
         return self

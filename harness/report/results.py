@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report.blocks import Picture
+from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.terminal import terminal
-from screwgauge.report.write import write_files
 from screwgauge.scene.scene import Scene
 from screwgauge.study import run as study
 from screwgauge.study.comparison import Comparison
@@ -26,15 +26,16 @@ class Results(Comparison):
     __slots__ = ()
 
     def write(self, out: str | Path, *, samples: bool = False, errata: bool = False) -> Path:
-        """Writes report, plots, tables and summary into a folder; files of an earlier run there are replaced.
+        """Writes tables and summary into a folder, then report and plots; those of the report before are replaced.
 
         Args:
-            out: Folder, made if need be; if writing fails, it is as it was before.
+            out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
             samples: Also every sample of every engine, as Parquet.
             errata: Also a section with the errata of the paper, if the scene is the paper's.
 
         Raises:
-            OutputError: The folder cannot be written, or pyarrow is missing for the samples.
+            OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
+            ReportError: The numbers are there, the report could not be made.
         """
         return run_page.write(self, Path(out), samples=samples, errata=errata)
 

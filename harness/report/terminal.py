@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, spans
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain
 
 COLUMNS = 100
 
@@ -19,21 +19,17 @@ def terminal(blocks: Iterable[Block]) -> str:
 def _lines(block: Block) -> list[str]:
     match block:
         case Heading(text) | Paragraph(text):
-            return textwrap.wrap(_plain(text), COLUMNS)
+            return textwrap.wrap(plain(text), COLUMNS)
         case Banner(text, word):
-            return textwrap.wrap(_plain(f"{word}: {text}" if word else text), COLUMNS)
+            return textwrap.wrap(plain(f"{word}: {text}" if word else text), COLUMNS)
         case Items(texts):
-            return [line for text in texts for line in textwrap.wrap(f"- {_plain(text)}", COLUMNS)]
+            return [line for text in texts for line in textwrap.wrap(f"- {plain(text)}", COLUMNS)]
         case Table(head, body):
-            return _table([[_plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
+            return _table([[plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
         case Folded(title, inside):
-            return [f"{_plain(title)}:", *terminal(inside).splitlines()]
+            return [f"{plain(title)}:", *terminal(inside).splitlines()]
         case Picture():
             return []
-
-
-def _plain(text: str) -> str:
-    return "".join(piece for _, piece in spans(text))
 
 
 def _table(lines: list[list[str]], block: Table) -> list[str]:

@@ -12,17 +12,19 @@ from screwgauge.quantities import check_quantities
 from screwgauge.reference.description import check_keys, read_text, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.files import beside, check_count
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.figures import Figure
 
 T = TypeVar("T")
-MOST = 10_000_000  # samples: beyond that the arrays of one engine alone fill the memory of any desk
+GRID = "take a longer step or a shorter duration"
 
 
 def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
     items = data.get(key, [])
     if not isinstance(items, list):
         raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
+    check_count(len(items), "entries", f"{where}, {key}")
     return items
 
 
@@ -55,7 +57,7 @@ def positive(value: Any, where: str, remedy: str = "give a positive number") -> 
 
 
 def read_times(values: list[Any], where: str) -> Array:
-    _check_count(len(values), where)
+    check_count(len(values), "samples", where, GRID)
     if all(isinstance(v, float) for v in values):  # also numpy's
         t = np.array(values, dtype=float)
     else:
@@ -63,12 +65,6 @@ def read_times(values: list[Any], where: str) -> Array:
     if not len(t) or not np.isfinite(t).all():
         raise DescriptionError("the times are not finite numbers", where, "give at least one time in s")
     return t
-
-
-def _check_count(n: float, where: str) -> None:
-    if n > MOST:
-        what = f"{n:.3g} samples are asked for, more than {MOST:.0e}"
-        raise DescriptionError(what, where, "take a longer step or a shorter duration")
 
 
 def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
@@ -83,7 +79,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
         return read_times(table["times"], f"{where}.times")
     duration = positive(required(table, "duration", where), f"{where}.duration")
     step = positive(required(table, "step", where), f"{where}.step")
-    _check_count(duration / step, where)
+    check_count(duration / step, "samples", where, GRID)
     # multiples of the step; a duration that is no whole number of steps ends at the last one before it
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
@@ -98,7 +94,7 @@ def read_names(value: Any, where: str) -> tuple[str, ...]:
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    return {engine: folder / read_text(table, engine, where) for engine in table}
+    return {engine: beside(folder, read_text(table, engine, where)) for engine in table}
 
 
 def read_figure(table: Any, where: str) -> Figure:
@@ -106,6 +102,7 @@ def read_figure(table: Any, where: str) -> Figure:
     quantity = check_quantities([required(table, "quantity", where)], where)[0]
     panels = required(table, "panels", where)
     lists = panels.values() if isinstance(panels, dict) else [None]
+    check_count(len(lists), "panels", where)
     if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
         raise DescriptionError("'panels' is not a table of lists", where, "write label = ['pattern', ...]")
     return Figure(

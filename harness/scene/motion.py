@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, number, vector
+from screwgauge.reference.files import beside, check_count, read_file
 from screwgauge.reference.rotations import Array
 
 
@@ -89,7 +92,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
             raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
-        return _sampled(folder / table["csv"], labels)
+        return _sampled(beside(folder, table["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
@@ -101,11 +104,13 @@ def read_terms(table: Any, where: str) -> tuple[Array, Array]:
     raw = table.get("polynomial", [0])
     if not isinstance(raw, list) or not raw:
         raise DescriptionError("is not a list of coefficients", f"{where}.polynomial", "write [c0, c1, ...]")
+    check_count(len(raw), "coefficients", f"{where}.polynomial")
     polynomial = vector(raw, f"{where}.polynomial", len(raw))
     polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
     harmonics = table.get("harmonics", [])
     if not isinstance(harmonics, list):
         raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
+    check_count(len(harmonics), "harmonics", f"{where}.harmonics")
     rows = [vector(row, f"{where}.harmonics") for row in harmonics]
     return polynomial, np.array(rows).reshape(-1, 3)
 
@@ -125,9 +130,12 @@ def read_columns(path: Path, wanted: list[str], why: str = "derivatives are requ
     """
     import pandas as pd
 
+    text = read_file(path, "MB of CSV")
+    head = re.search(r"^[^#\r\n].*", text, re.MULTILINE)
+    check_count(head[0].count(",") + 1 if head else 0, "CSV columns", str(path))
     try:
-        data = pd.read_csv(path, dtype=str, keep_default_na=False, comment="#")
-    except (OSError, ValueError) as error:
+        data = pd.read_csv(BytesIO(text.encode()), dtype=str, keep_default_na=False, comment="#")
+    except ValueError as error:
         raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
     if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
         raise DescriptionError("the rows have more fields than the header", str(path), "name every column")

@@ -12,6 +12,7 @@ import numpy as np
 from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import beside
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
@@ -104,7 +105,7 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
     check_keys(table, {"file", "source"}, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
-    path = folder / read_text(table, "file", where)
+    path = beside(folder, read_text(table, "file", where))
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
     t = columns["t"]
     if not len(t) or (np.diff(t) <= 0.0).any():

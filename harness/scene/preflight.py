@@ -38,8 +38,10 @@ def check_home(mechanism: Mechanism) -> Layout:
     size = np.array([1.0, length(lay)])[:, None]
     for joint, gap in zip(lay.tree.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
         if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
+            wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
+            open_by = " and ".join(f"{most:.3g} {unit}" for most, scaled, unit in wide if not scaled <= 1e-9)
             raise ClosureError(
-                f"the loop through joint '{joint.name}' stays open by {gap.max():.3g} (rad or m) at the home pose",
+                f"the loop through joint '{joint.name}' stays open by {open_by} at the home pose",
                 mechanism.where,
                 "correct the placements or the home coordinates",
             )
@@ -122,12 +124,12 @@ def _check_jumps(scene: Scene) -> None:
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
-    far = np.flatnonzero((np.abs(way) / np.maximum(size, 1.0)).max(axis=1, initial=0.0) > FARTHEST)
+    far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
     if far.size:
-        i = far[0]
+        i, unit = far[0, 0], mechanism.units[mechanism.independent_columns[far[0, 1]]]
         raise DescriptionError(
             f"the motion jumps to {mechanism.described(motion.y[i])}, "
-            f"farther than {FARTHEST:g} rad or m from the sample or home pose before",
+            f"farther than {FARTHEST:g} {unit} from the sample or home pose before",
             f"t = {motion.t[i]:g} s",
             "check its units or take shorter steps",
         )

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.catalog import is_file, load_mechanism, mechanism_names, mechanism_path
+from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.files import beside, is_path
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load, read_motor, read_spring
@@ -47,13 +48,13 @@ def load_scene(name: str | Path) -> Scene:
     """
     if str(name) in scene_names():
         path = FOLDER / f"{name}.toml"
-    elif Path(name).suffix == ".toml" and is_file(Path(name)):
-        path = Path(name)
+    elif is_path(str(name)):
+        path = beside(Path(), str(name))
     else:
         raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file"])
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
-    file = _mechanism_file(read_text(data, "mechanism", where), path.parent, where)
+    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where)
     mechanism = load_mechanism(file)
     read = _read_simulated if "forward" in data else _read_given
     tolerances = data.get("tolerances", {})
@@ -171,13 +172,3 @@ def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, 
     check_keys(given, values, f"{where}.{key}")
     values |= {label: number(value, f"{where}.{key}.{label}") for label, value in given.items()}
     return np.array(list(values.values()))
-
-
-def _mechanism_file(name: str, folder: Path, where: str) -> Path:
-    beside = folder / name
-    if name not in mechanism_names() and is_file(beside):
-        return beside
-    try:
-        return mechanism_path(name)
-    except UnknownNameError as error:
-        raise UnknownNameError("mechanism", name, mechanism_names(), where) from error

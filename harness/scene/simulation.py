@@ -38,7 +38,9 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         raise DescriptionError(what, "times", "give later times, too")
     away = np.abs(task.start - mechanism.home[mechanism.independent_columns])
     if not away.max(initial=0.0) <= FARTHEST:
-        what = f"the start is {away.max():.3g} rad or m away from the home pose"
+        k = int(away.argmax())
+        unit = mechanism.units[mechanism.independent_columns[k]]
+        what = f"the start is {away[k]:.3g} {unit} away from the home pose"
         raise DescriptionError(what, scene.name, f"start within {FARTHEST:g}; check its units")
     since = np.array([task.since])
     at = positions(lay, task.start[None], since)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +17,7 @@ import pandas as pd
 from screwgauge.families.draw import families, random
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of, other_assemblies
-from screwgauge.reference.errors import ScrewgaugeError, check_choice
+from screwgauge.reference.errors import OutputError, ScrewgaugeError, check_choice
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.run import run
@@ -60,7 +60,7 @@ def campaign(
     todo = [item for item in items if item not in done]
     with file.open("a", newline="", encoding="utf-8") as stream, ProcessPoolExecutor(workers) as pool:
         writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
-        if not done:
+        if not stream.tell():
             writer.writeheader()
         for i, row in enumerate(pool.map(measured, todo)):
             writer.writerow(row)
@@ -69,10 +69,15 @@ def campaign(
     return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
 
 
-def _rows(file: Path) -> Iterator[dict[str, str]]:
-    if file.is_file():
-        with file.open(newline="", encoding="utf-8") as stream:
-            yield from csv.DictReader(stream)
+def _rows(file: Path) -> list[dict[str, str]]:
+    if not file.is_file():
+        return []
+    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
+        rows = csv.DictReader(stream)
+        if tuple(rows.fieldnames or COLUMNS) != COLUMNS:
+            what = "is no table of random mechanisms, or one of another version"
+            raise OutputError(what, str(file), "move it, or choose another --out")
+        return list(rows)
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from screwgauge.study.run import run
 
 TRUTH, STANDIN = "truth", "screw"
 _NOTES = {
-    TRUTH: "Errors are against the engine `truth`: ball arithmetic with a rigorous radius.",
-    STANDIN: f"Errors are against the engine `{STANDIN}` in double precision, **not against a truth** ({{reason}}): "
+    TRUTH: "Errors are against the engine truth: ball arithmetic with a rigorous radius.",
+    STANDIN: f"Errors are against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
     "errors below 1e-12 mean nothing, and contestants that share its code look better than they are.",
 }
 MOST = 200  # times that the truth solves at once

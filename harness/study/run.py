@@ -20,9 +20,9 @@ from screwgauge.judging.conditioning import passed
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
-from screwgauge.models.catalog import is_file
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import is_file
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.scene.observables import Known, known_values, observe
@@ -133,7 +133,7 @@ def _asked(
         check_engines(scene.models, f"{where}, models")
     for engine, file in scene.models.items():
         if not is_file(file):
-            what = f"model file of {engine} does not exist ('{file}')"
+            what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
     task = type(scene.task)
     names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)

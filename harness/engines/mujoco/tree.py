@@ -18,6 +18,7 @@ from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, cross
 
@@ -40,6 +41,7 @@ class MujocoTree:
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
+        read_model(mjcf)  # refuses what MuJoCo waits for or chokes on; it opens the file itself, for what that includes
         try:
             self.model = mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:

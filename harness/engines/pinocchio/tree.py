@@ -19,6 +19,7 @@ import pinocchio as pin
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
@@ -28,12 +29,13 @@ _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
+    text = read_model(urdf)
     sys.stderr.flush()
     stderr, reason = os.dup(2), ""
     with tempfile.TemporaryFile() as said:
         os.dup2(said.fileno(), 2)
         try:
-            model = pin.buildModelFromUrdf(str(urdf))
+            model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:
             reason = str(error)
         finally:

@@ -9,7 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Items, Paragraph, Picture, Table, facts, folded, table
+from screwgauge.report.blocks import (
+    Banner,
+    Block,
+    Heading,
+    Items,
+    Marked,
+    Paragraph,
+    Picture,
+    Table,
+    facts,
+    folded,
+    table,
+)
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
@@ -22,6 +34,7 @@ from screwgauge.study.bench.slopes import table as slope_table
 NINE, SHOWN = LEVELS[2], ("joint_acceleration", "actuator_force")
 WHO = "contestant | setting | quantity"
 ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
+DATA = ("bench.csv", "slopes.csv", "timings.csv", "reach.csv", "leaving_out.csv", "environment.json")
 CUT_SHORT = "cut short = family | rows | contestants"
 
 
@@ -57,15 +70,9 @@ def write(bench: Bench, out: Path) -> Path:
     """Writes report, plots, tables and environment."""
     from screwgauge.report.figures.bench import make_plots
 
-    data = {
-        "bench.csv": bench_table(bench.rows),
-        "slopes.csv": slope_table(bench.fits),
-        "timings.csv": timing_table(bench.rows),
-        "reach.csv": reach(bench.rows),
-        "leaving_out.csv": bench.leaving_out,
-        "environment.json": bench.environment,
-    }
-    return write_report(out, report(bench, make_plots(bench)), data, figures=6)
+    tables = bench_table(bench.rows), slope_table(bench.fits), timing_table(bench.rows), reach(bench.rows)
+    data = dict(zip(DATA, (*tables, bench.leaving_out, bench.environment), strict=True))
+    return write_report(out, lambda: report(bench, make_plots(bench)), data, figures=6)
 
 
 def headline(bench: Bench) -> str:
@@ -131,7 +138,7 @@ def _reach(bench: Bench) -> list[Block]:
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
         told += [
-            Paragraph(f"**{words(quantity).capitalize()}**"),
+            Paragraph(Marked(f"**{words(quantity).capitalize()}**")),
             Table(head, tuple(line for _, line in sorted(lines))),
         ]
     return told or [Paragraph("Nothing was timed.")]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Paragraph, Picture, facts, table
+from screwgauge.report.blocks import Banner, Block, Marked, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, listed, missing, number, size
 from screwgauge.report.pages.bench import slopes, title
 from screwgauge.report.pages.sections import judged
@@ -24,6 +24,7 @@ ABSOLUTE = [
     *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
     *("steps", "evaluations", "status", "reason"),
 ]
+DATA = ("bench.csv", "forward.csv", "slopes.csv", "environment.json")
 SIX = 1e-6
 SHOWN = (
     "who = family | setting | observable off by = observable | energy off by [J] = energy | processor time = cpu | "
@@ -58,13 +59,9 @@ def write(found: Bench, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
     from screwgauge.report.figures.bench import make_plots
 
-    data = {
-        "bench.csv": bench_table(found.rows),
-        "forward.csv": absolute_table(found.rows),
-        "slopes.csv": slope_table(found.fits),
-        "environment.json": found.environment,
-    }
-    return write_report(out, report(found, make_plots(found)), data, figures=6)
+    tables = bench_table(found.rows), absolute_table(found.rows), slope_table(found.fits)
+    data = dict(zip(DATA, (*tables, found.environment), strict=True))
+    return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
 def _pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
@@ -123,7 +120,7 @@ def _rows(found: Bench) -> list[Row]:
     ]
     published = [
         {
-            "family": "*published*",
+            "family": Marked("*published*"),
             "setting": item.who,
             "label": item.who[:18],
             "status": "other machine",

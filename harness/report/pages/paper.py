@@ -12,7 +12,19 @@ import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.quantities import MAX_DIGITS
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Paragraph, Picture, Table, facts, section, table
+from screwgauge.report.blocks import (
+    Banner,
+    Block,
+    Folded,
+    Heading,
+    Marked,
+    Paragraph,
+    Picture,
+    Table,
+    facts,
+    section,
+    table,
+)
 from screwgauge.report.formatting import number, unit_text
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
@@ -23,6 +35,7 @@ from screwgauge.study.paper.errata import KINDS, Erratum
 from screwgauge.study.paper.measure import NUMBERS, Paper, is_the_papers, measured
 from screwgauge.study.provenance import provenance
 
+DATA = ("errata.csv", "environment.json")
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"
 MEANING = Paragraph(", ".join(f"{key} {word}" for key, word in KINDS.items()))
@@ -102,8 +115,8 @@ def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:
     from screwgauge.report.figures.paper import make_plots
 
     record, files = environment(), judged(provenance(load_scene(SCENE), {}, date=date))
-    blocks = report(paper, make_plots(paper.runs, paper.axial), {**files, **record})
-    return write_report(out, blocks, {"errata.csv": errata_frame(paper.errata), "environment.json": record})
+    data = dict(zip(DATA, (errata_frame(paper.errata), record), strict=True))
+    return write_report(out, lambda: report(paper, make_plots(paper.runs, paper.axial), {**files, **record}), data)
 
 
 def errata_section(scene: Scene) -> list[Block]:
@@ -112,4 +125,4 @@ def errata_section(scene: Scene) -> list[Block]:
         return []
     paper = measured()
     lead = f"{paper.reach.sentence} `screwgauge paper` writes this table, its plots and how it was measured."
-    return [Paragraph(lead), Folded(f"All {len(paper.errata)} measurements", (_shown(paper.errata), MEANING))]
+    return [Paragraph(Marked(lead)), Folded(f"All {len(paper.errata)} measurements", (_shown(paper.errata), MEANING))]

@@ -13,12 +13,13 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.environment import environment
-from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
+from screwgauge.report.blocks import Block, Heading, Marked, Paragraph, Table, facts
 from screwgauge.report.formatting import grouped, rows
 from screwgauge.report.write import write_report
 from screwgauge.study.campaign import CERTIFIED, ENGINES
 
 NAME = "random.csv"
+DATA = (NAME, "environment.json")
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 MEANING = """**agree**: all engines within tolerance; **estimated**: beyond it, but within the error that an engine
 estimates; **judged**: pairs agree, a residual of the judge is out of tolerance; **differ**: out of tolerance;
@@ -36,7 +37,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
     return [
         Heading("Random mechanisms", 1),
         Paragraph(_sentence(found)),
-        Paragraph(MEANING),
+        Paragraph(Marked(MEANING)),
         Heading("By family"),
         _families(found),
         Heading("Who did not agree, and why"),
@@ -52,7 +53,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``random.csv``, the report and ``environment.json``."""
     record = environment()
-    return write_report(out, report(found, record), {NAME: found, "environment.json": record})
+    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found, record), strict=True)))
 
 
 def _sentence(found: pd.DataFrame) -> str:

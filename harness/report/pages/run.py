@@ -16,18 +16,20 @@ from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
 from screwgauge.report.pages import sections
 from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
 from screwgauge.report.verdict import compared, first_difference, verdict
-from screwgauge.report.write import SAMPLES, check_writable, write_report
+from screwgauge.report.write import write_report
 from screwgauge.solution import REFERENCE, Timing
 from screwgauge.study.comparison import Comparison
 
 TIMING = "engine | setting | stage | samples = n_sample | min [s] = min_s | median [s] = median_s"
 SCALED = "scaled = max_scaled | digits | tolerance | = ok"
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
+DATA = ("errors.csv", "timings.csv", "environment.json", "summary.json")
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
@@ -103,16 +105,14 @@ def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool
     """Writes everything, see `screwgauge.report.results.Results.write`."""
     from screwgauge.report.figures.run import make_plots
 
-    check_writable(out, samples=samples)
     timings = pd.DataFrame(_timings(results), columns=list(Timing.__dataclass_fields__))
-    data = {
-        "errors.csv": results.errors[ERROR_COLUMNS],
-        "timings.csv": timings,
-        "environment.json": results.environment,
-    }
-    data |= {SAMPLES: _samples(results)} if samples else {}
-    told = report(results, make_plots(results), errata_section(results.scene) if errata else ())
-    return write_report(out, told, {**data, "summary.json": summary(results)})
+    tables = results.errors[ERROR_COLUMNS], timings, results.environment, summary(results)
+    data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: _samples(results)} if samples else {})
+
+    def tell() -> list[Block]:
+        return report(results, make_plots(results), errata_section(results.scene) if errata else ())
+
+    return write_report(out, tell, data)
 
 
 def _samples(results: Comparison) -> pd.DataFrame:

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.judging.conditioning import Guarded
 from screwgauge.reference.applied import Load
-from screwgauge.report.blocks import Block, Folded, Items, Paragraph, Table, cross_table, facts, folded, table
+from screwgauge.report.blocks import Block, Folded, Items, Marked, Paragraph, Table, cross_table, facts, folded, table
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, missing, number, rows, size, vector, words
 from screwgauge.report.pages.simulation import acting, simulated
 from screwgauge.report.verdict import compared
@@ -60,7 +60,7 @@ def every_pair(results: Comparison) -> list[Block]:
     if not found:
         return [Paragraph("No pairs: one engine has nothing to be compared with.")]
     bad, every = [row for row in found if not row["ok"]], folded(f"All {len(found)} pairs", _with_reason(found, PAIR))
-    return [Paragraph("**Out of tolerance**"), _with_reason(bad, PAIR), every] if bad else [every]
+    return [Paragraph(Marked("**Out of tolerance**")), _with_reason(bad, PAIR), every] if bad else [every]
 
 
 def judge(results: Comparison) -> list[Block]:

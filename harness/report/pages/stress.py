@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph, Picture, Table, facts
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, words
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.write import write_report
@@ -17,6 +17,7 @@ from screwgauge.study.cases.case import DEGRADED, REFUSED, SILENT, VERDICTS, Cas
 from screwgauge.study.stress import Stress
 
 BAD = (DEGRADED, REFUSED, SILENT)
+DATA = ("stress.csv", "environment.json")
 WHO = ("case", "engine", "digits")
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 
@@ -40,8 +41,8 @@ def write(found: Stress, out: Path) -> Path:
     """Writes report, page of small plots, table and environment."""
     from screwgauge.report.figures.stress import make_plots
 
-    data = {"stress.csv": found.table, "environment.json": found.environment}
-    return write_report(out, report(found, make_plots(found)), data, figures=6)
+    data = dict(zip(DATA, (found.table, found.environment), strict=True))
+    return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
 def _rows(found: Stress) -> list[Row]:
@@ -103,17 +104,19 @@ def _range(group: Sequence[Row]) -> str:
 
 def _case(case: Case, found: Sequence[Row]) -> list[Block]:
     """Heading, words, and for each quantity a table: a line for each severity, a column for each engine."""
-    told: list[Block] = [Heading(f"{case.name}: {case.title}"), Paragraph(case.about)]
+    told: list[Block] = [Heading(f"{case.name}: {case.title}"), Paragraph(Marked(case.about))]
     for (quantity,), some in grouped(found, "quantity").items():
         ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
         cells = [{**row, "cell": _digits(row)} for row in ladder]
         across = blocks.cross_table(cells, f"{case.axis} = severity", "engine", "cell")
         short = quantity == case.drawn or len(some) <= blocks.LONG
-        told += [Paragraph(f"**{quantity}**"), across] if short else [Folded(quantity, (across,))]
+        told += [Paragraph(Marked(f"**{quantity}**")), across] if short else [Folded(quantity, (across,))]
     refused = grouped([row for row in found if row["verdict"] == REFUSED], "engine", "reason")
     reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
     return [*told, Paragraph("Refused:"), Items(reasons)] if reasons else told
 
 
 def _digits(row: Row) -> str:
-    return "refused" if row["verdict"] == REFUSED else digits_text(row["error"]) + SHORT.get(row["verdict"], "")
+    if row["verdict"] == REFUSED:
+        return "refused"
+    return Marked(digits_text(row["error"]) + SHORT.get(row["verdict"], ""))

@@ -32,13 +32,13 @@ class Journal:
         self.times: dict[str, list[float]] = {}
         if path is None:
             return
-        try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-            self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
-        except (OSError, UnicodeDecodeError):
-            lines = []
-        records = list(filter(None, map(_parse, lines)))
-        if not records or records[0].get("stamp") != stamp:
+        text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+        records = list(filter(None, map(_parse, text.splitlines())))
+        if text.strip() and not (records and "stamp" in records[0]):
+            raise OutputError("is no journal of a bench", str(path), "move it, or choose another --out")
+        if not records or records[0]["stamp"] != stamp:
+            if records:
+                self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
             self._write("w", stamp=stamp)
             return
         for record in records[1:]:

@@ -1,0 +1,105 @@
+"""What commands say and how they end: on streams that are closed, full or know few signs, and when stopped."""
+
+from __future__ import annotations
+
+import codecs
+import errno
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from types import FrameType
+
+from screwgauge.reference.errors import OutputError, ScrewgaugeError
+
+#: What a stream says that does not know a sign: as long as the sign, so that columns stay where they are.
+SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
+STOPS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+BROKEN = 3  # exit status of what nobody foresaw
+_FALLBACK = "screwgauge.signs"
+_stopped_by: list[int] = []
+
+
+@contextmanager
+def console() -> Iterator[None]:
+    """Makes the streams fit to be written to; SIGTERM ends a command as Ctrl-C does, and everything is cleaned up."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:  # the next file that is opened would get this number, and what is meant for the stream
+            os.open(os.devnull, os.O_RDWR)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8", closefd=False)
+    codecs.register_error(_FALLBACK, _fall_back)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors=_FALLBACK)
+    _stopped_by.clear()
+    main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, _stop) for number in STOPS} if main else {}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _fall_back(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(SIGNS.get(sign, "?") for sign in error.object[error.start : error.end]), error.end
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    _stopped_by.append(number)
+    raise KeyboardInterrupt
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Prints; a reader of the pipe who has gone changes nothing about the exit status.
+
+    Raises:
+        OutputError: Standard output is closed, or there is no room.
+    """
+    try:
+        if sys.stdout is None:
+            raise OSError(errno.EBADF, "it is closed")
+        print(text, end=end, flush=True)
+    except OSError as error:
+        if sys.stdout is not None:  # what is left is written once more when Python ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            reason = (error.strerror or str(error)).lower()
+            what = f"standard output cannot be written ({reason})"
+            raise OutputError(what, "", "redirect it, to /dev/null if nobody reads it") from None
+
+
+def complain(text: str) -> None:
+    """Prints on standard error, if that takes anything."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
+
+
+def ended(error: BaseException, *, debug: bool) -> int:
+    """Says in one sentence why a command ended early, or shows the traceback.
+
+    Returns:
+        The exit status.
+    """
+    if _stopped_by or isinstance(error, KeyboardInterrupt):  # inside a library's import it may have become another one
+        number = _stopped_by[0] if _stopped_by else signal.SIGINT
+        left = str(error) if isinstance(error, KeyboardInterrupt) else ""
+        complain(f"screwgauge: {STOPS[signal.Signals(number)]}; {left or 'nothing was written'}.")
+        return 128 + number
+    known = isinstance(error, ScrewgaugeError)
+    if debug:
+        complain("".join(traceback.format_exception(error)))
+    elif known:
+        complain(f"screwgauge: {error}")
+    else:
+        what = f"this should not have happened ({type(error).__name__}: {error})"
+        complain(f"screwgauge: {ScrewgaugeError(what, '', 'run it again with --debug and report what that shows')}")
+    return error.exit_status if isinstance(error, ScrewgaugeError) else BROKEN

@@ -1,0 +1,142 @@
+"""A folder that reports are written into: what in it is theirs, and how files get there, all or none."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from importlib.util import find_spec
+from pathlib import Path, PurePosixPath
+from uuid import uuid4
+
+import pandas as pd
+
+from screwgauge.environment import json_text
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.files import read_file
+
+SAMPLES = "samples.parquet"
+PAGES = ("report.md", "report.html")
+MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the folder is replaced or removed
+WORKING = ("random.csv", "bench.partial.jsonl")  # grow before there is a report; who adds to them looks whose they are
+
+
+def check_writable(out: Path, names: Iterable[str] = ()) -> None:
+    """Finds out before a long computation whether its report can be written; leaves nothing behind.
+
+    Args:
+        names: Of all files but those of the report's pages.
+
+    Raises:
+        OutputError: The folder cannot be written, or holds something else of that name.
+    """
+    names = (*names, *PAGES, MANIFEST)
+    if SAMPLES in names and find_spec("pyarrow") is None:
+        raise OutputError(f"{SAMPLES} needs pyarrow, which is not installed", "", "run pip install pyarrow")
+    made: list[Path] = []
+    try:
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+        shutil.rmtree(_stage(out))
+        _check_own(out, names)
+    except (OSError, ValueError) as error:  # a path with a null byte
+        raise _cannot(out, error) from error
+    finally:
+        for folder in made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
+
+def _check_own(out: Path, names: Iterable[str]) -> None:
+    """Refuses to touch what no report wrote, and to follow links out of the folder."""
+    ours = {*WORKING, MANIFEST}
+    for name in (MANIFEST, "plots", *names):
+        path = out / name
+        odd = ""
+        if path.is_symlink():
+            odd = "is a link"
+        elif path.exists() and path.is_dir() is not (name == "plots"):
+            odd = "is a folder" if path.is_dir() else "is no folder"
+        elif name != "plots" and path.exists() and name not in ours | written(out):
+            odd = f"is there, and {MANIFEST} does not name it as one of an earlier report"
+        if odd:
+            raise OutputError(f"{name} {odd}", str(out), "move it, or choose another folder with --out")
+
+
+def written(out: Path) -> set[str]:
+    """Names of the files that the report in a folder consists of; none if there is no report."""
+    if not os.path.lexists(out / MANIFEST):
+        return set()
+    try:
+        names = [PurePosixPath(name) for name in json.loads(read_file(out / MANIFEST))["files"]]
+    except (DescriptionError, ValueError, TypeError, KeyError):
+        raise OutputError(
+            f"{MANIFEST} is no list of a report's files", str(out), "move it, or choose another folder with --out"
+        ) from None
+    return {str(name) for name in names if str(name.parent) in (".", "plots") and name.name not in ("", "..", MANIFEST)}
+
+
+def put_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str]) -> None:
+    """Writes files of a report that has others, too."""
+    names = sorted({*files, *others})
+    write_files(out, {MANIFEST: json_text({"files": names}), **files})
+
+
+def write_files(out: Path, files: Mapping[str, str | pd.DataFrame]) -> Path:
+    """Writes files into a new folder beside their place, then moves them there.
+
+    Args:
+        files: Path below `out` -> text, or table for Parquet.
+
+    Raises:
+        OutputError: The folder cannot be written; it is then as it was before.
+    """
+    stage = None
+    try:
+        stage = _stage(out)
+        for name, content in files.items():
+            path = stage / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(content, str):
+                # a path that is no text, such as that of a scene, is written with escapes
+                path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
+            else:
+                content.to_parquet(path, index=False)
+        _move(stage, out)
+    except (OSError, ValueError) as error:
+        raise _cannot(out, error) from error
+    finally:
+        if stage is not None and stage.exists():
+            shutil.rmtree(stage, ignore_errors=True)
+    return out
+
+
+def _stage(out: Path) -> Path:
+    """An empty folder on the same disk: in `out` where that exists (it may be a mount), else beside it."""
+    out = out.absolute()
+    if "\0" in str(out):
+        raise ValueError("it holds a null byte")
+    if out.exists() and not out.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "it is a file")
+    home = out if out.is_dir() else out.parent
+    home.mkdir(parents=True, exist_ok=True)
+    stage = home / f".screwgauge-{uuid4().hex[:8]}"
+    stage.mkdir()
+    return stage
+
+
+def _move(stage: Path, out: Path) -> None:
+    """Puts the files in place by renaming: their list first, and last ``summary.json``, the sign that all are there."""
+    if not out.exists():
+        stage.rename(out)
+        return
+    names = sorted(path.relative_to(stage).as_posix() for path in stage.rglob("*") if path.is_file())
+    for name in sorted(names, key=lambda name: (name != MANIFEST, name == "summary.json")):
+        (out / name).parent.mkdir(exist_ok=True)
+        os.replace(stage / name, out / name)
+
+
+def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
+    reason = (getattr(error, "strerror", None) or str(error)).lower()
+    return OutputError(f"the folder cannot be written ({reason})", str(out), "choose another with --out")

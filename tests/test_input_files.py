@@ -1,0 +1,206 @@
+"""Whatever a path leads to, it is read or refused at once in one sentence; so is more than anyone can work with."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from screwgauge import ScrewgaugeError, load_scene
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import model_texts
+from screwgauge.models.loops import read_loops
+from screwgauge.reference.errors import DescriptionError, ModelFileError
+from screwgauge.reference.files import LIMITS, beside, read_file
+
+BOM = b"\xef\xbb\xbf"
+ROD = (
+    'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'
+    'joints.h = { kind = "R", parent = "ground", child = "rod", axes = [[1, 0, 0]], actuated = true }\n'
+)
+SCENE = 'mechanism = "rod.toml"\nmotion = { csv = "motion.csv" }\n'
+CSV = "t,x,xd,xdd\n0,0,0,0\n1,0,0,0\n"
+FILES = {"scene.toml": SCENE, "rod.toml": ROD, "motion.csv": CSV}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def models(paper):
+    return model_texts(paper)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_byte_order_mark_is_no_part_of_the_text(name, folder):
+    (folder / name).write_bytes(BOM + FILES[name].encode())
+    assert len(load_scene(folder / "scene.toml").t) == 2
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda path: os.mkfifo(path), "cannot be read (it is no regular file)"),
+        (lambda path: path.symlink_to("/dev/zero"), "cannot be read (it is no regular file)"),
+        (lambda path: path.mkdir(), "cannot be read (is a directory)"),
+        (lambda path: None, "cannot be read (it does not exist)"),
+        (lambda path: path.symlink_to(path), "cannot be read (too many levels of symbolic links)"),
+        (lambda path: path.write_bytes(b"# \xe4\n"), "is not UTF-8 text"),
+    ],
+)
+def test_what_is_no_text_file_is_refused_at_once(name, make, said, folder, refused):
+    (folder / name).unlink()
+    make(folder / name)
+    assert f"{folder / name}: {said}" in refused("run", folder / "scene.toml")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_is_too_large_is_refused_unread(name, folder, refused, monkeypatch):
+    monkeypatch.setitem(LIMITS, "MB of CSV", 1)
+    monkeypatch.setitem(LIMITS, "MB", 1)
+    with (folder / name).open("r+b") as file:
+        file.truncate(1_000_001)
+    most = "MB of CSV" if name.endswith("csv") else "MB"
+    assert f"{name}: cannot be read (it has more than 1 {most})" in refused("run", folder / "scene.toml")
+
+
+def test_a_path_of_null_bytes_is_refused(folder):
+    with pytest.raises(DescriptionError, match="cannot be read"):
+        read_file(folder / "a\0b")
+
+
+@pytest.mark.parametrize("name", ["no/such.toml", "./scene", "such.toml", "/"])
+@pytest.mark.parametrize("load", [load_scene, load_mechanism])
+def test_a_missing_path_is_no_unknown_name(name, load):
+    with pytest.raises(DescriptionError, match=r"cannot be read \((it does not exist|is a directory)\)"):
+        load(name)
+
+
+def test_the_users_own_folder_is_known_in_every_path(folder, monkeypatch):
+    monkeypatch.setenv("HOME", str(folder))
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    text = SCENE.replace('"rod', '"~/rod').replace('"motion', '"~/motion') + 'models.screw = "~/rod.toml"\n'
+    (elsewhere / "scene.toml").write_text(text, encoding="utf-8")
+    (elsewhere / "more.toml").write_text('extends = "~/rod.toml"\nname = "more"\n', encoding="utf-8")
+    scene = load_scene("~/elsewhere/scene.toml")
+    assert scene.models["screw"] == scene.mechanism_file == folder / "rod.toml"
+    assert load_mechanism("~/elsewhere/more.toml").name == "more"
+    assert beside(folder, "~nobody-of-that-name/x") == folder / "~nobody-of-that-name/x"
+
+
+@pytest.mark.parametrize("key", ["title", "description", '"\\u001b[31m"', "figures = [{ panels"])
+@pytest.mark.parametrize("character", ["\\u001b[2J", "\\u0000", "\\u009b", "\\u007f", "\\b"])
+def test_control_characters_are_refused(key, character, folder):
+    (folder / "scene.toml").write_text(f'title = "{character}"\n{SCENE}', encoding="utf-8")
+    with pytest.raises(DescriptionError, match=r"holds the control character U\+00"):
+        load_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("what", "old", "new"),
+    [
+        ("samples", "motion =", "time = { duration = 1, step = 1e-9 }\nmotion ="),
+        ("harmonics", 'csv = "motion.csv"', f"x.harmonics = {[[0, 0, 0]] * 1001}"),
+        ("coefficients", 'csv = "motion.csv"', f"x.polynomial = {[0] * 101}"),
+        ("entries", "motion =", f"loads = {[0] * 1001}\nmotion ="),
+        ("panels", "motion =", "figures = [{ title = '', quantity = 'joint_position', unit = '', panels = "
+         f"{{ {', '.join(f'p{i} = []' for i in range(25))} }} }}]\nmotion ="),
+    ],
+)  # fmt: skip
+def test_a_scene_of_more_than_anyone_can_work_with_is_refused(what, old, new, folder):
+    (folder / "scene.toml").write_text(SCENE.replace(old, new), encoding="utf-8")
+    with pytest.raises(DescriptionError, match=re.escape(f"{what}, more than {LIMITS[what]:.6g}")):
+        load_scene(folder / "scene.toml")
+
+
+def test_a_csv_with_too_many_columns_is_refused(folder):
+    (folder / "motion.csv").write_text("# a comment\n" + "t," * 1_000_000 + "x\n", encoding="utf-8")
+    with pytest.raises(DescriptionError, match="1e\\+06 CSV columns, more than 1000"):
+        load_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize("what", ["bodies", "joints"])
+def test_a_mechanism_of_too_many_parts_is_refused(what, folder):
+    more = "\n".join(f"{what}.x{i} = {{}}" for i in range(LIMITS[what]))
+    (folder / "rod.toml").write_text(ROD + more, encoding="utf-8")
+    with pytest.raises(DescriptionError, match=f"rod.toml: {LIMITS[what] + 1} {what}, more than {LIMITS[what]}"):
+        load_mechanism(folder / "rod.toml")
+
+
+def test_a_number_that_is_a_novel_is_refused(folder):
+    (folder / "rod.toml").write_text(ROD.replace("mass = 1", f'mass = "{"1+" * 500_000}1"'), encoding="utf-8")
+    with pytest.raises(DescriptionError, match="characters, more than 1000"):
+        load_mechanism(folder / "rod.toml")
+
+
+@pytest.mark.parametrize(("engine", "suffix"), [("pinocchio", ".urdf"), ("mujoco", ".xml")])
+@pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo"])
+def test_a_model_file_is_read_as_all_others(engine, suffix, damage, models, tmp_path, paper_scene, refused, capfd):
+    from screwgauge.cli import main
+
+    text = models[f"3ups-upu-s{suffix}"].encode()
+    end = text.rindex(b"</")
+    many = {".urdf": b"<link name='x'/>", ".xml": b"<worldbody>" + b"<body></body>" * 2001 + b"</worldbody>"}
+    data = {
+        "bom": BOM + text,
+        "latin-1": text + b"<!-- \xe4 -->",
+        "links": text[:end] + (many[suffix] * 2001 if suffix == ".urdf" else many[suffix]) + text[end:],
+    }
+    if damage == "fifo":
+        os.mkfifo(tmp_path / f"own{suffix}")
+    else:
+        (tmp_path / f"own{suffix}").write_bytes(data[damage])
+    scene = paper_scene(models=f'models.{engine} = "own{suffix}"')
+    command = ["run", str(scene), "--engines", f"screw,{engine}", "--quantities", "generalized_force"]
+    if damage == "bom":
+        assert main([*command, "--out", str(tmp_path / "out")]) == 0
+        return
+    said = refused(*command)
+    assert re.search("is not UTF-8 text|links, more than 2000|does not exist", said)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ('bodies = ["leg1.lower"', 'bodies = ["leg1.lower", "leg1.lower"', "bodies: names 'leg1.lower' twice"),
+        ('tree = ["leg1.q1"', 'tree = ["leg1.q1", "leg1.q1"', "tree: names 'leg1.q1' twice"),
+        ('coordinates = ["s.q1"', 'coordinates = ["leg1.q1"', "joints: names 'leg1.q1' twice"),
+    ],
+)
+def test_a_loops_file_that_names_something_twice_is_refused(old, new, what, models, write):
+    text = models["3ups-upu-s.loops.toml"]
+    assert old in text
+    with pytest.raises(ModelFileError, match=what):
+        read_loops(write("own.loops.toml", text.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ('"leg2.base".parent_frame.position = ["0.8", 0.1, 0]', r"stays open by \S+ m at"),
+        ('"leg2.base".home = [0.1, 0]', r"stays open by \S+ rad and \S+ m at"),
+        ('"s".home = [0.1, 0, 0]', "stays open by"),
+    ],
+)
+def test_a_loop_that_stays_open_says_how_far_in_its_unit(change, said, write):
+    path = write("open.toml", f'extends = "3ups-upu-s"\nname = "open"\njoints.{change}\n')
+    from screwgauge.scene.preflight import check_home
+
+    with pytest.raises(ScrewgaugeError, match=said) as caught:
+        check_home(load_mechanism(path))
+    assert "rad or m" not in str(caught.value)
+    assert re.search(r"by \S+ (rad|m)( and \S+ m)? at", str(caught.value))
+
+
+def test_limits_are_documented():
+    text = (Path(__file__).parents[1] / "harness/scenes/README.md").read_text(encoding="utf-8")
+    for what, most in LIMITS.items():
+        assert re.search(rf"^\| {what}\b.* \| {most} \|$", text, re.MULTILINE), what
