@@ -121,15 +121,22 @@ class Scene:
         """The same scene under other gravity, loads, springs or motors (fields of `Applied`)."""
         return replace(self, applied=replace(self.applied, **changes))
 
-    def problem(self, wanted: Sequence[str] | frozenset[str], *, own_gravity: bool = False) -> Problem:
+    def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
         """The question that the scene puts to every engine.
 
         Args:
             wanted: Names of quantities.
-            own_gravity: The model file keeps the gravity that it says.
+            engine: Whom it is put to, see `acting_on`; nobody in particular by default.
         """
-        applied = replace(self.applied, gravity=None) if own_gravity else self.applied
-        return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording())
+        return Problem(self.acting_on(engine), self.task, frozenset(wanted), self.rule, self.wording())
+
+    def acting_on(self, engine: str) -> Applied:
+        """What acts on the model of an engine: an MJCF of the user's own keeps the gravity that it says.
+
+        That, too, is judged. A URDF and a description say none.
+        """
+        own = self.models.get(engine)
+        return self.applied if own is None or own.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
         """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""

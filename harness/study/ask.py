@@ -128,8 +128,7 @@ def ask_engines(
         progress(name, 0.0)
         method, own = Method(name), name in scene.models
         try:
-            # a model file of one's own keeps its own gravity, if its format has one: that, too, is judged
-            problem = scene.problem(wanted, own_gravity=own and get_engine(name).reads == ".xml")
+            problem = scene.problem(wanted, name)
             model = method.load(model_files(scene, name, folder))
             answer = model.solve(_ordered(problem, scene, model), partial(progress, name))
             answer = replace(answer, engine=name)

@@ -104,7 +104,8 @@ def outcome(posed: Posed, contestant: Contestant, problem: Problem, solution: So
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
     observed = observe(layout(scene.mechanism), scene.observables, q)
     error = score(observed, right, posed.reference.scales["observable"])
-    energy = next(energy_balance(answer_at(scene.mechanism, problem, solution, np.arange(m))), {})
+    judged = replace(problem, applied=scene.applied)  # a model file of one's own may have another gravity
+    energy = next(energy_balance(answer_at(scene.mechanism, judged, solution, np.arange(m))), {})
     reason = solution.stopped or (f"only {m} of {len(scene.t)} samples" if m < len(scene.t) else error.reason)
     wall, cpu = times.min(axis=0).tolist()
     return Outcome(

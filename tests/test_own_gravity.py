@@ -1,0 +1,64 @@
+"""An MJCF of the user's own keeps the gravity that it says, whatever is made of the scene; the judge goes by the scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.generate import write_models
+from screwgauge.study.bench.contestant import Contestant
+from screwgauge.study.bench.forward_contestants import simulation
+from screwgauge.study.bench.forward_score import outcome, simulated
+from screwgauge.study.method import Method
+
+MUJOCO = Contestant("mujoco", "mujoco", "", Method("mujoco"), simulation, ("observable",), "")
+OTHERS = [
+    ("a02-fourbar-2", "0 0 0"),
+    ("a02-fourbar-2", "0 9.81 0"),
+    ("a05-governor", "0 0 9.81"),
+    ("3ups-upu-s", "0 0 0"),
+]
+
+
+@pytest.fixture
+def under(tmp_path):
+    """A scene on whose MJCF another gravity acts than on all else, or the same."""
+
+    def make(name: str, gravity: str = ""):
+        scene = screwgauge.load_scene(name).at([0.0, 0.01])
+        write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
+        path = tmp_path / f"{scene.mechanism.name}.xml"
+        tree = ET.parse(path)
+        if gravity:
+            tree.getroot().find("option").set("gravity", gravity)
+        tree.write(path)
+        return replace(scene, models={"mujoco": path})
+
+    return make
+
+
+@pytest.mark.parametrize(("name", "gravity"), OTHERS)
+def test_another_gravity_is_noticed_and_judged(name, gravity, under):
+    results = screwgauge.run(under(name, gravity), engines=["screw", "mujoco"])
+    assert results.exit_status == 1
+    assert not results.pairs["ok"].all()
+    assert set(results.judge[~results.judge["ok"]]["engine"]) == {"mujoco"}
+
+
+@pytest.mark.parametrize("name", ["a05-governor", "a02-fourbar-2"])
+def test_a_file_that_says_the_same_gravity_agrees(name, under):
+    assert screwgauge.run(under(name), engines=["screw", "mujoco"]).ok
+
+
+@pytest.mark.parametrize(("gravity", "noticed"), [("", False), ("0 9.81 0", True)])
+def test_the_bench_of_a_simulation_asks_the_same(gravity, noticed, under, tmp_path):
+    posed = simulated(replace(under("a02-fourbar-2", gravity), known=None), tmp_path)
+    asked = MUJOCO.ask(posed)
+    (problem,) = asked.problems
+    found = outcome(posed, MUJOCO, problem, MUJOCO.method.load(asked.files).solve(problem), np.ones((1, 2)))
+    assert (found.scaled > 1e-6) is noticed
+    assert (found.energy_scaled > 1e-6) is noticed
