@@ -130,7 +130,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch):
     def put(**functions: Callable[[Problem], object]) -> None:
         for name, function in functions.items():
             module = ModuleType(f"stand_in_for_{name}")
-            model = SimpleNamespace(solve=lambda problem, progress, function=function: function(problem))
+            model = SimpleNamespace(solve=lambda problem, progress=None, function=function: function(problem))
             module.load = lambda files, model=model: model
             monkeypatch.setitem(sys.modules, module.__name__, module)
             monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=f"{module.__name__}:load"))

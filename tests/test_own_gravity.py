@@ -1,4 +1,4 @@
-"""An MJCF of the user's own keeps the gravity that it says, whatever is made of the scene; the judge goes by the scene."""
+"""An MJCF of the user's own keeps the gravity that it says, whatever is made of the scene; the scene's is judged."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, entry_points, version
@@ -50,6 +50,7 @@ class Engine:
         package: Distribution that has to be installed.
         reads: Ending of its model file.
         cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
+        lacks: Quantity that it cannot give -> why not. Whatever else it is asked for, it has to give.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Engine:
     package: str
     reads: str = ".toml"
     cut: str = ""
+    lacks: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def installed(self) -> bool:
@@ -110,6 +112,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
+_OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -118,7 +121,7 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
-        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint"),
+        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint", lacks=_OPEN),
     )
 }
 

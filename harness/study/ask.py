@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import tempfile
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from screwgauge.engines.registry import Engine, Model, get_engine
+from screwgauge.engines.registry import Engine, Model, engines, get_engine
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
@@ -32,15 +33,21 @@ def silent(step: str, share: float) -> None:
 
 
 def solve(
-    scene: Scene, engines: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
+    scene: Scene, names: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
     """Puts a scene to the engines as it is: nothing is checked before, nothing compared after.
 
     Returns:
         What each engine answered, and why the others did not.
     """
+    wanted = frozenset(quantities)
     with generated(scene) as folder:
-        return ask_engines(scene, engines, quantities, folder, progress)
+        answers, failures = ask_engines(scene, names, wanted, folder, progress)
+    for name, answer in [*answers.items()]:
+        if lost := left_out(name, wanted, answer):
+            failures[name] = Failure(name, without(lost))
+            del answers[name]
+    return answers, failures
 
 
 @contextmanager
@@ -68,12 +75,42 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
     return f"not installed ({error}); pip install {package}"
 
 
-def failure(error: Exception, method: Method, folder: Path) -> Failure:
+def failure(error: BaseException, method: Method, folder: Path) -> Failure:
     """What a method raised, in one line and without the folder of generated files, which goes with them."""
     reason = f"{type(error).__name__}: {' '.join(str(error).split()).replace(f'{folder}/', '')}"
     if isinstance(error, ImportError):
         reason = missing(error, get_engine(method.engine))
     return Failure(method.name, reason, "".join(traceback.format_exception(error)))
+
+
+def left_out(engine: str, wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
+    """Quantities that an engine was asked for and does not give, other than those that its entry excepts."""
+    return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in _lacks(engine))
+
+
+def _lacks(engine: str) -> Mapping[str, str]:
+    """What the entry of an engine excepts; nothing of a method that has no entry, such as the paper's scheme."""
+    return engines()[engine].lacks if engine in engines() else {}
+
+
+def without(quantities: Iterable[str]) -> str:
+    """What is said of an answer that has no such quantities."""
+    return f"gives no {', '.join(quantities)}, though asked for"
+
+
+class LeftOutError(Exception):
+    """An answer without all that was asked for."""
+
+
+def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
+    """The answer, if it has all that was asked for.
+
+    Raises:
+        LeftOutError: It has not.
+    """
+    if lost := left_out(engine, problem.wanted, answer):
+        raise LeftOutError(without(lost))
+    return answer
 
 
 class TooLongError(Exception):
@@ -92,12 +129,12 @@ def within(seconds: float) -> Progress:
 
 
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
-    """Loads a model and puts a problem to it; only being stopped is raised."""
+    """Loads a model and puts a problem to it, which has to be answered in full; only being stopped is raised."""
     try:
-        return method.load(files).solve(problem, progress)
+        return check_whole(method.engine, problem, method.load(files).solve(problem, progress))
     except TooLongError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return failure(error, method, files.model.parent)
 
 
@@ -132,13 +169,19 @@ def ask_engines(
             model = method.load(model_files(scene, name, folder))
             answer = model.solve(_ordered(problem, scene, model), partial(progress, name))
             answer = replace(answer, engine=name)
+            answer = replace(answer, notes=(*answer.notes, *_excepted(name, wanted)))
             _check_answer(answer, len(scene.t), expected or {})
             solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
-        except Exception as error:  # whatever an engine raises becomes a row, so that the others go on
+        except (Exception, SystemExit) as error:  # whatever an engine raises becomes a row, so that the others go on
             if own and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
                 raise
             failures[name] = failure(error, method, folder)
     return solutions, failures
+
+
+def _excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
+    """What an engine says of quantities that were asked for and that it cannot give."""
+    return (f"gives no {name}: {why}" for name, why in _lacks(engine).items() if name in wanted)
 
 
 def _orders(answer: Solution, mechanism: Mechanism, expected: Expected) -> Expected:

@@ -20,7 +20,7 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, failure, silent
+from screwgauge.study.ask import Report, check_whole, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.forward_score import Outcome
@@ -209,13 +209,15 @@ class _Work:
                 self.kept.keep(contestant.key, self._scored(contestant, asked, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
-        except Exception as error:  # a contestant that fails is a row
+        except (Exception, SystemExit) as error:  # a contestant that fails is a row
             reason = failure(error, contestant.method, self.posed.folder).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
     def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
+        for problem, solution in zip(asked.problems, solutions, strict=True):
+            check_whole(contestant.method.engine, problem, solution)
         scores = contestant.scores(asked, solutions)
         return {"status": OK, "n_sample": asked.n_sample, "first": seconds, "scores": scores}
 

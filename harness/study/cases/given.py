@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.models.generate import write_models
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import QUANTITIES as KNOWN
+from screwgauge.quantities import GIVEN
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.study.ask import solve
@@ -27,7 +27,7 @@ ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
 ENGINES = ("screw", "pinocchio", "mujoco")
 QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
 #: What the judge needs, and what a truth has.
-JUDGED = tuple(name for name in KNOWN if not name.startswith("tree_force"))
+JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
 
 def exactly(value: float) -> str:
