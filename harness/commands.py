@@ -48,14 +48,17 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
+    from screwgauge.study.apart import Limits
 
+    given = {"seconds": options.limit, "memory": options.memory}
+    limits = Limits(**{name: value for name, value in given.items() if value is not None})
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     results = _study(
         page,
         out,
-        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn),
+        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn, limits=limits),
         show=not options.json,
         samples=options.samples,
         errata=options.errata,

@@ -31,6 +31,8 @@ from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import observe
 from screwgauge.scene.read import FOLDER, load_scene
+from screwgauge.study import apart
+from screwgauge.study.ask import in_turn
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.registry import contestants
 from screwgauge.study.bench.run import Bench, Plan, bench
@@ -48,6 +50,13 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SCREWGAUGE_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.fixture(autouse=True)
+def here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines run in this process, where tests put others in their place; unless a test is marked `isolated`."""
+    if request.node.get_closest_marker("isolated") is None:
+        monkeypatch.setattr(apart, "apart", lambda works, limits, folder, report: in_turn(works, report))
 
 
 @pytest.fixture(scope="session")

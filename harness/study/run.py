@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -29,18 +29,13 @@ from screwgauge.scene.preflight import beyond_limits, check_actuation, check_sce
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
-from screwgauge.study.ask import (
-    Expected,
-    Report,
-    ask_engines,
-    generated,
-    left_out,
-    model_files,
-    silent,
-    without,
-)
+from screwgauge.study.ask import Report, ask_engines, generated, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
+from screwgauge.study.whole import Expected, left_out, without
+
+if TYPE_CHECKING:
+    from screwgauge.study.apart import Limits
 
 _MOTION = SIMULATED[:3]
 
@@ -57,6 +52,7 @@ def run(
     progress: Report = silent,
     warn: Callable[[str], None] = lambda sentence: None,
     date: datetime | None = None,
+    limits: Limits | None = None,
 ) -> Comparison:
     """Puts a scene to the engines, compares all pairs and judges each. Where there is a start, it is integrated.
 
@@ -66,6 +62,7 @@ def run(
         progress: Called as work goes on.
         warn: Called with a sentence on what may take long or go wrong, before it begins.
         date: That the report bears; now by default.
+        limits: What each engine may take in a process of its own; by default they run in this one.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
@@ -77,7 +74,7 @@ def run(
         warn(sentence)
     with generated(scene) as folder:
         asked = _of_engines(wanted) if scene.simulated else wanted
-        answers, failures = ask_engines(scene, names, asked, folder, progress, expected)
+        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)

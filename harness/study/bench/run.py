@@ -20,7 +20,7 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, check_whole, failure, silent
+from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.forward_score import Outcome
@@ -32,6 +32,7 @@ from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
+from screwgauge.study.whole import check_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +211,8 @@ class _Work:
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
         except (Exception, SystemExit) as error:  # a contestant that fails is a row
-            reason = failure(error, contestant.method, self.posed.folder).reason
+            method = contestant.method
+            reason = failure(error, method.name, self.posed.folder, get_engine(method.engine)).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
     def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
