@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from copyreg import __newobj__
 from difflib import get_close_matches
 from typing import Any
 
@@ -24,7 +23,11 @@ class ScrewgaugeError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is: children are made from other facts."""
-        return __newobj__, (type(self), *self.args), vars(self)
+        return _again, (type(self), str(self)), vars(self)
+
+
+def _again(kind: type[ScrewgaugeError], message: str) -> ScrewgaugeError:
+    return kind.__new__(kind, message)
 
 
 def _one_line(text: str, most: int) -> str:

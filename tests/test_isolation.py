@@ -10,7 +10,7 @@ from functools import partial
 import bad_works
 import numpy as np
 import pytest
-from asking import check_same
+from asking import check_same, further_engines
 
 import screwgauge
 from screwgauge.cli import main
@@ -122,6 +122,12 @@ def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, 
     printed = capfd.readouterr()
     assert printed.err == ""
     assert "FAILED: An engine failed: mujoco: crashed: its process got SIGABRT." in " ".join(printed.out.split())
+
+
+def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(paper_scene):
+    with further_engines({"bad": "aborts_on_import:ENGINE"}):
+        results = screwgauge.run(screwgauge.load_scene(paper_scene()), ["bad"], ["joint_position"], limits=Limits())
+    assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
 
 
 def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, capfd, no_progress):

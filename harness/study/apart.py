@@ -55,7 +55,10 @@ class Limits:
 
 
 def apart(
-    works: Mapping[str, Callable[[Progress], T]], limits: Limits, folder: Path, report: Callable[[str, float], None]
+    works: Mapping[str, Callable[[Progress], T | Failure]],
+    limits: Limits,
+    folder: Path,
+    report: Callable[[str, float], None],
 ) -> dict[str, T | Failure]:
     """Does all works at once, as far as cores allow, each in the process of its name.
 
@@ -70,7 +73,7 @@ def apart(
     Raises:
         ScrewgaugeError: Raised by a work; the others are stopped.
     """
-    waiting, running, found = [*works], dict[Future[T], tuple[str, float]](), dict[str, T | Failure]()
+    waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, float]](), dict[str, T | Failure]()
     try:
         while waiting or running:
             while waiting and len(running) < cpu_count():
@@ -95,7 +98,7 @@ def apart(
     return {name: found[name] for name in works}
 
 
-def _limited(name: str, work: Callable[[Progress], T], limits: Limits, file: Path) -> T | Failure:
+def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, file: Path) -> T | Failure:
     """Does a work within its limit of memory. Its process is not interrupted from the keyboard: its parent is."""
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -123,7 +126,7 @@ def _stop(name: str) -> None:
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
 
 
-def _result(name: str, work: Future[T]) -> T | Failure:
+def _result(name: str, work: Future[T | Failure]) -> T | Failure:
     """What a work returned, or how its process ended."""
     error = work.exception()
     if error is None:

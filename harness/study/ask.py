@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from screwgauge.engines.registry import Engine, Model, engines, get_engine
+from screwgauge.engines.registry import Engine, Model, engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
@@ -106,7 +107,8 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     except TooLongError:
         raise
     except (Exception, SystemExit) as error:
-        return failure(error, method.name, files.model.parent, engines().get(method.engine))
+        entry = get_engine(method.engine) if method.engine in engine_names() else None
+        return failure(error, method.name, files.model.parent, entry)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,6 +203,21 @@ def ask_engines(
         except Exception as error:
             failures[name] = questions[name].failure(error)
     return solutions, failures
+
+
+def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
+    """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
+    from screwgauge.study.apart import apart
+
+    entries = not_loaded(names)
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        works = {name: partial(_load_entry, entry) for name, entry in entries.items()}
+        for name, engine in apart(works, limits, Path(folder), progress).items():
+            keep(entries[name], None if isinstance(engine, Failure) else engine)
+
+
+def _load_entry(entry: EntryPoint, progress: Progress) -> Engine | None:
+    return load_entry(entry)
 
 
 def in_turn(questions: Mapping[str, _Question], progress: Report) -> dict[str, Solution | Failure]:

@@ -29,7 +29,7 @@ from screwgauge.scene.preflight import beyond_limits, check_actuation, check_sce
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
-from screwgauge.study.ask import Report, ask_engines, generated, model_files, silent
+from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 from screwgauge.study.whole import Expected, left_out, without
@@ -68,6 +68,9 @@ def run(
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
     names, wanted = _asked(scene, engines, quantities)
+    if limits is not None:
+        load_engines(names, limits, progress)
+    check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task))
     progress("preflight", 0.0)
     counted, expected, lay, warnings = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
     for sentence in warnings:
@@ -145,8 +148,7 @@ def _asked(
         if not is_file(file):
             what = f"model file of {engine} does not exist ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
-    task = type(scene.task)
-    names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)
+    names = check_engines(scene.engines, where) if engines is None else check_engines(engines)
     known = SIMULATED if scene.simulated else GIVEN
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:

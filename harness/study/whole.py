@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from screwgauge.engines.registry import engines
+from screwgauge.engines.registry import engine_names, get_engine
 from screwgauge.problem import Problem
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import ModelFileError
@@ -35,7 +35,7 @@ def excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
 
 def _lacks(engine: str) -> Mapping[str, str]:
     """What an entry excepts; nothing of a method that has no entry, such as the paper's scheme."""
-    return engines()[engine].lacks if engine in engines() else {}
+    return get_engine(engine).lacks if engine in engine_names() else {}
 
 
 def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
