@@ -152,3 +152,14 @@ def test_every_folder_with_modules_is_packaged(laid):
     packages = {".".join(path.parent.relative_to(laid).parts) for path in laid.rglob("__init__.py")}
     assert set(setup["packages"]) == found == packages
     assert {name.replace("/", ".") for name in FOLDERS} == set(setup["package-dir"])
+
+
+def test_a_relative_bound_is_not_held_open_by_an_absolute_one():
+    """`pytest.approx` admits 1e-12 whatever the relative bound, unless told otherwise."""
+    for file in Path(__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("approx"):
+                bounds = {keyword.arg: keyword.value for keyword in node.keywords}
+                rel = bounds.get("rel", ast.Constant(1.0))
+                loose = isinstance(rel, ast.Constant) and rel.value >= 1e-6
+                assert loose or "abs" in bounds, f"{file.name}:{node.lineno}: add abs=0"

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import copy
-import json
 import random
 import tomllib
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
+from fuzz import FORMATS, attempted, document, mutate
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
@@ -18,89 +15,6 @@ from screwgauge.scene.preflight import check_home
 from screwgauge.scene.read import FOLDER, scene_names
 
 TRIES = 150
-BAD: list[Any] = [
-    *(
-        True,
-        0,
-        -1,
-        10**30,
-        -1e-320,
-        1e308,
-        1e99,
-        float("nan"),
-        float("inf"),
-        "",
-        "x",
-        "nan",
-        "1/0",
-        "9**9**9",
-        "((",
-    ),
-    *(
-        "__import__('os')",
-        "ground",
-        "platform",
-        "leg1.q1",
-        "screw",
-        "com",
-        "S",
-        [],
-        {},
-        [1, 2],
-        [1, 2, 3],
-        [[1, 2, 3]],
-    ),
-    *(
-        {"x": 1},
-        {"x": {"y": []}},
-        [True, True, True],
-        ["a"],
-        [[]],
-        [{}],
-        ["nan"] * 3,
-        [0, 0, 1],
-        [[0, 0, 1]] * 3,
-    ),
-]
-
-
-def toml(value: Any) -> str:
-    """A value as inline TOML."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {toml(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
-
-
-def document(table: dict[str, Any]) -> str:
-    return "".join(f"{json.dumps(key)} = {toml(value)}\n" for key, value in table.items())
-
-
-def places(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Paths of all entries below a node."""
-    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
-    for key, value in items:
-        yield (*path, key)
-        yield from places(value, (*path, key))
-
-
-def mutate(table: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], str]:
-    """A copy with one entry deleted, renamed or replaced, and what was done."""
-    result = copy.deepcopy(table)
-    *parents, last = chance.choice(list(places(table)))
-    node = result
-    for key in parents:
-        node = node[key]
-    how = chance.choice(["delete", "replace", "replace", "replace", "rename"])
-    if how == "rename" and isinstance(node, dict):
-        node[f"{last}s"] = node.pop(last)
-        return result, f"{[*parents, last]} renamed"
-    if how == "replace":
-        node[last] = copy.deepcopy(chance.choice(BAD))
-        return result, f"{[*parents, last]} = {node[last]!r}"
-    del node[last]
-    return result, f"{[*parents, last]} deleted"
 
 
 def attempt(action, done: str) -> bool:
@@ -151,7 +65,7 @@ def test_a_scene_of_a_mutated_mechanism_runs_or_is_refused(write, paper_scene):
     table = tomllib.loads(mechanism_path("3ups-upu-s").read_text(encoding="utf-8"))
     path = paper_scene(mechanism='mechanism = "m.toml"')
     ran = 0
-    for _ in range(TRIES // 5):
+    for _ in range(TRIES // 2):
         changed, done = mutate(table, chance)
         write("m.toml", document(changed))
         ran += attempt(lambda: screwgauge.run(load_scene(path), engines=["screw"]), done)
@@ -184,3 +98,11 @@ def test_a_mutated_forward_scene_runs_or_is_refused(write):
         path = write("s.toml", document(changed))
         ran += attempt(lambda path=path: screwgauge.run(load_scene(path), engines=["screw"]), done)
     assert ran > 0
+
+
+@pytest.mark.parametrize("first", range(0, 200, 20))
+def test_a_scene_with_a_broken_file_runs_or_is_refused_in_one_sentence(first):
+    found = [attempted(seed) for seed in range(first, first + 20)]
+    assert len({case.file for case, _ in found}) > len(FORMATS) / 2
+    for case, what in found:
+        assert not what.startswith("WRONG"), f"{case}: {what}"

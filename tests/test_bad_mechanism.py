@@ -385,7 +385,7 @@ def test_what_is_no_text_and_no_number_is_refused(value):
     [("3*sqrt(3)/10", 0.3 * 3**0.5), ("-pi/6", -np.pi / 6), (" 2**-3 ", 0.125), ("1e-3", 1e-3)],
 )
 def test_expressions_are_read(text, value):
-    assert number(text, "") == pytest.approx(value, rel=PLACED)
+    assert number(text, "") == pytest.approx(value, rel=PLACED, abs=0)
 
 
 def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):

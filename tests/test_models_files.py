@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -26,7 +27,17 @@ def test_kept_files_are_those_written_now(name: str) -> None:
     texts = model_texts(load_mechanism(name))
     assert len(texts) == 6
     for file, text in texts.items():
-        assert (FOLDER / name / file).read_text(encoding="utf-8") == text, f"write {file} again"
+        kept = (FOLDER / name / file).read_text(encoding="utf-8")
+        (words, numbers), (kept_words, kept_numbers) = (words_and_numbers(each) for each in (text, kept))
+        assert kept_words == words, f"write {file} again"
+        # processors multiply and add in different orders, which the last bit of a rotation shows
+        np.testing.assert_allclose(kept_numbers, numbers, rtol=PLACED, atol=PLACED, err_msg=f"write {file} again")
+
+
+def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
+    """A text without its numbers, and these."""
+    number = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])"
+    return re.split(number, text), [float(each) for each in re.findall(number, text)]
 
 
 @pytest.mark.parametrize(("cut", "coordinates", "closures", "rows"), [("minimal", 14, 4, 12), ("full", 26, 4, 24)])
@@ -54,7 +65,7 @@ def test_full_cut_shares_the_platform_among_five_pieces(paper: Mechanism) -> Non
         "platform",
         *(f"platform@{joint}" for joint in ("leg2.wrist", "leg3.wrist", "leg4.wrist", "s")),
     }
-    assert sum(link.body.mass for link in pieces) == pytest.approx(whole.mass, rel=PLACED)
+    assert sum(link.body.mass for link in pieces) == pytest.approx(whole.mass, rel=PLACED, abs=0)
     np.testing.assert_allclose(sum(link.body.inertia for link in pieces), whole.inertia, rtol=PLACED)
     assert all(link.body.mass > 0.0 for link in links)
 
@@ -121,4 +132,4 @@ def test_pinocchio_reads_all_trees_of_the_mjcf(paper: Mechanism, tmp_path: Path)
     loaded = pinocchio.buildModelFromMJCF(str(path))
     model = loaded[0] if isinstance(loaded, tuple) else loaded
     assert model.nv == 14
-    assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(paper.mass, rel=PLACED)
+    assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(paper.mass, rel=PLACED, abs=0)

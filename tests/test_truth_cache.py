@@ -67,6 +67,16 @@ def test_other_input_is_computed(calls, other, write):
     assert len(calls) == 4
 
 
+def test_another_gravity_is_another_question(calls):
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.1])
+    moon, mars = (
+        screwgauge.run(scene.under(gravity=np.array([0.0, 0.0, g])), ["truth"], ["generalized_force"])
+        for g in (-1.62, -3.71)
+    )
+    assert len(calls) == 2
+    assert not np.allclose(moon.values("generalized_force"), mars.values("generalized_force"))
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [

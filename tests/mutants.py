@@ -1,0 +1,182 @@
+"""Changes the source at random places, one at a time, and sees who notices: the tests, or a run.
+
+    python tests/mutants.py tests --count 120 --seed 0    # killed by the tests?
+    python tests/mutants.py run --count 60 --seed 0       # noticed by `screwgauge run --exciting` on built-in scenes?
+
+A mutant is an operator, a sign, a constant, an index, a transpose or a word like ``any`` exchanged in a function of
+``reference/``, ``harness/engines/`` or ``harness/judging/``. Each is written into a copy of the package, so that the
+checkout stays as it is. One line is printed for each; mutants that change nothing (equivalent ones) are for people to
+tell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("reference", "harness/engines", "harness/judging")
+SWAPS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"),
+    ast.Mult: ("*", "/"),
+    ast.Div: ("/", "*"),
+    ast.Lt: ("<", ">="),
+    ast.Gt: (">", "<="),
+    ast.LtE: ("<=", ">"),
+    ast.GtE: (">=", "<"),
+    ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="),
+    ast.And: ("and", "or"),
+    ast.Or: ("or", "and"),
+}
+TEXT = (ast.Constant, ast.JoinedStr)
+WORDS = {"any": "all", "all": "any", "max": "min", "min": "max", "sin": "cos", "cos": "sin", "argmax": "argmin"}
+#: Those that say the most in the least time; what survives them meets all others.
+FIRST = (
+    *("screws", "kinematics", "dynamics", "mobility", "judge", "zero_is_zero", "forward", "models_placement"),
+    *("massless_bodies", "any_cut", "engine_contract", "order_and_size", "known_mechanisms"),
+)
+HUNG = 1800  # seconds
+
+
+class Mutant(NamedTuple):
+    """A place of the source, byte offsets, and what is to stand there."""
+
+    file: Path
+    line: int
+    start: int
+    end: int
+    text: str
+
+    def source(self) -> bytes:
+        code = (ROOT / self.file).read_bytes()
+        return code[: self.start] + self.text.encode() + code[self.end :]
+
+    def __str__(self) -> str:
+        lines = (ROOT / self.file).read_text(encoding="utf-8").splitlines()
+        return f"{self.file}:{self.line}: {lines[self.line - 1].strip()}  ->  {self.text}"
+
+
+def mutants(file: Path) -> Iterator[Mutant]:
+    """All that can be made of a file."""
+    code = (ROOT / file).read_bytes()
+    starts = [0]
+    for line in code.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+
+    def begin(node: ast.expr) -> int:
+        return starts[node.lineno - 1] + node.col_offset
+
+    def end(node: ast.expr) -> int:
+        return starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
+
+    def made(node: ast.expr, text: str) -> Mutant:
+        return Mutant(file, node.lineno, begin(node), end(node), text)
+
+    def between(left: ast.expr, op: ast.AST, right: ast.expr) -> Mutant:
+        old, new = SWAPS[type(op)]
+        return Mutant(
+            file, left.lineno, end(left), begin(right), code[end(left) : begin(right)].decode().replace(old, new)
+        )
+
+    tree = ast.parse(code)
+    quiet = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.keyword) and each.arg == "strict"}
+    for function in (each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef)):
+        for node in (each for statement in function.body for each in ast.walk(statement) if id(each) not in quiet):
+            match node:
+                case ast.BinOp(left, op, right) if type(op) in SWAPS and not isinstance(
+                    left, ast.Constant | ast.JoinedStr
+                ):
+                    yield between(left, op, right)
+                case ast.Compare(left, [op], [right]) | ast.BoolOp(op, [left, right]) if type(op) in SWAPS:
+                    yield between(left, op, right)
+                case ast.UnaryOp(ast.USub() | ast.Not(), operand):
+                    yield made(node, ast.unparse(operand))
+                case ast.Constant(bool() as value):
+                    yield made(node, str(not value))
+                case ast.Constant(int() as value):
+                    yield made(node, str(value + 1))
+                case ast.Constant(float() as value) if value:
+                    yield made(node, repr(1.3 * value))
+                case ast.Attribute(value, "T") | ast.Call(ast.Attribute(value, "swapaxes")):
+                    yield made(node, ast.unparse(value))
+                case ast.Attribute(value, name) if name in WORDS:
+                    yield made(node, f"{ast.unparse(value)}.{WORDS[name]}")
+                case ast.Name(name, ast.Load()) if name in WORDS:
+                    yield made(node, WORDS[name])
+
+
+def drawn(count: int, seed: int, lines: set[tuple[Path, int]] | None = None) -> list[Mutant]:
+    """So many mutants, all rooms alike by their size; of some lines only, if these are given."""
+    files = (path.relative_to(ROOT) for room in ROOMS for path in sorted((ROOT / room).rglob("*.py")))
+    every = dict.fromkeys(one for file in files for one in mutants(file))
+    known = [one for one in every if lines is None or (one.file, one.line) in lines]
+    return random.Random(seed).sample(known, min(count, len(known)))
+
+
+def package(folder: Path) -> Path:
+    """A copy of the package as it is installed."""
+    shutil.copytree(ROOT / "harness", folder / "screwgauge", ignore=shutil.ignore_patterns("__pycache__"))
+    for room in ("reference", "models"):
+        shutil.copytree(ROOT / room, folder / "screwgauge" / room, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def installed(folder: Path, file: Path) -> Path:
+    """Where a file of the checkout is in the copy."""
+    return folder / "screwgauge" / (file.relative_to("harness") if file.parts[0] == "harness" else file)
+
+
+def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | None:
+    """Python in the copy; None if it took too long."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        return subprocess.run(
+            [sys.executable, *command], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=HUNG
+        )
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def by_tests(folder: Path) -> str:
+    """The test that notices, or ``survived``."""
+    first = [f"tests/test_{name}.py" for name in FIRST]
+    stages = (["-n", "0", *first], ["-n", "2", *(f"--ignore={file}" for file in first), "tests"])
+    for stage in stages:
+        done = execute(folder, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *stage)
+        if done is None:
+            return "hangs"
+        if done.returncode:
+            said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+            return said[0].partition(" - ")[0] if said else done.stdout.strip().splitlines()[-1]
+    return "survived"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("who", choices=["tests"])
+    parser.add_argument("--count", type=int, default=120)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = package(Path(name))
+        for mutant in drawn(options.count, options.seed):
+            target = installed(folder, mutant.file)
+            kept = target.read_bytes()
+            target.write_bytes(mutant.source())
+            print(f"{by_tests(folder)}\t{mutant}", flush=True)
+            target.write_bytes(kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""What a description says is what is meant: rotations in order, names with dots, coordinates that rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planar import Bar, four_bar
+from tolerances import PLACED
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.expressions import rotation_matrix
+from screwgauge.reference.mechanism import Mechanism, actuator_names
+from screwgauge.reference.pose import layout
+from screwgauge.reference.resting import home_equations
+
+QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}
+ABOUT_X = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+#: Next to the rotation of joint b about y by 0.4 rad, one about its second axis by 0.3 rad, which the frame takes back.
+TWISTED = """
+kind = "U"
+axes = [[0, -1, 0], [0, 0, 1]]
+child_frame.rotation = { axis = [0, 0, 1], angle = 0.3 }
+coordinates = ["b.turn", "b.rests"]
+"""
+
+
+@pytest.mark.parametrize(("steps", "expected"), [(STEPS, QUARTER @ ABOUT_X), (STEPS[::-1], ABOUT_X @ QUARTER)])
+def test_rotations_are_multiplied_from_left_to_right(steps, expected):
+    assert np.abs(rotation_matrix([*steps], "") - expected).max() < PLACED
+
+
+def test_actuators_are_named_by_all_but_the_last_part_where_that_is_unique(paper: Mechanism):
+    slide = paper.actuators[0]
+    names = "left.leg.slide", "right.leg.slide", "arm.turn", "arm.lift"
+    assert actuator_names([replace(slide, name=name) for name in names]) == ("left.leg", "right.leg", *names[2:])
+
+
+def test_a_coordinate_that_rests_keeps_its_home_that_is_not_zero(write):
+    bars = [Bar(0.2), Bar(0.5, com=(0.25, 0.01, 0.02)), Bar(0.4)]
+    text = four_bar(bars, 0.4, 0.9)
+    b = text.index("[joints.b]")
+    home = float(text[b:].split("home = [")[1].split("]")[0])
+    joint = text[b : text.index("[joints.c]")]
+    twisted = joint.replace('kind = "R"\n', TWISTED).replace("axes = [[0, -1, 0]]\n", "")
+    twisted = twisted.replace(f"home = [{home!r}]", f"home = [{home!r}, 0.3]")
+    write("m.toml", 'name = "twisted"\n[independent]\ncrank = "a"\n' + text.replace(joint, twisted))
+    scene = write("s.toml", 'mechanism = "m.toml"\nmotion.crank.polynomial = [0.9, 3]\ntime.times = [0, 0.1]\n')
+    mechanism = load_mechanism(scene.parent / "m.toml")
+    rests = home_equations(layout(mechanism)).fixed
+    assert [mechanism.coordinates[i] for i in rests] == ["b.rests"]
+    results = screwgauge.run(screwgauge.load_scene(scene))
+    assert results.ok, results
+    column = results.components("joint_position").index("b.rests")
+    for engine in results.solutions:
+        assert results.values("joint_position", engine=engine)[:, column] == pytest.approx(0.3, abs=PLACED)
