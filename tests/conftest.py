@@ -52,11 +52,12 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
         yield
 
 
-@pytest.fixture(autouse=True)
-def here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Engines run in this process, where tests put others in their place; unless a test is marked `isolated`."""
-    if request.node.get_closest_marker("isolated") is None:
-        monkeypatch.setattr(apart, "apart", lambda works, limits, folder, report: in_turn(works, report))
+@pytest.fixture(scope="session", autouse=True)
+def here():
+    """The command line, too, runs engines in this process, where tests put others in their place."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(apart, "apart", lambda works, limits, folder, report: in_turn(works, report))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,11 @@ from screwgauge.solution import Failure, Values
 from screwgauge.study.apart import Limits, apart
 from screwgauge.study.ask import silent
 
-pytestmark = pytest.mark.isolated
+
+@pytest.fixture(autouse=True)
+def isolated(monkeypatch):
+    """As the command line does it, not as other tests do."""
+    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
 
 
 @pytest.fixture(scope="module")

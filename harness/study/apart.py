@@ -135,10 +135,17 @@ def _result(name: str, work: Future[T | Failure]) -> T | Failure:
         raise error
     if isinstance(error, BrokenProcessPool):
         del _EXECUTORS[name]
-        how = re.search(r"(SIG\w+)|EXIT\((\d+)\)", str(error))
-        by = "its process ended" if how is None else f"its process got {how[1]}" if how[1] else "its process exited"
-        return Failure(name, f"crashed: {by}{f' with status {how[2]}' if how and how[2] else ''}", str(error))
+        return Failure(name, f"crashed: {_ending(str(error))}", str(error))
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
+
+
+def _ending(said: str) -> str:
+    """How a process ended, from what loky says of it."""
+    if found := re.search(r"SIG[A-Z]+", said):
+        return f"its process got {found[0]}"
+    if found := re.search(r"EXIT\((\d+)\)", said):
+        return f"its process exited with status {found[1]}"
+    return " ".join(said.split())
 
 
 def _file(folder: Path, name: str) -> Path:
