@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TypeVar
@@ -78,15 +79,15 @@ def apart(
         while waiting or running:
             while waiting and len(running) < cpu_count():
                 name = waiting.pop(0)
-                work = _executor(name).submit(_limited, name, works[name], limits, _file(folder, name))
-                running[work] = name, monotonic()
-            for work in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
-                name = running.pop(work)[0]
-                found[name] = _result(name, work)
+                work = partial(_limited, name, works[name], limits, _file(folder, name))
+                running[_submit(name, work)] = name, monotonic()
+            for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
+                name = running.pop(future)[0]
+                found[name] = _result(name, future)
             shares = {name: _share(_file(folder, name)) for name, _ in running.values()}
-            for work, (name, begin) in [*running.items()]:
+            for future, (name, begin) in [*running.items()]:
                 if monotonic() - begin > limits.seconds:
-                    del running[work]
+                    del running[future]
                     _stop(name)
                     how_far = f"{limits.seconds:g} s, {shares[name]:.0%} of the way"
                     found[name] = Failure(name, f"stopped after {how_far}, the limit; --limit sets another")
@@ -113,10 +114,14 @@ def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits,
             return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
 
 
-def _executor(name: str) -> ProcessPoolExecutor:
-    if name not in _EXECUTORS:
+def _submit(name: str, work: Callable[[], T]) -> Future[T]:
+    """Begins a work in the process of a name, a new one if there is none or it crashed."""
+    try:
+        future: Future[T] = _EXECUTORS[name].submit(work)
+    except (KeyError, BrokenProcessPool):
         _EXECUTORS[name] = ProcessPoolExecutor(max_workers=1, timeout=IDLE, env=dict.fromkeys(VARIABLES, "1"))
-    return _EXECUTORS[name]
+        future = _EXECUTORS[name].submit(work)
+    return future
 
 
 def _stop(name: str) -> None:
@@ -126,15 +131,14 @@ def _stop(name: str) -> None:
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
 
 
-def _result(name: str, work: Future[T | Failure]) -> T | Failure:
+def _result(name: str, future: Future[T | Failure]) -> T | Failure:
     """What a work returned, or how its process ended."""
-    error = work.exception()
+    error = future.exception()
     if error is None:
-        return work.result()
+        return future.result()
     if isinstance(error, ScrewgaugeError):
         raise error
     if isinstance(error, BrokenProcessPool):
-        del _EXECUTORS[name]
         return Failure(name, f"crashed: {_ending(str(error))}", str(error))
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 
