@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asking import integrate
-from tolerances import LINEAR, NINE_DIGITS
+from tolerances import CLOSED, LINEAR
 
 from screwgauge.engines.methods import METHODS
 from screwgauge.models.catalog import load_mechanism
@@ -85,7 +85,7 @@ def best(sprung):
 def test_all_methods_give_the_same_motion(sprung, best, method):
     found, times = sprung(name=method, rtol=1e-7, atol=1e-8), [0.0, 0.1, 0.35]
     assert found.t.tolist() == times
-    assert np.abs(found.rates.pose.q - best.rates.pose.q).max() < 1e-5
+    assert np.abs(found.rates.pose.q - best.rates.pose.q).max() < 2e-6
     assert np.array_equal(found.rates.pose.q[0], [0.4, 0.3])
 
 
@@ -99,7 +99,7 @@ def test_forces_may_depend_on_time(pendulum):
     )
     assert held.stopped == ""
     b = 5.0 / 9.0 * (held.t - np.sin(9.0 * held.t) / 9.0)
-    assert np.abs(held.rates.pose.q[:, 1] - b).max() < NINE_DIGITS
+    assert np.abs(held.rates.pose.q[:, 1] - b).max() < LINEAR
 
 
 def test_singular_poses_are_stepped_over_when_met():
@@ -115,7 +115,7 @@ def test_singular_poses_are_stepped_over_when_met():
     )
     assert found.stopped == ""
     assert found.stepped_over > 0
-    assert abs(found.energy[-1] - found.energy[0]) < 1e-5
+    assert abs(found.energy[-1] - found.energy[0]) < 3e-6
 
 
 def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
@@ -134,7 +134,7 @@ def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
     lay = layout(paper)
     y = np.stack([np.linspace(0.0, 0.3, 7), np.linspace(0.0, -0.2, 7)], axis=1)
     found = Branch(lay, paper.home).poses(y)
-    assert np.abs(found.q - positions(lay, y, np.zeros(7)).q).max() < LINEAR
+    assert np.abs(found.q - positions(lay, y, np.zeros(7)).q).max() < CLOSED
 
 
 def test_bad_input_is_said(pendulum):

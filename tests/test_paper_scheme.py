@@ -64,7 +64,7 @@ def test_the_printed_twist_ends_on_a_floor(lay, twist, method):
 def test_rates_and_accelerations_follow_the_positions(lay):
     run = paper.integrate(lay, DRIVE, 0.02, DURATION, method="rk4")
     for found, right in zip((run.q, run.w, run.beta), closed(lay, run.t), strict=True):
-        assert np.abs(found - right).max() < 1e-8
+        assert np.abs(found - right).max() < 5e-9
 
 
 def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
@@ -76,7 +76,7 @@ def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
     assert np.abs(R - at.R[:, None, -1]).max() < 1e-14
     assert np.abs(p - at.p[:, None, -1]).max() < 1e-14
     for k in range(6):
-        assert np.abs(side.scatter(S[..., k], at.q.shape[1]) - at.S[..., k]).max() < 1e-14
+        assert np.abs(side.scatter(S[..., k], at.q.shape[1]) - at.S[..., k]).max() < 1e-15
 
 
 def test_the_right_twist_is_that_of_the_closed_mechanism(lay):
@@ -84,8 +84,8 @@ def test_the_right_twist_is_that_of_the_closed_mechanism(lay):
     motion = DRIVE(t)
     rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
     V, A = paper_twist.platform_screws(lay, motion, t)
-    assert np.abs(V - rate.V[:, -1]).max() < 1e-14
-    assert np.abs(A - accelerations(lay, rate, motion.ydd)[1][:, -1]).max() < 1e-14
+    assert np.abs(V - rate.V[:, -1]).max() < 1e-15
+    assert np.abs(A - accelerations(lay, rate, motion.ydd)[1][:, -1]).max() < 1e-15
 
 
 def test_a_run_may_start_anywhere_and_finds_given_times(lay):

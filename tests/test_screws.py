@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import DIFFERENCE, READ, ROUNDING
+from tolerances import DIFFERENCE, ROUNDING
 
 from screwgauge.reference import screws
 from screwgauge.reference.kinematics import chain_acceleration, lie_matrix
@@ -91,4 +91,4 @@ def test_triad_angles_undo_three_rotations(rng, handed):
     axes[2] *= handed * np.sign(np.linalg.det(axes))
     angles = rng.uniform(-1.5, 1.5, size=(20, 3))
     R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1]) @ rotation(axes[2], angles[:, 2])
-    assert np.abs(triad_angles(R, axes) - angles).max() < READ
+    assert np.abs(triad_angles(R, axes) - angles).max() < ROUNDING

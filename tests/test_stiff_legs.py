@@ -99,4 +99,4 @@ def test_engines_agree_on_springs_beside_given_forces_and_take_no_other_ones(tmp
             plain = model.solve(question.problem).values["joint_acceleration"].pick(names).array
             assert np.abs(plain - found[0]).max() > 1e-3 * np.abs(found[0]).max()  # springs matter, and only when asked
     for other in found[1:]:
-        np.testing.assert_allclose(other, found[0], rtol=0, atol=1e-9 * np.abs(found[0]).max())
+        np.testing.assert_allclose(other, found[0], rtol=0, atol=1e-12 * np.abs(found[0]).max())

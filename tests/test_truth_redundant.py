@@ -80,7 +80,7 @@ def test_redundant_loops_of_exact_text_close(name, scene):
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
     assert "no proof" in notes(results)
     assert "rounded" not in notes(results)
-    assert max(results.radius(name).max() for name in results.solutions["truth"].values) < 1e-40
+    assert max(results.radius(name).max() for name in results.solutions["truth"].values) < 1e-46
 
 
 def test_bennett_linkage_moves_as_its_closed_form_says(scene):

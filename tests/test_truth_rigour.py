@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
-from tolerances import RADIUS_OF_DOUBLES
+from tolerances import RADIUS
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
@@ -66,7 +66,7 @@ def test_decimals_of_a_matrix_are_made_a_rotation():
     with ctx.workprec(192):
         R = exact.rotation_matrix({"matrix": rows})
         gap = R * R.transpose() - exact.identity(3)
-        assert max(float(x.abs_upper()) for x in gap.entries()) < 1e-50
+        assert max(float(x.abs_upper()) for x in gap.entries()) < 1e-54
 
 
 def test_motion_replaced_by_hand_is_taken_as_doubles():
@@ -103,7 +103,7 @@ def test_csv_motion_has_a_truth(write):
     assert sampled.wording().motion is None
     results = screwgauge.run(sampled, engines=["screw", "truth"])
     assert results.ok
-    assert results.radius("reaction").max() < RADIUS_OF_DOUBLES
+    assert results.radius("reaction").max() < RADIUS
 
 
 def test_routes_that_disagree_are_an_error(monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from near import BASE, moving_at
 from planar import Bar, at_random, four_bar, moving, slider_crank
-from tolerances import AGREE, NOTICED
+from tolerances import NOTICED, ROUNDING
 
 import screwgauge
 from screwgauge.judging.compare import compare
@@ -48,7 +48,7 @@ def test_a_parallelogram_at_a_constant_rate_has_no_angular_accelerations(write, 
     text = four_bar([Bar(0.3), Bar(0.8, com=(0.4, 0.0, 0.0)), Bar(0.3)], 0.8, 1.0)
     results = screwgauge.run(moving(write, text, [1.0, 1.3, 1.5], 2.0, g=gravity))
     check_clear(results)
-    assert np.abs(results.values("joint_acceleration")).max() < AGREE
+    assert np.abs(results.values("joint_acceleration")).max() < ROUNDING
     why = results.pairs[results.pairs["quantity"] == "joint_acceleration"]["reason"]
     assert (why.eq("") | why.str.contains("rounding of its largest summands")).all()
 
