@@ -92,10 +92,8 @@ def run(
                 answer, notes=(*answer.notes, "its assembly is not known, as it gives no joint positions")
             )
     judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
-    solutions, reasons = (
-        dict(answers),
-        [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities],
-    )
+    solutions = dict(answers)
+    reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     if lay is not None:
         placed = {name: answer for name, answer in answers.items() if "joint_position" in answer.values}
         solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in placed.items()}
