@@ -19,8 +19,8 @@ from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.ask import solve
+from screwgauge.study.cases.asking import SCENE, still
 from screwgauge.study.cases.case import OK, SILENT
-from screwgauge.study.cases.given import SCENE, still
 from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import load

@@ -11,7 +11,7 @@ from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.given import SCENE, still
+from screwgauge.study.cases.asking import SCENE, still
 
 #: Sizes of steps, and the least distance from the lines on which leg 3 locks (BASE) and leg 1 lets go (UPU) [rad].
 STEPS, LEAST = (1e-6, 0.3), 1e-6

@@ -17,13 +17,13 @@ from screwgauge.engines.screw import model as screw
 from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.figures.bench_simulation import make_plots
+from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.forward_contestants import contestants, simulation
-from screwgauge.study.bench.forward_run import FULL, QUICK, contest
-from screwgauge.study.bench.forward_score import simulated
+from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated
+from screwgauge.study.bench.questions import simulation
+from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK, bench_table
 from screwgauge.study.method import Method
 
@@ -41,15 +41,17 @@ def found(scene):
 
 
 def test_tighter_tolerances_make_smaller_errors(found):
-    assert {o.status for o in found.outcomes} == {OK}
-    errors = [o.scaled for o in found.outcomes if o.contestant.family == "screw-DOP853"]
+    assert {row.status for row in found.rows} == {OK}
+    observable, energy = found.rows[::2], found.rows[1::2]
+    errors = [row.max_scaled for row in observable if row.contestant.family == "screw-DOP853"]
     assert errors[0] < 1e-2
     assert errors[-1] < 1e-2 * errors[0]  # tolerances are 1e-4 and 1e-7, errors go with them
-    for o in found.outcomes:
-        assert o.cpu > 0.0
-        assert o.wall > 0.0
-        assert o.steps > 0
-        assert o.energy < 10.0 * max(o.scaled, 1e-12) * 9.81  # of m g L
+    for row, other in zip(observable, energy, strict=True):
+        assert row.contestant is other.contestant
+        assert row.cost.cpu_s > 0.0
+        assert row.time_s == row.cost.wall_s > 0.0
+        assert row.cost.steps > 0
+        assert other.largest["J"] < 10.0 * max(row.max_scaled, 1e-12) * 9.81  # of m g L
 
 
 def test_files_and_columns(found, tmp_path):
@@ -57,7 +59,7 @@ def test_files_and_columns(found, tmp_path):
     table = pd.read_csv(out / "bench.csv")
     assert list(table.columns) == COLUMNS
     assert set(table["quantity"]) == {"observable", "energy"}
-    assert len(table) == 2 * len(found.outcomes)
+    assert len(table) == 2 * len({row.contestant for row in found.rows})
     assert list(pd.read_csv(out / "forward.csv").columns) == ABSOLUTE
     assert {path.name for path in out.iterdir()} == {
         *("bench.csv", "forward.csv", "slopes.csv", "environment.json", "report.md", "report.html", "plots"),
@@ -75,7 +77,7 @@ def test_diagram_shows_what_others_have_published(found):
 
 
 def test_what_takes_too_long_is_stopped(scene):
-    (first, *_) = contest(scene, plan=replace(PLAN, each=1e-9), contestants=["screw-BDF"]).outcomes
+    (first, *_) = contest(scene, plan=replace(PLAN, each=1e-9), contestants=["screw-BDF"]).rows
     assert first.status == CUT
     assert first.reason.startswith("stopped after 1e-09 s")
 
@@ -83,9 +85,9 @@ def test_what_takes_too_long_is_stopped(scene):
 def test_nothing_begins_when_the_budget_is_spent(scene):
     found = contest(scene, plan=replace(PLAN, budget=1e-9), contestants=["screw-BDF"])
     assert not found.complete
-    assert {o.reason for o in found.outcomes} == {"the budget was spent before its turn"}
+    assert {row.reason for row in found.rows} == {"the budget was spent before its turn"}
     assert make_plots(found) == []
-    assert len(bench_table(found.rows)) == 2 * len(found.outcomes)
+    assert len(bench_table(found.rows)) == 2 * len({row.contestant for row in found.rows})
 
 
 class Refuses:
@@ -114,26 +116,26 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
             for name in ("refuses", "stops")
         ]
 
-    monkeypatch.setattr(module, "all_contestants", some)
-    refused, stopped = contest(scene, plan=PLAN).outcomes
+    monkeypatch.setattr(module, "simulators", some)
+    refused, lost, stopped, _ = contest(scene, plan=PLAN).rows
     assert (refused.status, refused.reason) == (FAILED, "ValueError: no body without inertia")
     assert (stopped.status, stopped.reason) == (FAILED, "no step leads on")
-    assert stopped.scaled < 5e-11  # what it computed is scored
-    assert np.isnan(absolute_table([refused])["max_abs"]).all()
+    assert stopped.max_scaled < 5e-11  # what it computed is scored
+    assert np.isnan(absolute_table([refused, lost])["max_abs"]).all()
 
 
 @pytest.mark.parametrize("family", [stepper["family"] for stepper in TABLE["steppers"]])
 def test_rows_of_steppers_say_what_their_engines_say(family, tmp_path):
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.01])
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
-    everyone = contestants("DOP853", 0.01, stiff=False, quick=True)
+    everyone = simulators("DOP853", 0.01, stiff=False, quick=True)
     stepper = next(contestant for contestant in everyone if contestant.family == family)
     asked = stepper.ask(simulated(scene, tmp_path))
     assert stepper.method.load(asked.files).solve(asked.problems[0]).setting == stepper.setting
 
 
 def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
-    everyone = contestants("Radau", 1.0, stiff=True, quick=False)
+    everyone = simulators("Radau", 1.0, stiff=True, quick=False)
     assert len([c for c in everyone if c.family == "screw-DOP853"]) == 1
     implicit = [c.setting for c in everyone if c.family == "mujoco"]
     assert implicit == [f"Radau, rtol = atol = {rtol}" for rtol in ("1e-04", "1e-06", "1e-08")]
@@ -142,7 +144,7 @@ def test_explicit_ladder_of_a_stiff_scene_is_one_rung():
 def test_without_a_reference_the_tightest_screw_is_one(scene):
     found = contest(replace(scene, known=None), plan=PLAN, contestants=["screw-Radau"])
     assert found.reference == "screw with DOP853, rtol = atol = 1e-12"
-    assert found.outcomes[0].scaled < 1e-2
+    assert found.rows[0].max_scaled < 1e-2
 
 
 def test_bad_input_is_said(scene):

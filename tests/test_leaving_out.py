@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 
 import pytest
 
 import screwgauge
+from screwgauge.solution import Solution
 
 
 def modules_after(code: str) -> set[str]:
@@ -26,12 +28,9 @@ def test_screw_alone_imports_no_engine():
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "matplotlib"}
 
 
-def test_screw_alone_on_the_command_line_imports_no_engine(tmp_path):
-    code = (
-        "import screwgauge.cli\n"
-        "options = ['--engines', 'screw', '--quantities', 'joint_position']\n"
-        f"assert screwgauge.cli.main(['run', *options, '--out', {str(tmp_path)!r}]) == 0"
-    )
+def test_screw_alone_on_the_command_line_imports_no_engine(paper_scene, tmp_path):
+    arguments = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "joint_position"]
+    code = f"import screwgauge.cli\nassert screwgauge.cli.main({[*arguments, '--out', str(tmp_path / 'out')]}) == 0"
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy"}
 
 
@@ -40,12 +39,16 @@ def test_help_imports_not_even_numpy():
     assert not modules_after(code) & {"numpy", "pandas", "matplotlib", "pinocchio", "mujoco"}
 
 
+@cache
+def solved(engine: str, *quantities: str) -> Solution:
+    scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.0, 0.1])
+    return screwgauge.run(scene, engines=[engine], quantities=quantities or None).solutions[engine]
+
+
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 @pytest.mark.parametrize("quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"])
 def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
-    scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.0, 0.1])
-    alone = screwgauge.run(scene, engines=[engine], quantities=[quantity]).solutions[engine]
-    everything = screwgauge.run(scene, engines=[engine]).solutions[engine]
+    alone, everything = solved(engine, quantity), solved(engine)
     assert set(alone.values) == {quantity}
     assert (alone.values[quantity].array == everything.values[quantity].array).all()
     assert len(alone.timings) < len(everything.timings)
@@ -55,7 +58,8 @@ def test_a_reader_who_leaves_changes_no_exit_status(tmp_path):
     """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
     scene = tmp_path / "strict.toml"
     scene.write_text(
-        'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\n[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n'
+        'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\nquantities = ["joint_position"]\n'
+        "[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n"
         "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n"
     )
     code = "import sys, screwgauge.cli; sys.exit(screwgauge.cli.main(sys.argv[1:]))"

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge.models.generate import write_models
+from screwgauge.study.bench import forward_run
 from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_contestants import simulation
-from screwgauge.study.bench.forward_score import outcome, simulated
+from screwgauge.study.bench.questions import simulation
 from screwgauge.study.method import Method
 
 MUJOCO = Contestant("mujoco", "mujoco", "", Method("mujoco"), simulation, ("observable",), "")
@@ -55,10 +54,9 @@ def test_a_file_that_says_the_same_gravity_agrees(name, under):
 
 
 @pytest.mark.parametrize(("gravity", "noticed"), [("", False), ("0 9.81 0", True)])
-def test_the_bench_of_a_simulation_asks_the_same(gravity, noticed, under, tmp_path):
-    posed = simulated(replace(under("a02-fourbar-2", gravity), known=None), tmp_path)
-    asked = MUJOCO.ask(posed)
-    (problem,) = asked.problems
-    found = outcome(posed, MUJOCO, problem, MUJOCO.method.load(asked.files).solve(problem), np.ones((1, 2)))
-    assert (found.scaled > 1e-6) is noticed
-    assert (found.energy_scaled > 1e-6) is noticed
+def test_the_bench_of_a_simulation_asks_the_same(gravity, noticed, under, monkeypatch):
+    monkeypatch.setattr(forward_run, "simulators", lambda *scene, **how: [MUJOCO])
+    scene = replace(under("a02-fourbar-2", gravity), known=None)
+    rows = forward_run.contest(scene, plan=replace(forward_run.QUICK, share=1.0)).rows
+    assert [row.status for row in rows] == ["ok", "ok"]
+    assert [row.max_scaled > 1e-6 for row in rows] == [noticed, noticed]

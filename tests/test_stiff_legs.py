@@ -11,8 +11,8 @@ import pytest
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import Integration
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.study.cases.asking import SCREW, loaded, push, tree_coordinates
 from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
-from screwgauge.study.cases.pushed import SCREW, loaded, push, tree_coordinates
 from screwgauge.study.cases.question import Question, findings
 from screwgauge.study.cases.registry import load
 from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant

@@ -15,9 +15,9 @@ import pytest
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.scene.read import load_scene
 from screwgauge.study.ask import solve
-from screwgauge.study.cases import given
+from screwgauge.study.cases import asking
+from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, still
 from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.study.cases.given import ENGINES, POSES, compare, exactly, still
 from screwgauge.study.cases.poses import WRIST_LOCKS
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import CASES, decades, load
@@ -154,7 +154,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
 
 
 def test_without_a_truth_the_judge_measures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(given, "solve", lambda *scene: ({}, {}))
+    monkeypatch.setattr(asking, "solve", lambda *scene: ({}, {}))
     scene = still(load_scene("3ups-upu-s"), POSES)
     found = {one.engine: one for one in findings(compare(scene, tmp_path, setting="still"))}
     assert set(found) == {"screw still", "pinocchio still", "mujoco still"}

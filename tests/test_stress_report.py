@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -12,7 +13,7 @@ from screwgauge.report.figures.style import MARKERS
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import headline, report
 from screwgauge.study.cases.case import GOOD, Case, Finding
-from screwgauge.study.stress import Row, Stress
+from screwgauge.study.stress import Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 
@@ -28,12 +29,12 @@ def case(name: str, *, falling: bool = False) -> Case:
 def found() -> Stress:
     """Two ladders: screw is good, pinocchio says so, mujoco refuses, its settings are silent."""
 
-    def row(name: str, severity: float, engine: str, quantity: str) -> Row:
+    def row(name: str, severity: float, engine: str, quantity: str) -> Finding:
         kind = ENGINES.index(engine)
         error = (1e-15, severity * 1e-10, math.nan, severity * 1e-9, severity * 1e-8)[kind]
         admitted = 1.0 if kind == 1 else GOOD
         finding = Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else "", own=engine == "screw")
-        return Row(name, severity, finding)
+        return replace(finding, case=name, severity=severity)
 
     rows = [
         row(name, severity, engine, quantity)

@@ -16,8 +16,7 @@ import screwgauge
 from screwgauge.scene.read import scene_names
 from screwgauge.solution import Solution
 from screwgauge.study.ask import ask
-from screwgauge.study.bench import forward_contestants
-from screwgauge.study.bench.registry import contestants
+from screwgauge.study.bench.registry import contestants, simulators
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.method import Method
 
@@ -65,7 +64,7 @@ def test_every_contestant_of_a_bench_travels(quick):
 @pytest.mark.parametrize("quick", [True, False])
 @pytest.mark.parametrize(("method", "stiff"), [("Radau", True), ("DOP853", False)])
 def test_every_contestant_of_a_bench_of_simulations_travels(method, stiff, quick):
-    everyone = forward_contestants.contestants(method, 1.0, stiff=stiff, quick=quick)
+    everyone = simulators(method, 1.0, stiff=stiff, quick=quick)
     assert everyone
     check_travels(everyone)
 

@@ -15,9 +15,9 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import rotation
-from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier
 from screwgauge.truth.exact import number, widened
+from screwgauge.truth.forces import newton_euler
 from screwgauge.truth.kinematics import state
 from screwgauge.truth.linkage import Linkage
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import flint
 import numpy as np
-from flint import arb
+from flint import ctx
 
 import screwgauge
 import screwgauge.reference
@@ -37,8 +37,7 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Sampler, ruled
-from screwgauge.truth.workshop import Workshop, centred, enclosed
+from screwgauge.truth.samples import Balls, Sampler, centred, enclosed, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
@@ -165,18 +164,18 @@ def _table(
     mechanism, clock = model.mechanism, Clock()
     tables = mechanism_tables(model.file)
 
-    def sampler(*, wide: bool = False) -> Sampler:
-        linkage = Linkage(mechanism, tables, rounded=wide)
-        return Sampler(linkage, problem, depth, clock, redundant=wide or not rounded)
+    def sampler(bits: int = BITS, *, wide: bool = False) -> Sampler:
+        with ctx.workprec(bits):
+            linkage = Linkage(mechanism, tables, rounded=wide)
+            return Sampler(linkage, problem, depth, clock, redundant=wide or not rounded)
 
     if rounded:
-        wide, exact = (Workshop(make, problem, motion, BITS) for make in (partial(sampler, wide=True), sampler))
-        sample = partial(centred, wide, exact)
+        sample = partial(centred, sampler(wide=True), sampler(), motion)
     else:
-        sample = partial(enclosed, [Workshop(sampler, problem, motion, bits) for bits in (BITS, 2 * BITS)])
+        sample = partial(enclosed, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
     # a guess, nothing more
     start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q[rows].tolist()
-    found: list[dict[str, list[arb]] | None] = []
+    found: list[Balls | None] = []
     reasons: list[str] = []
     remedy = ""
     for i, row in enumerate(rows.tolist()):
@@ -201,7 +200,7 @@ def _where(mechanism: Mechanism, t: float, y: Array) -> str:
     return f"t = {t:g} s, {mechanism.described(y)}"
 
 
-def _arrays(found: list[dict[str, list[arb]] | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
+def _arrays(found: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
     """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
 
     A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were

@@ -8,6 +8,7 @@ from string import ascii_letters
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
@@ -114,14 +115,10 @@ class Sketch:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
         """
         S, place = [joint.screws() for joint in self.joints], {name: i for i, name in enumerate(self.bodies)}
-        rates, of = np.zeros((len(S), 6, sum(map(len, S)))), np.zeros((len(S), 6, len(place) + 1, 6))
+        n, ends = sum(map(len, S)), np.zeros((len(S), len(place) + 1))
         for i, joint in enumerate(self.joints):  # twist of b - twist of a - screws . rates = 0
-            first = sum(map(len, S[:i]))
-            rates[i, :, first : first + len(S[i])] = S[i].T
-            of[i, :, place.get(joint.a, -1)] = np.eye(6)
-            of[i, :, place.get(joint.b, -1)] = -np.eye(6)
-        n = rates.shape[2]
-        A = np.concatenate([rates.reshape(-1, n), of[:, :, :-1].reshape(6 * len(S), -1)], axis=1)
+            ends[i, place.get(joint.a, -1)], ends[i, place.get(joint.b, -1)] = 1.0, -1.0
+        A = np.hstack([block_diag(*(screws.T for screws in S)), np.kron(ends[:, :-1], np.eye(6))])
         _, s, Vt = np.linalg.svd(A)
         if ((s > ZERO) & (s < REGULAR)).any():
             return None

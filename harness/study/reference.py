@@ -40,6 +40,16 @@ class Reference:
     note: str
     scales: Mapping[str, Mapping[str, float]]
 
+    @classmethod
+    def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
+        """Values that errors are measured against by their own size, or by a natural scale where they vanish."""
+        natural = natural_scales(mechanism)
+        scales = {
+            name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
+            for name, has in values.items()
+        }
+        return cls(engine, values, note, scales)
+
     def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Score:
         """Error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
@@ -48,11 +58,18 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Scaled error of one quantity: the largest, and RMS over samples and components. `reason` if there is none."""
+    """Error of one quantity.
+
+    Attributes:
+        max_scaled, rms_scaled: The largest, and RMS over samples and components; not a number as soon as one is none.
+        reason: Why there is none.
+        largest: Unit -> largest error, not scaled.
+    """
 
     max_scaled: float
     rms_scaled: float
-    reason: str = ""
+    reason: str
+    largest: Mapping[str, float]
 
 
 def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
@@ -65,21 +82,13 @@ def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
         scales: Unit -> S.
     """
     known = np.isfinite(right.array).all(axis=1)
-    scale = np.array([scales[unit] for unit in values.units])
-    error = (np.abs(values.array - right.array) / scale)[known]
+    difference = Values(values.components, values.units, (values.array - right.array)[known])
+    error = np.abs(difference.array) / np.array([scales[unit] for unit in values.units])
     lost = int((~np.isfinite(error)).any(axis=1).sum())
-    if lost or not error.size:
-        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples")
-    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))))
-
-
-def scales_of(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, dict[str, float]]:
-    """S of the scaled error by quantity and unit."""
-    natural = natural_scales(mechanism)
-    return {
-        name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
-        for name, has in values.items()
-    }
+    largest = sizes(difference) if error.size else {}
+    if lost or not largest:
+        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples", largest)
+    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))), "", largest)
 
 
 def sizes(values: Values) -> dict[str, float]:
@@ -102,7 +111,7 @@ def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> R
     for engine, note in _NOTES.items():
         values = _solve(scene, times, names, engine)
         if not isinstance(values, Failure):
-            return Reference(engine, values, note.format(reason=reason), scales_of(scene.mechanism, values))
+            return Reference.by_size(engine, scene.mechanism, values, note.format(reason=reason))
         reason = values.reason
     raise RuntimeError(f"no reference values: {reason}")
 

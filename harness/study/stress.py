@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -21,24 +21,13 @@ from screwgauge.study.cases.registry import choose
 from screwgauge.study.provenance import provenance
 from screwgauge.study.table import frame
 
-#: Column of ``stress.csv`` -> attribute of a `Row`.
+#: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {
-    "case": "case",
-    "severity": "severity",
-    **{name: f"finding.{name}" for name in ("engine", "quantity", "digits", "condition", "time_s", "verdict")},
-    "reason": "finding.told",
+    **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
+    "reason": "told",
 }
 #: Stands for the engines of a rung that broke before it could ask them one by one.
 ALL = "all"
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A finding with its place on a ladder."""
-
-    case: str
-    severity: float
-    finding: Finding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +41,7 @@ class Stress:
     """
 
     cases: tuple[Case, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Finding, ...]
     seconds: Mapping[str, float]
     quick: bool
     environment: Mapping[str, Any]
@@ -61,12 +50,12 @@ class Stress:
     @property
     def ok(self) -> bool:
         """Our own solver is nowhere silently wrong."""
-        return not any(row.finding.own and row.finding.verdict == SILENT for row in self.rows)
+        return not any(row.own and row.verdict == SILENT for row in self.rows)
 
     @property
     def broken(self) -> tuple[str, ...]:
         """Why rungs have no rows of their own."""
-        return tuple(dict.fromkeys(row.finding.reason for row in self.rows if row.finding.engine == ALL))
+        return tuple(dict.fromkeys(row.reason for row in self.rows if row.engine == ALL))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -94,13 +83,13 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, case.rungs(quick=quick, severities=severities)) for case in chosen]
-    rows: list[Row] = []
+    rows: list[Finding] = []
     seconds: dict[str, float] = {}
     for case, rungs in ladders:
         start = perf_counter()
         for i, severity in enumerate(rungs):
             progress(case.name, i / len(rungs))
-            rows += [Row(case.name, severity, finding) for finding in climb(case, severity, quick=quick)]
+            rows += [replace(found, case=case.name, severity=severity) for found in climb(case, severity, quick=quick)]
         seconds[case.name] = perf_counter() - start
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 

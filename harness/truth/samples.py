@@ -1,26 +1,32 @@
-"""One sample of the truth: every quantity as balls, the two routes to the forces checked against each other."""
+"""Samples of the truth: every quantity as balls, with more bits where those of one precision are too wide.
+
+The two routes to the forces are checked against each other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flint import arb, arb_mat
+from flint import arb, arb_mat, ctx
 
-from screwgauge.problem import Problem
+from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.applied import Load
 from screwgauge.solution import Clock
-from screwgauge.truth.balance import newton_euler
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import Vector, number, vector
-from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm
-from screwgauge.truth.jets import Jet, MatrixJet
+from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler
+from screwgauge.truth.jets import Jet, MatrixJet, drive, read_terms, samples
 from screwgauge.truth.kinematics import State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
 
-Balls = Mapping[str, Sequence[arb]]
+Balls = dict[str, list[arb]]
 """Quantity -> its components."""
+
+#: A sample with a wider ball than this share of its quantity is enclosed anew with more bits: near singular poses and
+#: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
+WIDE = 1e-25
 
 
 def ruled(problem: Problem) -> bool:
@@ -32,13 +38,14 @@ class Sampler:
     """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
 
     def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
-        """Reads what acts.
+        """Reads what acts and what moves, in the working precision, which samples will be computed in.
 
         Args:
             redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
-        self.certifier = Certifier(linkage)
+        self.certifier, self.bits, said = Certifier(linkage), ctx.prec, problem.wording.motion
+        self.terms = None if said is None else read_terms(said, list(linkage.mechanism.independent))
         self.ruled = ruled(problem)
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
@@ -51,7 +58,13 @@ class Sampler:
         else:
             self.loads = [_said(table, index) for table in problem.wording.loads]
 
-    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> dict[str, list[arb]]:
+    def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+        """All quantities of one sample of the motion, see `sample`."""
+        with ctx.workprec(self.bits):
+            y = samples(motion, row) if self.terms is None else drive(self.terms, float(motion.t[row]))
+            return self.sample(y, start)
+
+    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> Balls:
         """All quantities at one time.
 
         Args:
@@ -79,7 +92,7 @@ class Sampler:
         if self.redundant:
             check_closed(self.linkage, q, bodies)
 
-    def _forces(self, now: State) -> dict[str, list[arb]]:
+    def _forces(self, now: State) -> Balls:
         linkage, k = self.linkage, now.partial.ncols()
         with self.clock.stage("forces by virtual power"):
             Q = generalized_force(linkage, now, self.gravity, self.loads)
@@ -104,7 +117,7 @@ class Sampler:
         return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
 
 
-def _motion(linkage: Linkage, now: State) -> dict[str, list[arb]]:
+def _motion(linkage: Linkage, now: State) -> Balls:
     bodies = list(zip(now.bodies[1:], linkage.masses, strict=True))
     return {
         "joint_position": [x[0] for x in now.q],
@@ -131,3 +144,40 @@ def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
         return [x * sign for x in vector(table.get(key, [0, 0, 0]))]
 
     return BallLoad(index[body], None if at == "com" else vector(at), signed("force"), signed("torque"))
+
+
+def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+    """A sample in narrow balls: of the first sampler that makes them, else those of the last.
+
+    Raises:
+        NotCertified: None of them had bits enough.
+    """
+    for sampler in samplers[:-1]:
+        try:
+            quantities = sampler.at(motion, row, start)
+        except NotCertified:
+            continue
+        if all(_narrow(balls) for balls in quantities.values()):
+            return quantities
+    return samplers[-1].at(motion, row, start)
+
+
+def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+    """A sample that `wide` encloses, in balls around what the exact text gives, whose redundant rows were left out.
+
+    Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
+
+    Raises:
+        NotCertified: Something could not be enclosed.
+    """
+    enclosures, values = wide.at(motion, row, start), exact.at(motion, row, start)
+    with ctx.workprec(wide.bits):
+        return {
+            name: [arb(b.mid(), (a - b.mid()).abs_upper()) for a, b in zip(balls, values[name], strict=True)]
+            for name, balls in enclosures.items()
+        }
+
+
+def _narrow(balls: Sequence[arb]) -> bool:
+    largest = max((float(ball.abs_upper()) for ball in balls), default=0.0)
+    return all(float(ball.rad()) <= WIDE * largest for ball in balls)

@@ -58,7 +58,7 @@ def trajectory(t: Array) -> tuple[Array, Array, Array]:
 
 def _turned(side: Chains, theta: Array, turns: tuple[int, ...]) -> Array:
     """``R_Z`` times the product of ``R_n`` over some rotations n, for each leg. Shape (n, 4, 3, 3)."""
-    R = np.broadcast_to(side.R0[:4], (len(theta), 4, 3, 3))
+    R = np.broadcast_to(side.start[:4, :3, :3], (len(theta), 4, 3, 3))
     for n in turns:
         R = R @ rotation(_X if n in (1, 4) else _Y, theta[:, :4, n - 1])
     return R
@@ -74,7 +74,7 @@ def wrist_centre(side: Chains, theta: Array, L: float | None, turns: tuple[int, 
         turns: Numbers n of the rotations in the product; (2, 5) as printed, (1, 2) is right.
     """
     length = theta[:, :4, 2] if L is None else L
-    return np.asarray(side.p0[:4] + (_turned(side, theta, turns) @ _Z) * np.asarray(length)[..., None])
+    return np.asarray(side.start[:4, :3, 3] + (_turned(side, theta, turns) @ _Z) * np.asarray(length)[..., None])
 
 
 def wrist_axis(side: Chains, theta: Array, turns: tuple[int, ...]) -> Array:

@@ -34,21 +34,19 @@ class Chains:
         used: False where filled up. Shape (n_chain, m).
         turns: 1 for a rotation, 0 for a slide and where filled up. Shape (n_chain, m, 1).
         axis: Its unit axis, zero where filled up. Shape (n_chain, m, 3).
-        F: Rotation that follows each freedom, times 1, K and K^2 of Rodrigues' formula. Shapes (n_chain, m, 3, 3).
-        slide: `axis` of slides, else zero. Shape (n_chain, m, 3).
-        lever: Displacement that follows each freedom, times 1, K and K^2. Shapes (n_chain, m, 3).
-        R0, p0: Frame in which each chain begins. Shapes (n_chain, 3, 3), (n_chain, 3).
+        steps: Homogeneous matrix of each freedom and of what follows it, as a sum: times 1, sin q and 1 - cos q
+            (Rodrigues' formula), and q of a slide. Shape (4, n_chain, m, 4, 4).
+        idle: One on the diagonal where filled up. Shape (n_chain, m, m).
+        start: Frame in which each chain begins. Shape (n_chain, 4, 4).
     """
 
     columns: Index
     used: NDArray[np.bool_]
     turns: Array
     axis: Array
-    F: tuple[Array, Array, Array]
-    slide: Array
-    lever: tuple[Array, Array, Array]
-    R0: Array
-    p0: Array
+    steps: Array
+    idle: Array
+    start: Array
 
     def gather(self, q: Array) -> Array:
         """Coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
@@ -69,20 +67,15 @@ class Chains:
         Returns:
             Screws, shape (..., n_chain, m, 6), and the platform's R (..., n_chain, 3, 3) and p (..., n_chain, 3).
         """
-        angle = theta[..., None] * self.turns
-        s, c = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
-        step = self.F[0] + s[..., None] * self.F[1] + c[..., None] * self.F[2]
-        shift = self.slide * theta[..., None] + self.lever[0] + s * self.lever[1] + c * self.lever[2]
-        m = theta.shape[-1]
-        R = np.empty((*theta.shape[:-1], m + 1, 3, 3))
-        R[..., 0, :, :] = self.R0
+        q, m = theta[..., None, None], theta.shape[-1]
+        still, sine, cosine, slide = self.steps
+        step = still + np.sin(q) * sine + 2.0 * np.sin(0.5 * q) ** 2 * cosine + q * slide
+        G = np.empty((*theta.shape[:-1], m + 1, 4, 4))
+        G[..., 0, :, :] = self.start
         for j in range(m):
-            np.matmul(R[..., j, :, :], step[..., j, :, :], out=R[..., j + 1, :, :])
+            np.matmul(G[..., j, :, :], step[..., j, :, :], out=G[..., j + 1, :, :])
+        R, p = G[..., :3, :3], G[..., :3, 3]
         e = (R[..., :m, :, :] @ self.axis[..., None])[..., 0]
-        p = np.empty((*theta.shape[:-1], m + 1, 3))
-        p[..., 0, :] = self.p0
-        np.cumsum((R[..., :m, :, :] @ shift[..., None])[..., 0], axis=-2, out=p[..., 1:, :])
-        p[..., 1:, :] += self.p0[:, None]
         S = np.concatenate([self.turns * e, np.where(self.turns, cross(p[..., :m, :], e), e)], axis=-1)
         return S, R[..., m, :, :], p[..., m, :]
 
@@ -96,8 +89,7 @@ class Chains:
         Returns:
             Shape (..., n_chain, m).
         """
-        normal = S @ S.swapaxes(-1, -2) + (~self.used)[..., None] * np.eye(S.shape[-2])
-        return np.asarray(np.linalg.solve(normal, S @ V[..., None])[..., 0])
+        return np.asarray(np.linalg.solve(S @ S.swapaxes(-1, -2) + self.idle, S @ V[..., None])[..., 0])
 
 
 def chains(lay: Layout) -> Chains:
@@ -118,19 +110,25 @@ def chains(lay: Layout) -> Chains:
     rows = [[*row, *[_NOTHING] * (m - len(row))] for row in freedoms]
     columns, used, turns, axis, R, p = (np.array([[freedom[k] for freedom in row] for row in rows]) for k in range(6))
     turns = turns[..., None].astype(float)
-    K = skew(axis) * turns[..., None]
+    after, (K, slide) = homogeneous(R, p), np.zeros((2, *R.shape[:2], 4, 4))
+    K[..., :3, :3], slide[..., :3, 3] = skew(axis) * turns[..., None], axis * (1.0 - turns)
     first = [chain[0].joint.parent_frame for chain in found]
     return Chains(
         columns=columns,
         used=used,
         turns=turns,
         axis=axis,
-        F=(R, K @ R, K @ K @ R),
-        slide=axis * (1.0 - turns),
-        lever=(p, (K @ p[..., None])[..., 0], (K @ K @ p[..., None])[..., 0]),
-        R0=np.stack([frame.R for frame in first]),
-        p0=np.stack([frame.p for frame in first]),
+        steps=np.stack([after, K @ after, K @ K @ after, slide]),
+        idle=(~used)[..., None] * np.eye(m),
+        start=homogeneous(np.stack([frame.R for frame in first]), np.stack([frame.p for frame in first])),
     )
+
+
+def homogeneous(R: Array, p: Array) -> Array:
+    """Homogeneous matrices of rotations (..., 3, 3) and places (..., 3). Shape (..., 4, 4)."""
+    T = np.broadcast_to(np.eye(4), (*p.shape[:-1], 4, 4)).copy()
+    T[..., :3, :3], T[..., :3, 3] = R, p
+    return T
 
 
 _Freedom = tuple[int, bool, bool, Array, Array, Array]
@@ -199,29 +197,32 @@ def chain_accelerations(
     return beta, np.cumsum(S * beta[..., None] + terms, axis=-2)
 
 
-def _euler(side: Chains, theta: Array, V: Array, step: float) -> None:
-    """Eq. (27): ``theta(n + 1) = theta(n) + dt w(n)``."""
+#: Method -> its stages: the part of the step at which each looks, and its weight.
+STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
+#: Into how many parts a method divides its step.
+PARTS = {"euler": 1, "rk4": 2}
+
+
+def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Array:
+    """Steps in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
+
+    Args:
+        start: Coordinates chain by chain. Shape (n_chain, m).
+        V: Twist of the platform at the ends of all parts of the steps. Shape (parts n + 1, 6).
+
+    Returns:
+        Shape (n + 1, n_chain, m).
+    """
+    parts = PARTS[method]
+    theta = np.empty(((len(V) - 1) // parts + 1, *start.shape))
+    theta[0] = start
     for i in range(len(theta) - 1):
-        theta[i + 1] = theta[i] + step * side.solve(side.walk(theta[i])[0], V[i])
-
-
-def _rk4(side: Chains, theta: Array, V: Array, step: float) -> None:
-    """The classical method of order four; `V` on the grid of half steps."""
-
-    def w(at: Array, k: int) -> Array:
-        return side.solve(side.walk(at)[0], V[k])
-
-    for i in range(len(theta) - 1):
-        here = theta[i]
-        first = w(here, 2 * i)
-        second = w(here + 0.5 * step * first, 2 * i + 1)
-        third = w(here + 0.5 * step * second, 2 * i + 1)
-        fourth = w(here + step * third, 2 * i + 2)
-        theta[i + 1] = here + step / 6.0 * (first + 2.0 * (second + third) + fourth)
-
-
-#: Method -> steps in place: ``(chains, theta, V, step)``, the first row of theta given, V as the method needs it.
-STEPPERS = {"euler": _euler, "rk4": _rk4}
+        w, way = np.zeros_like(start), np.zeros_like(start)
+        for part, weight in STAGES[method]:
+            w = side.solve(side.walk(theta[i] + part * step * w)[0], V[parts * i + round(parts * part)])
+            way += weight * step * w
+        theta[i + 1] = theta[i] + way
+    return theta
 
 
 def integrate(
@@ -245,19 +246,16 @@ def integrate(
     Raises:
         ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
     """
-    if method not in STEPPERS:
-        raise UnknownNameError("method", method, STEPPERS)
+    if method not in PARTS:
+        raise UnknownNameError("method", method, PARTS)
     if not 0.0 < step <= duration:
         raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
-    parts = 1 if method == "euler" else 2
-    n = int(duration / step * (1 + 1e-12))
+    parts, n = PARTS[method], int(duration / step * (1 + 1e-12))
     t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
     motion = drive(t)
     V, A = platform_screws(lay, motion, t, twist)
     side = chains(lay)
-    theta = np.empty((n + 1, *side.used.shape))
-    theta[0] = side.gather(positions(lay, motion.y[:1], t[:1]).q[0])
-    STEPPERS[method](side, theta, V[:, None], step)
+    theta = march(side, side.gather(positions(lay, motion.y[:1], t[:1]).q[0]), V, step, method)
     S, R, p = side.walk(theta)
     w = side.solve(S, V[::parts, None])
     beta, _ = chain_accelerations(side, S, w, A[::parts])

@@ -24,7 +24,7 @@ from screwgauge.reference.continuation import Evaluation, velocity_map
 from screwgauge.reference.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
-from screwgauge.reference.paper.scheme import integrate
+from screwgauge.reference.paper.scheme import PARTS, integrate
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
@@ -139,7 +139,7 @@ def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, met
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
-    duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // (1 if method == "euler" else 2)
+    duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // PARTS[method]
     start = float(motion.t[0])
     run = integrate(lay, lambda t: motion, duration / steps, duration, start=start, twist=twist, method=method)
     return {"joint_position": run.q, "joint_velocity": run.w, "joint_acceleration": run.beta}

@@ -12,10 +12,10 @@ from screwgauge.quantities import MAX_DIGITS, digits
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.page import arrange, log_scale, panels, power, saved
 from screwgauge.report.figures.style import DOTTED, GREY, Look, by_camp, styled
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
 
 if TYPE_CHECKING:
-    from screwgauge.study.stress import Row, Stress
+    from screwgauge.study.stress import Stress
 
 TITLE = "Digits kept as scenes become extreme"
 NOTE = (
@@ -34,12 +34,12 @@ def make_plots(stress: Stress) -> list[Picture]:
     """The page, if there is anything to draw."""
     results = {}
     for case in stress.cases:
-        rows = [r for r in stress.rows if r.case == case.name and r.finding.quantity in (case.drawn, "judge")]
+        rows = [r for r in stress.rows if r.case == case.name and r.quantity in (case.drawn, "judge")]
         if rows:
             results[case] = rows
     if not results:
         return []
-    common, own = inks([[row.finding.engine for row in rows] for rows in results.values()])
+    common, own = inks([[row.engine for row in rows] for rows in results.values()])
     columns = min(COLUMNS, len(results))
     width = WIDE if columns == COLUMNS else NARROW
     page = panels(width, [TALL] * -(-len(results) // columns), columns, len(results))
@@ -73,21 +73,21 @@ def mark(verdict: str, look: Look) -> Look:
     return {**look, "linestyle": "", "marker": marker, "markersize": 4.5, "markerfacecolor": fill}
 
 
-def _draw(ax: Axes, case: Case, rows: Sequence[Row], looks: Mapping[str, Look]) -> None:
+def _draw(ax: Axes, case: Case, rows: Sequence[Finding], looks: Mapping[str, Look]) -> None:
     """One case; `rows` are those of the quantity drawn."""
     severities = {row.severity for row in rows}
     zero = min((severity for severity in severities if severity > 0.0), default=1.0) / 10.0  # where severity 0 stands
-    engines = list(dict.fromkeys(row.finding.engine for row in rows))
+    engines = list(dict.fromkeys(row.engine for row in rows))
     camps = list(dict.fromkeys(looks[engine]["color"] for engine in engines))
     for engine in engines:
         look = looks[engine]
-        ladder = sorted((row for row in rows if row.finding.engine == engine), key=lambda row: row.severity)
+        ladder = sorted((row for row in rows if row.engine == engine), key=lambda row: row.severity)
         x = np.array([row.severity or zero for row in ladder])
-        y = np.array([digits(row.finding.error) for row in ladder])
+        y = np.array([digits(row.error) for row in ladder])
         ax.plot(x, y, **{**look, "marker": "", "linewidth": 1.1})
         y = np.where(np.isnan(y), NO_NUMBER - APART * (camps.index(look["color"]) % 3), y)
         for verdict in WORDS:
-            has = np.array([row.finding.verdict == verdict for row in ladder])
+            has = np.array([row.verdict == verdict for row in ladder])
             ax.plot(x[has], y[has], zorder=3, **mark(verdict, look))
     limit = digits(GOOD)
     ax.axhspan(LOWEST, limit, color=SHADE, linewidth=0.0, zorder=0.0)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rc_params_from_file
 
 Look = dict[str, Any]  # how a line and its marks are drawn: keyword arguments of matplotlib's Line2D
 
@@ -13,37 +14,10 @@ Look = dict[str, Any]  # how a line and its marks are drawn: keyword arguments o
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-GREY, INK, FAINT, SMALL = "#767676", "#333333", "#e4e4e4", 7.5
+GREY, INK, SMALL = "#767676", "#333333", 7.5
 DOTTED: Look = {"color": GREY, "linestyle": (0, (1, 2)), "linewidth": 0.9}
-STYLE = {
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Segoe UI", "sans-serif"],
-    "font.size": 9.0,
-    "text.hinting": "none",  # letters are measured as they will be in the SVG, not moved to whole pixels
-    "figure.dpi": 72.0,  # a pixel is a point, as in the SVG
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 9.0,
-    "axes.titleweight": "bold",
-    "axes.titley": 1.0,  # where nothing stands in its way; to look for that took a fifth of the time
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": FAINT,
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "lines.markersize": 5.5,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "legend.borderpad": 0.0,
-    "legend.handlelength": 2.6,
-    "legend.borderaxespad": 0.0,
-    "path.simplify_threshold": 0.3,  # points: long curves keep what can be seen, peaks among it
-    "svg.fonttype": "none",  # text stays text
-    "svg.hashsalt": "screwgauge",  # the same data give the same file
-}
-styled = rc_context(STYLE)  # decorates what draws
+_FILE = Path(__file__).with_name("look.mplstyle")
+styled = rc_context(rc_params_from_file(_FILE, use_default_template=False))  # decorates what draws
 
 #: Beginnings of a family's name and their colour; the first that fits.
 CAMPS = (

@@ -29,12 +29,10 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     section, drawn = partial(blocks.section, "bench"), list(pictures)
     over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
-    protocol = {"samples": bench.n_compared, "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
+    protocol = {"samples": len(bench.scene.t), "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
     threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
-    good = bench.complete and all(fit.ok for fit in bench.fits)
     return [
-        Heading(f"{bench.scene.title or bench.scene.name}: error against run time", 1),
-        Banner(headline(bench), status="agree" if good else "differ"),
+        *title(bench, headline(bench)),
         *([Items(bench.notes)] if bench.notes else []),
         *section("Error against run time", *over_time),
         *section("Time to reach an error", *_reach(bench)),
@@ -46,6 +44,13 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
         *section("Environment", facts({**judged(bench.provenance), **bench.environment})),
         *section("Known limitations"),
     ]
+
+
+def title(bench: Bench, found: str) -> list[Block]:
+    """Heading, and what was found in a few sentences."""
+    good = bench.complete and all(fit.ok for fit in bench.fits)
+    name = bench.scene.title or bench.scene.name
+    return [Heading(f"{name}: error against run time", 1), Banner(found, status="agree" if good else "differ")]
 
 
 def write(bench: Bench, out: Path) -> Path:

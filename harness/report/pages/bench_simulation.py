@@ -9,15 +9,15 @@ from pathlib import Path
 import pandas as pd
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
-from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, size
-from screwgauge.report.pages.bench import slopes
+from screwgauge.report.blocks import Banner, Block, Paragraph, Picture, facts, table
+from screwgauge.report.formatting import Row, duration, listed, missing, number, size
+from screwgauge.report.pages.bench import slopes, title
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
-from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
-from screwgauge.study.bench.run import Bench as Contest
+from screwgauge.study.bench.rows import Row as BenchRow
+from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import table as slope_table
 
 ABSOLUTE = [
@@ -32,10 +32,9 @@ SHOWN = (
 TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] = energy | cpu | wall? | = status"
 
 
-def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
+def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     section, plan = partial(blocks.section, "bench_simulation"), found.plan
-    good = found.complete and all(fit.ok for fit in found.fits)
     how = {
         "threads": "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
         "reference": found.reference,
@@ -45,8 +44,7 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
         "budget": number(plan.budget),
     }
     return [
-        Heading(f"{found.scene.title}: error against run time", 1),
-        Banner(headline(found), status="agree" if good else "differ"),
+        *title(found, headline(found)),
         *(Banner(note, "Warning:") for note in found.notes),
         *([Paragraph(found.scene.description)] if found.scene.description else []),
         *section("Error against processor time", *pictures, table(_rows(found), SHOWN)),
@@ -56,83 +54,72 @@ def report(found: Contest, pictures: Iterable[Picture]) -> list[Block]:
     ]
 
 
-def write(found: Contest, out: Path) -> Path:
+def write(found: Bench, out: Path) -> Path:
     """Writes report, diagram, tables and environment."""
-    from screwgauge.report.figures.bench_simulation import make_plots
+    from screwgauge.report.figures.bench import make_plots
 
     data = {
         "bench.csv": bench_table(found.rows),
-        "forward.csv": absolute_table(found.outcomes),
+        "forward.csv": absolute_table(found.rows),
         "slopes.csv": slope_table(found.fits),
         "environment.json": found.environment,
     }
     return write_report(out, report(found, make_plots(found)), data, figures=6)
 
 
-def absolute_table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
+def _pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
+    """Rows of the observables and of the energy, contestant by contestant."""
+    return list(zip(rows[::2], rows[1::2], strict=True))
+
+
+def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
-    body = [
-        (
-            c.family,
-            c.name,
-            c.setting,
-            unit,
-            largest,
-            o.energy,
-            o.wall,
-            o.cpu,
-            o.steps,
-            o.evaluations,
-            o.status,
-            o.reason,
-        )
-        for o, c in ((outcome, outcome.contestant) for outcome in outcomes)
-        for unit, largest in (o.largest or {"": float("nan")}).items()
-    ]
+    body = []
+    for row, energy in _pairs(rows):
+        who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
+        rest = (cost.wall_s, cost.cpu_s, cost.steps, cost.evaluations, row.status, row.reason)
+        for unit, largest in (row.largest or {"": float("nan")}).items():
+            body.append((*who, unit, largest, energy.largest.get("J", float("nan")), *rest))
     return pd.DataFrame(body, columns=ABSOLUTE)
 
 
-def headline(found: Contest) -> str:
+def headline(found: Bench) -> str:
     """Counts, and who reaches six digits first."""
-    t, outcomes = found.scene.t, found.outcomes
-    parts = [f"{len(outcomes)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
-    if six := [o for o in outcomes if o.status == OK and o.scaled <= SIX]:
-        best = min(six, key=_cpu)
-        cheapest = f"{best.contestant.family} ({best.contestant.setting}): {duration(_cpu(best))} of processor time"
+    t, rows = found.scene.t, [row for row, _ in _pairs(found.rows)]
+    parts = [f"{len(rows)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
+    if six := [row for row in rows if row.status == OK and row.max_scaled <= SIX]:
+        best = min(six, key=lambda row: row.work_s)
+        cheapest = f"{best.contestant.family} ({best.contestant.setting}): {duration(best.work_s)} of processor time"
         parts.append(f"Six digits of the observables are cheapest with {cheapest}.")
-    by_status = grouped(({"status": o.status, "family": o.contestant.family} for o in outcomes), "status")
     for status, words in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
-        names = dict.fromkeys(row["family"] for row in by_status.get((status,), []))
+        names = dict.fromkeys(row.contestant.family for row in rows if row.status == status)
         parts += [f"{words}: {listed(names)}."] if names else []
     return " ".join(parts)
 
 
-def _cpu(outcome: Outcome) -> float:
-    return outcome.wall if missing(outcome.cpu) else outcome.cpu
-
-
-def terminal(found: Contest) -> list[Block]:
+def terminal(found: Bench) -> list[Block]:
     """What ``screwgauge bench`` prints of a simulated scene."""
     return [Paragraph(headline(found)), table(_rows(found), TERMINAL)]
 
 
-def _rows(found: Contest) -> list[Row]:
+def _rows(found: Bench) -> list[Row]:
     """What was found, and what others have published."""
     ours = [
         {
-            "family": o.contestant.family,
-            "setting": o.contestant.setting,
-            "label": o.contestant.label,
-            "status": o.status,
-            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in (o.largest or {}).items()),
-            **{key: "" if missing(x) else size(x) for key, x in (("scaled", o.scaled), ("energy", o.energy))},
-            "cpu": o.cpu,
-            "wall": o.wall,
-            "steps": o.steps or None,
-            "evaluations": o.evaluations if o.steps else None,
-            "remark": "" if o.status == OK else f"✗ {o.status}: {o.reason}",
+            "family": row.contestant.family,
+            "setting": row.contestant.setting,
+            "label": row.contestant.label,
+            "status": row.status,
+            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items()),
+            "scaled": "" if missing(row.max_scaled) else size(row.max_scaled),
+            "energy": "".join(size(value) for value in energy.largest.values() if not missing(value)),
+            "cpu": row.cost.cpu_s,
+            "wall": row.cost.wall_s,
+            "steps": row.cost.steps or None,
+            "evaluations": row.cost.evaluations if row.cost.steps else None,
+            "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
         }
-        for o in found.outcomes
+        for row, energy in _pairs(found.rows)
     ]
     published = [
         {

@@ -45,14 +45,14 @@ def write(found: Stress, out: Path) -> Path:
 
 
 def _rows(found: Stress) -> list[Row]:
-    return rows(found.table.assign(error=[row.finding.error for row in found.rows]))
+    return rows(found.table.assign(error=[row.error for row in found.rows]))
 
 
 def headline(found: Stress) -> str:
     """Counts by verdict, and who was silently wrong, in a few sentences."""
-    verdicts = [row.finding.verdict for row in found.rows]
+    verdicts = [row.verdict for row in found.rows]
     counts = listed(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts)
-    guilty = dict.fromkeys(row.finding.engine.split()[0] for row in found.rows if row.finding.verdict == SILENT)
+    guilty = dict.fromkeys(row.engine.split()[0] for row in found.rows if row.verdict == SILENT)
     parts = [
         f"{len(found.cases)} cases, {len(found.rows)} rows: {counts}.",
         f"Silently wrong: {listed(guilty)}." if guilty else "Nothing is wrong without saying so.",

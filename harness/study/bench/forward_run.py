@@ -1,32 +1,40 @@
-"""A bench of a simulation: every contestant integrates the scene; its errors, energy and time become a row."""
+"""A bench of a simulation: every contestant integrates the scene; its errors, energy and time become two rows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
 from screwgauge.environment import environment
+from screwgauge.judging.answer import answer_at
+from screwgauge.judging.energy import energy_balance
+from screwgauge.problem import Integration, Problem
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.forward import forces_at
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.pose import Layout, layout
+from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
-from screwgauge.solution import REFERENCE, Failure
-from screwgauge.study.ask import Report, TooLongError, ask, generated, silent, within
+from screwgauge.solution import REFERENCE, Cost, Failure, Solution
+from screwgauge.study.ask import Report, TooLongError, ask, generated, model_files, silent, within
 from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.forward_contestants import contestants as all_contestants
-from screwgauge.study.bench.forward_score import Outcome, outcome, simulated
 from screwgauge.study.bench.leaving_out import table as leaving_out
-from screwgauge.study.bench.rows import CUT, FAILED
+from screwgauge.study.bench.registry import simulators
+from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, models_of
 from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.bench.threads import one_thread
+from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, compared_rows
 from screwgauge.study.provenance import provenance
+from screwgauge.study.reference import Reference, score
 
+NAN = float("nan")
+TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
 #: Below this [s] a contestant is measured again, `Plan.rounds` times in all, and the shortest time counts.
 SHORT = 1.0
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
@@ -70,25 +78,23 @@ def contest(
     stiff = _stiff(short, lay)
     waiting = _chosen(short, contestants, stiff=stiff, quick=plan.quick)
     late = {f"screw-{name}" for name in EXPLICIT} if stiff else set[str]()
-    outcomes: list[Outcome] = []
+    rows: list[Row] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
         posed, n = simulated(short, folder), len(waiting)
         judged = provenance(short, models_of(waiting, posed))
         while waiting:
             # the shortest first, as far as the family's last one tells; what is known to take very long comes last
-            contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, outcomes)))
+            contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, rows)))
             waiting.remove(contestant)
             progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
-            outcomes.append(_turn(posed, plan, contestant, outcomes, plan.budget - perf_counter() + begin))
-    names = list(dict.fromkeys(o.contestant.family for o in outcomes))
-    outcomes.sort(key=lambda o: (o.contestant.method.engine != "screw", names.index(o.contestant.family)))
-    rows = [row for outcome in outcomes for row in outcome.rows]
+            rows += _turn(posed, plan, contestant, rows, plan.budget - perf_counter() + begin)
+    names = list(dict.fromkeys(row.contestant.family for row in rows))
+    rows.sort(key=lambda row: (row.contestant.method.engine != "screw", names.index(row.contestant.family)))
     return Bench(
         scene=short,
         plan=plan,
         rows=rows,
-        outcomes=outcomes,
         # three points between saturation and rounding
         fits=[fit for fit in fits(rows, RULES) if np.isfinite(fit.slope)],
         leaving_out=leaving_out([]),
@@ -109,7 +115,7 @@ def _stiff(scene: Scene, lay: Layout) -> bool:
 
 def _chosen(scene: Scene, names: Iterable[str] | None, *, stiff: bool, quick: bool) -> list[Contestant]:
     start = scene.start
-    everyone = all_contestants(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
+    everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
     if names is None:
         return everyone
     known = dict.fromkeys(name for c in everyone for name in (c.family, c.method.engine))
@@ -117,43 +123,100 @@ def _chosen(scene: Scene, names: Iterable[str] | None, *, stiff: bool, quick: bo
     return [c for c in everyone if {c.family, c.method.engine} & set(wanted)]
 
 
-def _foreseen(contestant: Contestant, before: Sequence[Outcome]) -> float:
+def simulated(scene: Scene, folder: Path) -> Posed:
+    """A simulated scene ready for methods; its observables are measured.
+
+    Args:
+        folder: Where the generated model files are.
+
+    Raises:
+        ScrewgaugeError: There is no known solution, and the solver does not come to the end.
+    """
+    if scene.known is not None:
+        name = f"the known solution ({scene.known.source})"
+        known = known_values(scene.known, scene.observables, scene.t, scene.name)[0]
+    else:
+        method = scene.start.integration
+        name = f"screw with {method.name}, rtol = atol = {TIGHTEST:.0e}"
+        task = replace(scene.start, integration=Integration(method.name, TIGHTEST, TIGHTEST, method.near))
+        problem = Problem(scene.applied, task, frozenset(("joint_position",)))
+        solution = Method("screw").load(model_files(scene, "screw", folder)).solve(problem)
+        if solution.stopped:
+            raise DescriptionError(
+                f"the motion stops early ({solution.stopped})", scene.name, "shorten it or give a [reference]"
+            )
+        known = observe(layout(scene.mechanism), scene.observables, solution.values["joint_position"].array)
+    values = {"observable": known}
+    return Posed(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
+
+
+def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
     """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
-    same = [o for o in before if o.contestant.family == contestant.family]
+    same = [row for row in before if row.contestant.family == contestant.family]
     if not same:
         engine = contestant.method.engine
-        ladders = [o for o in before if o.contestant.method.engine == engine and o.contestant.parameter is None]
-        alike = [o.wall for o in ladders if contestant.parameter is None and np.isfinite(o.wall)]
+        ladders = [row for row in before if row.contestant.method.engine == engine and row.contestant.parameter is None]
+        alike = [row.time_s for row in ladders if contestant.parameter is None and np.isfinite(row.time_s)]
         return max([FIRST.get(engine, 0.0), *alike[:1]])
     last, longer = same[-1], LONGER
     if last.status == CUT:
         return np.inf
     if contestant.parameter and last.contestant.parameter:
         longer = last.contestant.parameter[1] / contestant.parameter[1]
-    return last.wall * longer if np.isfinite(last.wall) else 0.0
+    return last.time_s * longer if np.isfinite(last.time_s) else 0.0
 
 
-def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Outcome], left: float) -> Outcome:
-    """The outcome of a contestant, unless the budget is spent or it would take too long anyway.
+def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Row], left: float) -> tuple[Row, Row]:
+    """The rows of a contestant, unless the budget is spent or it would take too long anyway.
 
     Args:
         left: Of the budget [s].
     """
+
+    def lost(reason: str, status: str = CUT) -> tuple[Row, Row]:
+        row = Row(contestant, "observable", NAN, NAN, 0, (), status, reason)
+        return row, replace(row, quantity="energy")
+
     if left <= 0.0:
-        return Outcome(contestant, CUT, "the budget was spent before its turn")
-    known = any(o.contestant.family == contestant.family for o in before)
+        return lost("the budget was spent before its turn")
+    known = any(row.contestant.family == contestant.family for row in before)
     if known and _foreseen(contestant, before) > plan.each:
-        return Outcome(contestant, CUT, f"the setting before tells that it would take more than {plan.each:g} s")
-    asked, times = contestant.ask(posed), list[tuple[float, float]]()
+        return lost(f"the setting before tells that it would take more than {plan.each:g} s")
+    asked, costs = contestant.ask(posed), list[Cost]()
     (problem,), most = asked.problems, min(plan.each, left)
     while True:
         try:
             with np.errstate(all="ignore"):
                 answer = ask(contestant.method, asked.files, problem, within(most))
         except TooLongError as error:
-            return Outcome(contestant, CUT, str(error))
+            return lost(str(error))
         if isinstance(answer, Failure):
-            return Outcome(contestant, FAILED, answer.reason)
-        times.append((answer.cost.wall_s, answer.cost.cpu_s) if answer.cost else (np.nan, np.nan))
-        if len(times) >= plan.rounds or not times[0][0] < SHORT:
-            return outcome(posed, contestant, problem, answer, np.array(times))
+            return lost(answer.reason, FAILED)
+        if answer.n_solved < 2:
+            return lost(f"stopped before the first sample: {answer.stopped}", FAILED)
+        costs.append(answer.cost or Cost(NAN))
+        if len(costs) >= plan.rounds or not costs[0].wall_s < SHORT:
+            return _scored(posed, contestant, problem, answer, costs)
+
+
+def _scored(
+    posed: Posed, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
+) -> tuple[Row, Row]:
+    """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
+
+    Args:
+        costs: Of each integration; the shortest times count.
+    """
+    scene, m = posed.scene, solution.n_solved
+    q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
+    error = score(observe(layout(scene.mechanism), scene.observables, q), right, posed.reference.scales["observable"])
+    judged = replace(problem, applied=scene.applied)  # a model file of one's own may have another gravity
+    energy = next(energy_balance(answer_at(scene.mechanism, judged, solution, np.arange(m))), {})
+    reason = solution.stopped or (f"only {m} of {len(scene.t)} samples" if m < len(scene.t) else error.reason)
+    wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
+    cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()
+    rest = m, seconds, FAILED if reason else OK, reason
+    return (
+        Row(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
+        Row(contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost),
+    )

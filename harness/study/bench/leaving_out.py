@@ -107,7 +107,7 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
         engine = contestant.method.engine.removesuffix("-full")
         worst = max(same, key=lambda row: np.nan_to_num(row.max_scaled, nan=np.inf))
         unchanged, reason = worst.max_scaled <= SOLVED, worst.reason if worst.status == FAILED else ""
-        if worst.scored and not unchanged:
+        if np.isfinite(worst.max_scaled) and not unchanged:
             reason = f"changes {worst.quantity}"
         times = (worst.time_s, worst.median_s, worst.time_s / whole.get(engine, np.nan))
         found = (worst.max_scaled, unchanged, worst.status, reason)

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from screwgauge.models.layout import lay_out
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows
+from screwgauge.problem import GivenMotion, Integration, ModelFiles, Problem, Rows
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
@@ -136,3 +136,16 @@ def stepped(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, ha
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
     # delivered are the compared times, however many steps it takes to get from one to the next
     return Asked(posed.files(engine), (problem,), len(t), reference, rows[met])
+
+
+def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0) -> Asked:
+    """A simulation from its start on; the wanted observables follow from the joint coordinates.
+
+    Args:
+        method, rtol: Of scipy, and its tolerances rtol = atol; those of the scene if there is none.
+    """
+    task = posed.scene.start
+    if method:
+        task = replace(task, integration=Integration(method, rtol, rtol, task.integration.near))
+    problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task, engine=engine)
+    return Asked(posed.files(engine), (problem,), len(task), posed.reference)

@@ -1,14 +1,18 @@
-"""Who takes part in a bench of a given motion, and how they are chosen."""
+"""Who takes part in a bench of a given motion or of a simulation, and how they are chosen."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
-from itertools import product
+from itertools import product, zip_longest
 from typing import Any
 
+from screwgauge.engines.methods import METHODS
+from screwgauge.engines.registry import engines
+from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.expressions import number
+from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.study.bench import leaving_out, questions
 from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.method import Method
@@ -16,6 +20,18 @@ from screwgauge.study.posed import QUANTITIES
 
 #: What an entry may say as a contestant has it.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
+
+_COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+_SIMULATOR = partial(Contestant, question=questions.simulation, quantities=("observable",), covers=_COVERS)
+#: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
+LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+LEAST_IMPLICIT = 1e-8
+QUICK_LADDER = (1e-4, 1e-7)
+#: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
+LEAST_CONSTRAINED = 1e-10
+#: Fixed steps over the whole motion.
+STEPS = (250, 1_000, 4_000, 16_000, 64_000)
+QUICK_STEPS = (100, 400, 1_600)
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
@@ -74,3 +90,51 @@ def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contest
     names = dict.fromkeys([*(c.family for c in known), *(c.name for c in known)])
     chosen = set(check_choice("contestant", wanted, names))
     return [contestant for contestant in everyone if {contestant.family, contestant.name} & chosen]
+
+
+def simulators(method: str, duration: float, *, stiff: bool, quick: bool) -> list[Contestant]:
+    """Who takes part in the bench of a simulation, the coarse settings of all families first.
+
+    Args:
+        method: That of the scene.
+        duration: Of the motion [s].
+        stiff: Whether an explicit method would have to take very many steps.
+    """
+    families = *_climbing(method, stiff, quick), *_stepping(duration, quick)
+    return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
+
+
+def _climbing(own: str, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
+    """Engines by scipy's methods, each a ladder of tolerances."""
+    for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
+        screw = engine == "screw"
+        for method in METHODS if screw else (own,):
+            least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
+            rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
+            # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
+            if screw and ((quick and method != own) or (stiff and method in EXPLICIT)):
+                rungs = rungs[:1]
+            family, found = f"screw-{method}" if screw else engine, list[Contestant]()
+            for rtol in rungs:
+                setting, label = f"{method}, rtol = atol = {rtol:.0e}", f"{rtol:.0e}".replace("e-0", "e-")
+                question = partial(questions.simulation, method=method, rtol=rtol)
+                found.append(_SIMULATOR(family, family, setting, Method(engine), question=question, label=label))
+            yield found
+
+
+def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
+    """The engines' own steppers, each over fixed steps."""
+    for stepper in TABLE["steppers"]:
+        family, engine, found = stepper["family"], stepper["engine"], list[Contestant]()
+        for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS)):
+            method, setting = Method(engine, {"dt": dt, **stepper["settings"]}), stepper["setting"].format(dt=dt)
+            found.append(_SIMULATOR(family, family, setting, method, parameter=("dt [s]", dt), label=_label(dt)))
+        yield found
+
+
+def _label(dt: float) -> str:
+    """A step with its unit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if dt >= size:
+            return f"{dt / size:.3g} {unit}"
+    return f"{dt:.1e} s"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
 from screwgauge.quantities import digits
+from screwgauge.solution import Cost
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.table import frame
 
@@ -28,7 +29,13 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """One quantity of one contestant. `seconds`: every measurement, in the order made."""
+    """One quantity of one contestant.
+
+    Attributes:
+        seconds: Every measurement, in the order made.
+        largest: Largest error by unit, of a simulation.
+        cost: What a simulation took.
+    """
 
     contestant: Contestant
     quantity: str
@@ -38,6 +45,8 @@ class Row:
     seconds: tuple[float, ...]
     status: str
     reason: str
+    largest: Mapping[str, float] = field(default_factory=dict)
+    cost: Cost = field(default_factory=lambda: Cost(float("nan")))
 
     @property
     def digits(self) -> float:
@@ -60,9 +69,9 @@ class Row:
         return float(np.median(self.seconds)) if self.seconds else float("nan")
 
     @property
-    def scored(self) -> bool:
-        """Whether there is an error at all."""
-        return bool(np.isfinite(self.max_scaled))
+    def work_s(self) -> float:
+        """Processor time of a simulation, or wall time where an engine does not measure it [s]."""
+        return self.cost.cpu_s if np.isfinite(self.cost.cpu_s) else self.cost.wall_s
 
     @property
     def per_sample(self) -> float:

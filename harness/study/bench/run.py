@@ -23,7 +23,6 @@ from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.bench.forward_score import Outcome
 from screwgauge.study.bench.journal import Journal, stamp
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
@@ -65,8 +64,7 @@ class Bench:
     """What was measured.
 
     Attributes:
-        rows: One for each contestant, setting and quantity.
-        outcomes: One for each contestant of a simulation and setting.
+        rows: One for each contestant, setting and quantity; of a simulation those of the observables and the energy.
         fits: Fitted slopes.
         leaving_out: Rows of ``leaving_out.csv``.
         reference: What errors are measured against, in words.
@@ -77,17 +75,12 @@ class Bench:
     scene: Scene
     plan: Plan
     rows: Sequence[Row]
-    outcomes: Sequence[Outcome] = ()
     fits: Sequence[slopes.Fit]
     leaving_out: pd.DataFrame
     reference: str
     notes: tuple[str, ...]
     environment: Mapping[str, Any]
     provenance: Mapping[str, Any]
-
-    @property
-    def n_compared(self) -> int:
-        return len(self.scene.t)
 
     @property
     def complete(self) -> bool:

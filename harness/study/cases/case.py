@@ -22,7 +22,7 @@ VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What one engine made of one quantity on one rung.
+    """What one engine made of one quantity on one rung, a row of a stress table.
 
     Attributes:
         engine: Its name; a setting may follow, as in ``mujoco RK4``.
@@ -33,6 +33,7 @@ class Finding:
         time_s: Run time [s].
         reason: Why it was refused, what the warning says, or the cause of the error.
         own: Whether it is our own solver.
+        case, severity: Where on which ladder.
     """
 
     engine: str
@@ -43,6 +44,8 @@ class Finding:
     time_s: float = math.nan
     reason: str = ""
     own: bool = False
+    case: str = ""
+    severity: float = math.nan
 
     @property
     def digits(self) -> float:

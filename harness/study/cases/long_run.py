@@ -11,14 +11,14 @@ import numpy as np
 from screwgauge.judging.answer import timed
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.paper.scheme import STEPPERS, chains
+from screwgauge.reference.paper.scheme import PARTS, chains, march
 from screwgauge.reference.paper.twist import platform_screws
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.cases.given import SCENE
+from screwgauge.study.cases.asking import SCENE
 from screwgauge.study.cases.question import Question
 from screwgauge.study.method import Method
 from screwgauge.study.reference import joined, reference_values
@@ -94,17 +94,16 @@ class PaperScheme(Method):
         """Joint positions at the times asked, at which steps end."""
         clock, mechanism, method = Stopwatch(), self.scene.mechanism, str(self.settings["method"])
         lay = layout(mechanism)
-        side, stages = chains(lay), 1 if method == "euler" else 2
+        side, parts = chains(lay), PARTS[method]
         ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)
         first = np.zeros(1)
         theta = side.gather(positions(lay, self.scene.moved(first).y, first).q)
         kept = []
         for begin in range(0, int(ends[-1]), PART):
             n = min(PART, int(ends[-1]) - begin)
-            t = (begin + np.arange(stages * n + 1) / stages) * SCHEME_STEP
+            t = (begin + np.arange(parts * n + 1) / parts) * SCHEME_STEP
             V = platform_screws(lay, self.scene.moved(t), t)[0]
-            theta = np.concatenate([theta[-1:], np.empty((n, *theta.shape[1:]))])
-            STEPPERS[method](side, theta, V[:, None], SCHEME_STEP)
+            theta = march(side, theta[-1], V, SCHEME_STEP, method)
             kept.append(theta[ends[(ends > begin) & (ends <= begin + n)] - begin])
         q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))
         values = {"joint_position": Values(mechanism.coordinates, mechanism.units, q)}

@@ -12,13 +12,12 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
-from screwgauge.study.cases.given import ENGINES
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, push
-from screwgauge.study.cases.question import Question, by_size, put
+from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
+from screwgauge.study.cases.question import Question, put
 from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed, pose_scene
-from screwgauge.study.reference import reference_values
+from screwgauge.study.reference import Reference, reference_values
 
 ITERATIONS = (1, 2, 5)
 SAMPLES = 3
@@ -51,7 +50,7 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     methods, mechanism = _proximal("deficient", mu), load_mechanism(FILE)
     files = dict.fromkeys((method.engine for method in methods), write_four_bar(folder))
     problem, exact = four_bar_states(SAMPLES)
-    right = by_size("exact", mechanism, {ACCELERATION: exact})
+    right = Reference.by_size("exact", mechanism, {ACCELERATION: exact})
     yield Question(mechanism, files, problem, methods, (ACCELERATION,), right, by=_RESIDUAL)
 
 
@@ -90,7 +89,7 @@ def _forces(posed: Posed) -> Question:
         posed.problem(*quantities),
         tuple(map(Method, ENGINES)),
         quantities,
-        by_size(right.engine, mechanism, values),
+        Reference.by_size(right.engine, mechanism, values),
     )
     remark = (
         f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "

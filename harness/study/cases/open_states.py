@@ -23,12 +23,20 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.given import ENGINES, JUDGED, SCENE, moving
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, closure_residuals, tree_coordinates
-from screwgauge.study.cases.question import Question, by_size, files_of, findings
+from screwgauge.study.cases.asking import (
+    ACCELERATION,
+    ENGINES,
+    JUDGED,
+    SCENE,
+    SCREW,
+    closure_residuals,
+    moving,
+    tree_coordinates,
+)
+from screwgauge.study.cases.question import Question, files_of, findings
 from screwgauge.study.method import Method
 from screwgauge.study.posed import pushed
-from screwgauge.study.reference import TRUTH
+from screwgauge.study.reference import TRUTH, Reference
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
@@ -50,7 +58,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     write_models(mechanism, folder, gravity=scene.applied.g)
     exact = TRUTH if find_spec("flint") else SCREW.engine
     solutions, _ = solve(scene, (*ENGINES, exact), JUDGED)
-    true, files = by_size(exact, mechanism, solutions[exact].values), files_of(scene, folder, methods)
+    true, files = Reference.by_size(exact, mechanism, solutions[exact].values), files_of(scene, folder, methods)
     given = Question(mechanism, files, scene.problem(JUDGED), methods, ("generalized_force", "actuator_force"), true)
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
@@ -127,7 +135,7 @@ def _forces(given: Question, method: Method, states: States) -> Question:
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
     """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
-    question, right = _forces(given, method, states), by_size(SCREW.engine, scene.mechanism, needed.values)
+    question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
     problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
     return replace(question, problem=problem, right=right, quantities=(TREE_FORCE,), read=read, cause=_STIFF)
 

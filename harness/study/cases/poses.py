@@ -16,9 +16,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
-from screwgauge.study.cases.given import ENGINES, QUANTITIES, SCENE, compare, still
-from screwgauge.study.cases.question import Question, by_size, put
+from screwgauge.study.cases.asking import ENGINES, QUANTITIES, SCENE, compare, still
+from screwgauge.study.cases.question import Question, put
 from screwgauge.study.method import Method
+from screwgauge.study.reference import Reference
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
@@ -84,7 +85,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
             scene.problem(("joint_position",)),
             methods,
             ("joint_position",),
-            by_size("closed form", scene.mechanism, right),
+            Reference.by_size("closed form", scene.mechanism, right),
         )
 
 

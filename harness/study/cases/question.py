@@ -19,7 +19,7 @@ from screwgauge.solution import Failure, Solution, Values
 from screwgauge.study.ask import ask, model_files
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference, scales_of
+from screwgauge.study.reference import Reference, score
 
 OWN = "screw"  # the engine that answers for our own solver
 LONGEST = 500  # letters of a reason: some errors name a whole state
@@ -91,19 +91,14 @@ def integrated(question: Question, integration: Integration) -> Question:
     return replace(question, problem=replace(question.problem, task=replace(task, integration=integration)))
 
 
-def by_size(engine: str, mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
-    """Values of an engine as what is right, errors being measured by their size."""
-    return Reference(engine, values, "", scales_of(mechanism, values))
-
-
 def findings(question: Question) -> Iterator[Finding]:
     """What every method makes of every quantity: the error, what is admitted, and why."""
     for method in question.methods:
-        for finding in _of(question, method):
-            yield replace(finding, engine=method.name, own=method.engine == OWN)
+        yield from _of(question, method)
 
 
 def _of(question: Question, method: Method) -> Iterator[Finding]:
+    blank = Finding(method.name, "", own=method.engine == OWN)
     solution: Solution | Failure = Failure(method.name, question.refused)
     if not question.refused:
         solution = ask(method, question.files[method.engine], question.problem)
@@ -114,13 +109,15 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
         refused = solution.stopped or "; ".join(warned)
     if refused or isinstance(solution, Failure):
         for quantity in question.quantities:
-            yield Finding("", quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
-    elif not question.known:
-        yield _judged(question, solution)
-    else:
-        values, excuses = question.read(question, solution), _excuses(question, solution)
-        for quantity in question.quantities:
-            yield _measured(question, solution, quantity, values[quantity], excuses)
+            yield replace(blank, quantity=quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
+        return
+    blank = replace(blank, time_s=_time(solution))
+    if not question.known:
+        yield _judged(question, solution, blank)
+        return
+    values, excuses = question.read(question, solution), _excuses(question, solution)
+    for quantity in question.quantities:
+        yield _measured(question, solution, replace(blank, quantity=quantity), values[quantity], excuses)
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
@@ -132,45 +129,41 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
         values: Of at least the components of `right`, in any order.
         scales: Unit -> S.
     """
-    known = np.isfinite(right.array).all(axis=1)
-    scale = np.array([scales[unit] for unit in right.units])
-    if not known.any():
-        return math.nan
-    return float((np.abs(values.pick(right.components).array - right.array)[known] / scale).max())
+    largest = score(values.pick(right.components), right, scales).largest
+    return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
 def _measured(
-    question: Question, solution: Solution, quantity: str, values: Values, excuses: Mapping[str, str]
+    question: Question, solution: Solution, blank: Finding, values: Values, excuses: Mapping[str, str]
 ) -> Finding:
     """Error, what is admitted, and why."""
-    right = question.right
+    quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
     bound = max([_estimated(solution, quantity), *(own.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
-    finding = Finding("", quantity, error, bound, condition, _time(solution))
+    finding = replace(blank, error=error, admitted=bound, condition=condition)
     admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
     if math.isinf(bound):
         admits = f"by {question.by} not one digit may be right"
     if math.isnan(error):  # only what the engine says of it counts
         return replace(finding, reason=excuses.get(quantity, "") or excuses.get("", "") or admits)
-    silent = finding.verdict == SILENT and solution.engine != OWN
+    silent = finding.verdict == SILENT and not finding.own
     cause = question.cause.replace("{notes}", "; ".join(solution.notes)) if silent else ""
     return replace(finding, reason="; ".join(filter(None, (cause, question.remarks.get(quantity, ""), admits))))
 
 
-def _judged(question: Question, solution: Solution) -> Finding:
+def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
     """Where there is no truth, the largest residual of the judge stands for all quantities."""
     table = judge(question.mechanism, question.problem, solution)
-    return Finding(
-        "",
-        "judge",
-        float(table["max_scaled"].max(skipna=False)),
-        max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
-        float(np.nanmax(solution.condition)),
-        _time(solution),
-        "largest residual of the judge: no truth could be had",
+    return replace(
+        blank,
+        quantity="judge",
+        error=float(table["max_scaled"].max(skipna=False)),
+        admitted=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
+        condition=float(np.nanmax(solution.condition)),
+        reason="largest residual of the judge: no truth could be had",
     )
 
 

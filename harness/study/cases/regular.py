@@ -15,8 +15,8 @@ from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.reference.applied import Load
 from screwgauge.reference.expressions import number
 from screwgauge.scene.read import load_scene
+from screwgauge.study.cases.asking import SCENE, compare, exactly, moving, still
 from screwgauge.study.cases.case import Ask
-from screwgauge.study.cases.given import SCENE, compare, exactly, moving, still
 from screwgauge.study.cases.question import Question
 
 #: Moments of the platform as a plate and of a leg half as a rod [kg m^2], about those of the paper.

@@ -22,8 +22,8 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.ask import solve
-from screwgauge.study.cases.given import SCENE
-from screwgauge.study.cases.pushed import (
+from screwgauge.study.cases.asking import (
+    SCENE,
     SCREW,
     closure_residuals,
     loaded,

@@ -20,9 +20,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
 from screwgauge.solution import Solution, Values
+from screwgauge.study.cases.asking import ACCELERATION, SCENE, SCREW, loaded, loop_condition, push, true_velocities
 from screwgauge.study.cases.collocation import collocate
-from screwgauge.study.cases.given import SCENE
-from screwgauge.study.cases.pushed import ACCELERATION, SCREW, loaded, loop_condition, push, true_velocities
 from screwgauge.study.cases.question import Question, integrated, put
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed

@@ -43,7 +43,7 @@ def _angle(free: Array, twist: Array) -> float:
 
 
 def reciprocal_screws(case: Case) -> list[Values]:
-    R, L = (float(case.side.p0[0, 0]), float(case.lay.mechanism.home[2]))
+    R, L = (float(case.side.start[0, 0, 3]), float(case.lay.mechanism.home[2]))
     forms, leaning = (printed.upu_wrench, printed.upu_wrench_right), np.linspace(0.2, 1.2, 11)
 
     def work(form: Callable[[float, float, float], Array], angle: float) -> float:
