@@ -14,18 +14,20 @@ if TYPE_CHECKING:
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.results import Results, run
+    from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.scene import Scene
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
 
-__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "load_scene", "random", "run", "stream"]
+__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "exciting", "load_scene", "random", "run", "stream"]
 
 _HOMES = {
     "Limits": "screwgauge.study.apart",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
+    "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
     "run": "screwgauge.report.results",

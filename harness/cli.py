@@ -79,6 +79,8 @@ def _parser() -> argparse.ArgumentParser:
     scene(add)
     add("--engines", metavar="A,B", help="default: those of the scene")
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
+    add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
+    add("--seed", type=int, metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
     add("--json", action="store_true", help="print the summary as JSON")

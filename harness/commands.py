@@ -45,6 +45,7 @@ def models(options: argparse.Namespace) -> int:
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
     from screwgauge.environment import json_text
+    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
@@ -53,6 +54,12 @@ def run(options: argparse.Namespace) -> int:
     given = {"seconds": options.limit, "memory": options.memory}
     limits = Limits(**{name: value for name, value in given.items() if value is not None})
     scene = load_scene(options.scene)
+    if options.exciting:
+        from screwgauge.scene.exciting import exciting
+
+        scene = exciting(scene, options.seed or 0)
+    elif options.seed is not None:
+        raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     results = _study(

@@ -93,7 +93,8 @@ class Solution:
             known. Shape (n,).
         stopped: Why a simulation ended early, empty if it did not.
         cost: What it took, where the engine has measured it.
-        warnings: What the engine itself warned of; these are notes, too.
+        warnings: What the engine itself warned of, and what its model file says otherwise than the description or
+            beyond it; these are notes, too. With them, agreement is not plain.
     """
 
     engine: str

@@ -115,11 +115,15 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
     for what in ("bodies", "tree"):  # in any order
         out.names("", what, sorted(getattr(expected, what)), sorted(getattr(found, what)))
     out.names("", "independent", dict(expected.independent), dict(found.independent))
+    out.names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, found.axial)))
+    if expected.axial and found.axial:
+        out.numbers("", "direction of spherical_axial", expected.axial[1], found.axial[1])
     joints = {joint.name: joint for joint in found.joints}
     out.names("", "joint names", sorted(joint.name for joint in expected.joints), sorted(joints))
     for want in expected.joints:
         if have := joints.get(want.name):
             out.names(want.name, "joint", _joint_says(want), _joint_says(have))
+            out.names(want.name, "joint limits", want.limits.tolist(), have.limits.tolist())
             if want.kind == have.kind:
                 values = _joint_values(want, length), _joint_values(have, length)
                 out.numbers(want.name, "joint axes and frames", *values)

@@ -10,6 +10,7 @@ import numpy as np
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import POINTS, Edge, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 
 #: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint
@@ -142,6 +143,23 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     welds = {link.joint.name: _weld(link) for link in links[len(spanning.edges) :]}
     closures = tuple(welds.get(joint.name) or _points(joint, mechanism) for joint in cuts)
     return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), closures)
+
+
+def open_tree(lay: Layout) -> tuple[Array, list[int]]:
+    """The tree of the minimal model files, where a body and its copies have equal shares of its mass.
+
+    Returns:
+        Mean over a body and its copies of +1 or -1 where a coordinate lies on the way to it, shape (n_body, n_q), and
+        the coordinates of the tree.
+    """
+    links, index = lay_out(lay.mechanism, "minimal").links, lay.mechanism.body_index
+    parts = Counter(link.original for link in links)
+    ways, path = {GROUND: np.zeros_like(lay.path[0])}, np.zeros_like(lay.path)
+    for link in links:
+        ways[link.name] = ways[link.near].copy()
+        ways[link.name][lay.columns[link.joint.name]] = -1.0 if link.reverse else 1.0
+        path[index[link.original]] += ways[link.name] / parts[link.original]
+    return path[1:], sorted(c for link in links for c in lay.columns[link.joint.name])
 
 
 def length_scale(mechanism: Mechanism) -> float:

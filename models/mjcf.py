@@ -17,6 +17,8 @@ from screwgauge.reference.rotations import Array
 #: MuJoCo refuses a moving body of less mass or inertia [kg, kg m^2]. One that has just as little stands for a body
 #: without any, and has none once our readers have loaded it.
 LEAST = 1e-15
+#: A limit that is none [rad, m].
+FAR = 1e10
 #: What a model can have beyond its mechanics. Contacts bring geoms with them.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
@@ -123,7 +125,7 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
     joint.set("axis", vector_text(frame.R @ freedom.axis))
     if limited and np.isfinite(freedom.limits).any():
         joint.set("limited", "true")
-        joint.set("range", vector_text(np.clip(freedom.limits, -1e10, 1e10)))
+        joint.set("range", vector_text(np.clip(freedom.limits, -FAR, FAR)))
 
 
 def _inertial(element: ET.Element, body: Body) -> None:

@@ -6,6 +6,7 @@ The loops of any graph stand for the chains of the paper: ``G w = 0`` says for e
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ from screwgauge.reference.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.pose import Layout, Pose, loop_matrix
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
+
+Bracket = Callable[[Array, Array], Array]
+"""Takes two twists, shape (..., 6), and returns a third."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +158,7 @@ def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
     return np.asarray(np.einsum("nxi,ni->nx", S, beta) + np.einsum("ni,nijx,nj->nx", w, lie_matrix(S), w))
 
 
-def _biases(lay: Layout, rate: Velocities) -> tuple[Array, Array]:
+def _biases(lay: Layout, rate: Velocities, bracket: Bracket) -> tuple[Array, Array]:
     """The terms ``w^T S_L w`` of eq. (44), of every body, and of every cut joint: its child by
     the tree less its child across the joint.
 
@@ -169,36 +173,39 @@ def _biases(lay: Layout, rate: Velocities) -> tuple[Array, Array]:
     for edge in lay.tree.edges:
         sign = -1.0 if edge.reverse else 1.0
         columns = lay.columns[edge.joint.name]
-        far = _bias_across(terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign)
+        far = _bias_across(
+            terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign, bracket
+        )
         body[:, index[edge.far]] = body[:, index[edge.near]] + far
     loop = np.zeros((len(terms), len(lay.tree.cuts), 6), dtype=terms.dtype)
     for c, joint in enumerate(lay.tree.cuts):
         parent, child = index[joint.parent], index[joint.child]
-        via = body[:, parent] + _bias_across(terms, lay.columns[joint.name], rate.V[:, parent], 1.0)
+        via = body[:, parent] + _bias_across(terms, lay.columns[joint.name], rate.V[:, parent], 1.0, bracket)
         loop[:, c] = body[:, child] - via
     return body, loop
 
 
-def _bias_across(terms: Array, columns: list[int], V: Array, sign: float) -> Array:
+def _bias_across(terms: Array, columns: list[int], V: Array, sign: float, bracket: Bracket) -> Array:
     bias = np.zeros_like(V)
     for column in columns:
         term = sign * terms[:, column]
-        bias = bias + screws.lie_bracket(V, term)
+        bias = bias + bracket(V, term)
         V = V + term
     return bias
 
 
-def accelerations(lay: Layout, rate: Velocities, ydd: Array) -> tuple[Array, Array]:
+def accelerations(lay: Layout, rate: Velocities, ydd: Array, bracket: Bracket | None = None) -> tuple[Array, Array]:
     """Joint accelerations and acceleration screws of all bodies, eqs. (44), (48).
 
     Args:
         rate: Velocities of the closed mechanism.
         ydd: Second derivatives of the independent coordinates. Shape (n, k).
+        bracket: In place of the Lie bracket, to see what a part of it does.
 
     Returns:
         Joint accelerations [rad/s^2 or m/s^2], shape (n, n_q), and screws, shape (n, n_body + 1, 6).
     """
-    body, loop = _biases(lay, rate)
+    body, loop = _biases(lay, rate, bracket or screws.lie_bracket)
     system, at = rate.system, rate.pose
     columns = lay.mechanism.independent_columns
     readers = system.readers(at)[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 import screwgauge
@@ -74,11 +76,13 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
 def test_the_stamp_knows_scene_environment_and_extent():
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0])
     stamps = [
-        stamp(scene, {}, False),
-        stamp(scene, {"cpu": "another"}, False),
-        stamp(scene, {}, True),
-        stamp(scene.at([0.0, 2.0]), {}, False),
-        stamp(screwgauge.load_scene("3ups-upu-s-eq55").at([0.0, 1.0]), {}, False),
+        stamp(scene, {}, False, 5),
+        stamp(scene, {"cpu": "another"}, False, 5),
+        stamp(scene, {}, True, 5),
+        stamp(scene, {}, False, 6),
+        stamp(scene.at([0.0, 2.0]), {}, False, 5),
+        stamp(screwgauge.load_scene("3ups-upu-s-eq55").at([0.0, 1.0]), {}, False, 5),
+        stamp(replace(scene, text={**scene.text, "gravity": ["0", "0", "-9.81000000000000000001"]}), {}, False, 5),
     ]
     assert len(set(stamps)) == len(stamps)
-    assert stamp(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), {}, False) == stamps[0]
+    assert stamp(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), {}, False, 5) == stamps[0]

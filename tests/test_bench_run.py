@@ -153,6 +153,12 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
     assert found.complete
 
 
+def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write, refused):
+    write("own", "not a model")
+    said = refused("bench", paper_scene(models='models = { mujoco = "own" }'), "--quick", "--contestants", "floor")
+    assert "scene.toml, models: the bench measures methods on models made from the description and reads none" in said
+
+
 def test_the_command_writes_its_report(tmp_path, capsys, small, no_progress):
     out = tmp_path / "out"
     assert main(["bench", "--quick", "--contestants", "closed-form,floor", "--out", str(out)]) == 0

@@ -183,3 +183,58 @@ axes = [[0, 0, 1]]
     rate = velocities(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
     with pytest.raises(ScrewgaugeError, match="the coordinate 'a' moves no mass"):
         forward(lay, rate, Forces())
+
+
+SLIDE_AND_WHEEL = """
+name = "slide-and-wheel"
+independent = { x = "slide", a = "axle" }
+[bodies.cart]
+mass = 1e12
+inertia = { xx = 1, yy = 1, zz = 1 }
+[bodies.wheel]
+mass = 1e-12
+inertia = { xx = 1e-14, yy = 1e-14, zz = 1e-14 }
+[joints]
+slide = { kind = "P", parent = "ground", child = "cart", axes = [[1, 0, 0]], actuated = true }
+axle = { kind = "R", parent = "cart", child = "wheel", axes = [[0, 0, 1]], actuated = true }
+"""
+ELBOW = """
+name = "elbow"
+independent = { a = "shoulder", b = "elbow" }
+[bodies.arm]
+mass = 0
+[bodies.bob]
+mass = 1
+com = [1, 0, 0]
+inertia = {}
+[joints]
+shoulder = { kind = "R", parent = "ground", child = "arm", axes = [[0, 0, 1]], actuated = true }
+[joints.elbow]
+kind = "R"
+parent = "arm"
+child = "bob"
+axes = [[0, 0, 1]]
+parent_frame = { position = [1, 0, 0] }
+actuated = true
+"""
+
+
+def response(path: Path, *y: tuple[float, float]):
+    lay = layout(load_mechanism(path))
+    rate = velocities(lay, positions(lay, np.array(y), np.arange(len(y)) * 1.0), np.zeros((len(y), 2)))
+    return forward(lay, rate, Forces(actuators=np.array([2.0, 3.0]), gravity=np.zeros(3)))
+
+
+def test_coordinates_in_metres_and_radians_of_any_size_have_an_inertia_matrix(write):
+    """A slide of 1e12 kg carries a wheel of 1e-14 kg m^2: 26 powers of ten that are no linear dependence."""
+    found = response(write("m.toml", SLIDE_AND_WHEEL), (0.0, 0.0))
+    assert found.M[0] == pytest.approx(np.diag([1e12, 1e-14]), rel=FORMULA, abs=0.0)
+    assert found.ydd[0] == pytest.approx([2e-12, 3e14], rel=FORMULA, abs=0.0)
+
+
+def test_coordinates_that_together_move_no_mass_are_refused_at_any_sample(write):
+    """An arm without mass and a point mass at its end: stretched, it cannot be moved along."""
+    path = write("m.toml", ELBOW)
+    assert np.isfinite(response(path, (0.0, 1.0), (0.1, 1.0)).ydd).all()
+    with pytest.raises(SingularPoseError, match="some combination of the independent coordinates moves no mass"):
+        response(path, (0.0, 0.1), (0.0, 0.0))

@@ -54,6 +54,11 @@ def test_tighter_tolerances_make_smaller_errors(found):
         assert other.largest["J"] < 10.0 * max(row.max_scaled, 1e-12) * 9.81  # of m g L
 
 
+def test_a_model_file_of_ones_own_is_refused(scene, tmp_path):
+    with pytest.raises(ScrewgaugeError, match="the bench measures methods on models made"):
+        contest(replace(scene, models={"pinocchio": tmp_path / "own.urdf"}), plan=PLAN, contestants=["screw"])
+
+
 def test_files_and_columns(found, tmp_path):
     out = write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")

@@ -197,28 +197,23 @@ def at_lock(scene) -> np.ndarray:
     return y
 
 
-@pytest.mark.parametrize(
-    ("engines", "quantities", "said"),
-    [
-        ("screw", "generalized_force", "Only screw ran"),
-        ("pinocchio,pinocchio-full", "tree_force", "pinocchio and pinocchio-full ran, but have no quantity"),
-    ],
-)
-def test_nothing_compared_is_no_success(engines, quantities, said, paper_scene, tmp_path, capsys):
-    status = main(
-        [
-            "run",
-            str(paper_scene()),
-            "--engines",
-            engines,
-            "--quantities",
-            quantities,
-            "--out",
-            str(tmp_path / "o"),
-        ]
-    )
+def test_nothing_compared_is_no_success(paper_scene, tmp_path, capsys):
+    engines = ["--engines", "pinocchio,pinocchio-full", "--quantities", "tree_force"]
+    status = main(["run", str(paper_scene()), *engines, "--out", str(tmp_path / "o")])
     text = " ".join(capsys.readouterr().out.split())
     assert status == 1
     assert text.startswith("✗ NOTHING COMPARED")
-    assert said in text
-    assert "nothing was judged" in text
+    assert "pinocchio and pinocchio-full ran, but have no quantity in common: nothing was compared" in text
+    assert "their residuals are within tolerance" in text
+
+
+def test_one_engine_alone_has_to_be_judged(paper_scene):
+    scene = screwgauge.load_scene(paper_scene())
+    results = screwgauge.run(scene, engines=["screw"], quantities=["generalized_force"])
+    assert results.exit_status == 0
+    assert verdict(results).word == "✓ WITHIN TOLERANCE"
+    unseen = replace(results, judge=results.judge[:0])
+    assert unseen.exit_status == 1
+    said = verdict(unseen)
+    assert said.word == "✗ NOTHING COMPARED"
+    assert said.text == "Only screw ran, so there is nothing to compare it with; nothing was judged."

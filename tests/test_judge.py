@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.judging.answer import answer_at
 from screwgauge.judging.compare import compare
 from screwgauge.judging.judge import judge
+from screwgauge.quantities import natural_scales
 from screwgauge.reference import dynamics, screws
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
@@ -136,3 +138,25 @@ def test_engines_that_solved_different_samples_are_not_compared(scene):
     assert errors.empty
     assert pairs["reason"].tolist() == ["no sample in common"]
     assert not pairs["ok"].any()
+
+
+def test_what_is_zero_is_measured_by_a_millionth_of_its_natural_scale(scene):
+    solution = screwgauge.run(scene, engines=["screw"], quantities=["joint_position"]).solutions["screw"]
+    answer = answer_at(scene.mechanism, scene.problem(()), solution, np.arange(2))
+    natural = natural_scales(scene.mechanism)["N m"]
+    for share, ok in ((0.9e-17, True), (1.1e-17, False)):
+        row = answer.residual("any", "N m", ["a", "b"], np.array([[0.0, 0.0], [share * natural, 0.0]]), 0.0, ())
+        assert row["ok"] == ok
+        assert row["max_scaled"] == pytest.approx(1e6 * share, rel=1e-12, abs=0.0)
+        assert (row["worst_component"], row["worst_t"]) == ("a", scene.motion.t[1])
+
+
+def test_a_pair_is_unique_where_all_of_its_components_are(scene):
+    lay = layout(scene.mechanism)
+    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+    first = screwgauge.run(scene, engines=["screw"], quantities=["reaction", "com_acceleration"]).solutions["screw"]
+    both = {"screw": first, "other": replace(first, engine="other")}
+    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    by_unit = errors.groupby(["quantity", "unit"])["unique"]
+    assert (by_unit.any() & ~by_unit.all()).sum() == 1  # forces of the joints: some are, some are not
+    assert pairs.set_index(["quantity", "unit"])["unique"].to_dict() == by_unit.all().to_dict()

@@ -9,12 +9,7 @@ import pytest
 
 import screwgauge
 from screwgauge.models.generate import write_models
-from screwgauge.study.bench import forward_run
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.questions import simulation
-from screwgauge.study.method import Method
 
-MUJOCO = Contestant("mujoco", "mujoco", "", Method("mujoco"), simulation, ("observable",), "")
 OTHERS = [
     ("a02-fourbar-2", "0 0 0"),
     ("a02-fourbar-2", "0 9.81 0"),
@@ -51,12 +46,3 @@ def test_another_gravity_is_noticed_and_judged(name, gravity, under):
 @pytest.mark.parametrize("name", ["a05-governor", "a02-fourbar-2"])
 def test_a_file_that_says_the_same_gravity_agrees(name, under):
     assert screwgauge.run(under(name), engines=["screw", "mujoco"]).ok
-
-
-@pytest.mark.parametrize(("gravity", "noticed"), [("", False), ("0 9.81 0", True)])
-def test_the_bench_of_a_simulation_asks_the_same(gravity, noticed, under, monkeypatch):
-    monkeypatch.setattr(forward_run, "simulators", lambda *scene, **how: [MUJOCO])
-    scene = replace(under("a02-fourbar-2", gravity), known=None)
-    rows = forward_run.contest(scene, plan=replace(forward_run.QUICK, share=1.0)).rows
-    assert [row.status for row in rows] == ["ok", "ok"]
-    assert [row.max_scaled > 1e-6 for row in rows] == [noticed, noticed]

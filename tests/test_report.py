@@ -128,6 +128,7 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         published=(),
         rule="min_norm",
         figures=figures,
+        text={"motion": {"a": {"offset": 0, "harmonics": [["1.5", 0, "pi/3"]]}}},
     )
 
 
@@ -193,7 +194,8 @@ def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     found = read(make(1e-8).write(tmp_path / "out"))
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
     judged_files = ["models", "scene_file", "scene_sha256", "description", "date", "schema"]
-    assert set(found) == {*fixed, *judged_files, "failures", "first_difference", "guard", "refused", "warnings"}
+    told = ["coverage", "failures", "first_difference", "guard", "refused", "warnings", "engine_warnings"]
+    assert set(found) == {*fixed, *judged_files, *told}
     assert {key: found[key] for key in judged_files} == PROVENANCE
     assert found["scene"] == "toy"
     assert found["ok"] is False
@@ -287,9 +289,9 @@ def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
 def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
-    parts = ["Scene", "Engines", "Pairs", "Judge", "Estimated errors", "Plots", "Mechanism", "How it was compared"]
+    parts = ["Scene", "Engines", "Pairs", "Judge", "Coverage", "Estimated errors", "Plots", "Mechanism"]
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
-    assert heads == [*parts, "Run times", "Environment", "Known limitations"]
+    assert heads == [*parts, "How it was compared", "Run times", "Environment", "Known limitations"]
     assert "a note of beta" in text
 
 

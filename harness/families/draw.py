@@ -16,12 +16,11 @@ from screwgauge.families import parallel, single
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
-from screwgauge.reference import linear
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import KINDS, Mechanism
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.exciting import stays_regular
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -62,8 +61,6 @@ SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
 FASTEST = 10.0  # coordinate, where an independent or an actuated one moves by 1
 POSES = 41  # at which a motion is looked at
-WORSE = 4.0  # times the condition number at home is still well inside
-STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
 
 
 def families() -> list[str]:
@@ -200,13 +197,8 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
 
 def _regular(mechanism: Mechanism, motion: Tables) -> bool:
     """Whether poses along the motion are about as well conditioned as home."""
-    lay = layout(mechanism)
-    system = loop_equations(lay)
     given = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](np.linspace(0.0, 1.0, POSES))
-    at = system.follow(system.follower(), given.y, given.t, (given.yd, given.ydd), strict=True)
-    worst = linear.condition(system.matrix(pose(lay, np.vstack([mechanism.home, at.q]))))
-    middle = mechanism.columns(tuple(joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"))
-    return bool((worst < WORSE * worst[0]).all() and (np.abs(at.q[:, middle]) < STEEPEST).all())
+    return stays_regular(layout(mechanism), given, POSES)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:

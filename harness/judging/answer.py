@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ COLUMNS = [
     *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
     *("tolerance", "ok", "reason"),
 ]
+_DERIVATIVES = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,37 +31,59 @@ class Answer:
 
     Attributes:
         applied: What acts besides actuators.
+        rule: What fixes redundant actuation.
         t: Times [s]. Shape (n,).
         values: Quantity -> values.
         work: What motors, loads and dampers have put in [J], shape (n,); None if it is not known.
-        motions: What its joint coordinates make of the mechanism; derivatives that it lacks count as zero.
+        joints: All joint coordinates and two derivatives; those that it lacks count as zero. Shape (3, n, n_q).
+        motions: What these make of the mechanism.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
         tolerances: Errors that the engine admits, see `Solution`.
+        looser: Quantity -> scaled error that the scene admits where that is more than `tolerance`.
     """
 
     engine: str
     mechanism: Mechanism
     applied: Applied
+    rule: str
     tree: SpanningTree
     t: Array
     values: Mapping[str, Values]
     work: Array | None
+    joints: Array
     motions: Motions
     scales: Mapping[str, float]
     tolerance: float
     tolerances: Mapping[str, Mapping[str, float]]
+    looser: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, quantity: str) -> Array:
         """Values of a quantity. Shape (n, n_component)."""
         return self.values[quantity].array
 
+    @property
+    def q(self) -> Array:
+        """All joint coordinates [rad or m]. Shape (n, n_q)."""
+        return np.asarray(self.joints[0])
+
     def has(self, *quantities: str) -> bool:
         """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
 
+    def admitted(self, quantity: str, unit: str) -> float:
+        """What an error of a quantity that the scene admits more of is a share of: its largest magnitude in a unit."""
+        if quantity not in self.looser or not self.has(quantity):
+            return 0.0
+        values = self.values[quantity]
+        return largest(values.array[:, [has == unit for has in values.units]])
+
+    def moving(self, joints: Array) -> Answer:
+        """The same with other joint coordinates and derivatives. Shape (3, n, n_q)."""
+        return replace(self, joints=joints, motions=walk(self.mechanism, self.tree, *joints))
+
     def residual(
-        self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: str
+        self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
     ) -> Row:
         """The worst of what an equation leaves over: how large, where, when. One row of `COLUMNS`.
 
@@ -68,43 +91,65 @@ class Answer:
             components: Names of the columns.
             missing: What the equation leaves over. Shape (n, m).
             size: What that is measured by, one number or one for each component, shape (m,).
-            of: Quantity whose rounding alone, as the engine admits it, is no fault.
+            of: Quantities that the equation is about. Their rounding alone, as the engine admits it, is no fault, and
+                what the scene admits of one of them is the tolerance.
         """
-        L = self.scales["m"]
-        admitted = [size * arm(unit, L) / arm(has, L) for has, size in self.tolerances.get(of, {}).items()]
-        rounding = max(admitted, default=0.0) / self.tolerance
+        tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
+        L, kind = self.scales["m"], _kind(unit)
+        admitted = [
+            size * arm(unit, L) / arm(has, L)
+            for name in of
+            for has, size in self.tolerances.get(name, {}).items()
+            if _kind(has) == kind
+        ]
+        rounding = max(admitted, default=0.0) / tolerance
         scaled = np.abs(missing) / np.maximum(size, max(FLOOR * self.scales[unit], rounding))
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
         where = {"residual": name, "unit": unit, "worst_component": components[k], "worst_t": t}
-        error = {"max_abs": float(np.abs(missing).max()), "max_scaled": worst, "tolerance": self.tolerance}
+        error = {"max_abs": float(np.abs(missing).max()), "max_scaled": worst, "tolerance": tolerance}
         reason = f"not a number at t = {t:g} s" if lost.any() else ""
-        return {"engine": self.engine, **where, **error, "ok": worst <= self.tolerance, "reason": reason}
+        return {"engine": self.engine, **where, **error, "ok": worst <= tolerance, "reason": reason}
+
+
+def _kind(unit: str) -> str:
+    """The same for units that a length turns into each other."""
+    return unit.replace("rad", "m").replace("N m", "N")
 
 
 def answer_at(
-    mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows, tolerance: float = SOLVED
+    mechanism: Mechanism,
+    problem: Problem,
+    solution: Solution,
+    rows: Rows,
+    tolerance: float = SOLVED,
+    looser: Mapping[str, float] | None = None,
 ) -> Answer:
-    """The answer at some samples. It has to have joint positions."""
+    """The answer at some samples. Its joint positions, or else its assembly, have to be known."""
     values = {name: values.at(rows) for name, values in solution.values.items()}
     tree, scales = spanning_tree(mechanism), natural_scales(mechanism)
-    motion = np.zeros((3, len(rows), len(mechanism.coordinates)))
-    for derivative, name in zip(motion, ("joint_position", "joint_velocity", "joint_acceleration"), strict=True):
+    joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
+    if solution.assembly is not None:
+        joints[0] = solution.assembly[rows]
+    for derivative, name in zip(joints, _DERIVATIVES, strict=True):
         if name in values:
             derivative[:] = values[name].array
     return Answer(
         engine=solution.engine,
         mechanism=mechanism,
         applied=problem.applied,
+        rule=problem.rule,
         tree=tree,
         t=timed(problem).t[rows],
         values=values,
         work=None if solution.work is None else solution.work[rows],
-        motions=walk(mechanism, tree, *motion),
+        joints=joints,
+        motions=walk(mechanism, tree, *joints),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
         tolerances=solution.tolerances,
+        looser=looser or {},
     )
 
 

@@ -25,7 +25,7 @@ def energy_balance(answer: Answer) -> Iterator[Row]:
     kinetic, *stored = energies(answer)
     gained = [part - part[0] for part in (kinetic, *stored)]
     missing = (sum(gained) - work)[:, None]
-    yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work), "")
+    yield answer.residual("energy_balance", "J", ["energy"], missing, largest(kinetic, *gained, work), ())
 
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
@@ -45,7 +45,7 @@ def energies(answer: Answer) -> tuple[Array, Array, Array]:
 def _stretch(answer: Answer, spring: Spring) -> Array:
     mechanism, bodies = answer.mechanism, answer.motions.bodies
     if isinstance(spring, JointSpring):
-        return answer["joint_position"][:, mechanism.coordinates.index(spring.coordinate)] - spring.rest
+        return answer.q[:, mechanism.coordinates.index(spring.coordinate)] - spring.rest
     i, j = mechanism.body_index[spring.first], mechanism.body_index[spring.second]
     way = bodies.p[:, j] + bodies.R[:, j] @ spring.second_point - bodies.p[:, i] - bodies.R[:, i] @ spring.first_point
     return np.asarray(np.linalg.norm(way, axis=1) - spring.rest)

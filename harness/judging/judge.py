@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging import balance
+from screwgauge.judging import balance, redundant
+from screwgauge.judging.allowed import Allowed, allowed_motions, completed
 from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
 from screwgauge.judging.energy import energy_balance
+from screwgauge.judging.open_tree import TREE_FORCES, tree_forces
 from screwgauge.judging.refusals import Refusal
-from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import SOLVED, arm, integrated_tolerance
+from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Solution
 
-MOST = 201  # samples at which virtual work is asked for: it takes a walk for every joint coordinate
-#: Residual, quantity that it judges, and units of its angular and linear part, by order of the derivative.
+MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
+_MOTION = ("joint_velocity", "joint_acceleration")
+_FORCES = ("generalized_force", "actuator_force", "reaction")
+#: Residual, quantity that it judges, and what the order of the derivative adds to the unit of a coordinate.
 _CLOSURE = (
-    ("loop_closure", "joint_position", ("rad", "m")),
-    ("loop_rate", "joint_velocity", ("rad/s", "m/s")),
-    ("loop_acceleration", "joint_acceleration", ("rad/s^2", "m/s^2")),
+    ("loop_closure", "joint_position", ""),
+    ("loop_rate", "joint_velocity", "/s"),
+    ("loop_acceleration", "joint_acceleration", "/s^2"),
 )
 
 
@@ -34,75 +37,122 @@ def judge(
     tolerance: float = SOLVED,
     *,
     refused: Sequence[Refusal] = (),
+    tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
 ) -> pd.DataFrame:
-    """All residuals that the answered quantities allow. One row per residual and unit.
+    """All residuals of what is answered; of a given motion, what they need besides is computed. One row per residual
+    and unit.
 
     Args:
         problem: What was asked; its gravity is what counts, whatever a model file says.
         refused: Samples without numbers: what an engine does not say cannot be judged.
+        tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
+            scene admits more than `tolerance` may be as large.
     """
     task = timed(problem)
-    rows = np.arange(len(task)) if solution.rows is None else solution.rows
+    rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
     for one in refused:
         if one.engine == solution.engine:
             rows = np.setdiff1d(rows, one.rows)
-    if not rows.size or "joint_position" not in solution.values:
+    if not rows.size or ("joint_position" not in solution.values and solution.assembly is None):
         return pd.DataFrame(columns=COLUMNS)
     few = np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
-    answer, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
     if isinstance(task, GivenMotion):
-        table = [*closure(answer, (task.y[rows], task.yd[rows], task.ydd[rows])), *body_motions(answer)]
-        if balance.judgeable(answer):
-            required, sizes = balance.required_wrenches(answer)
-            table += balance.newton_euler(answer, required, sizes)
-            table += balance.power_balance(answer, required)
-            table += balance.virtual_work(some, required[few], sizes)
+        looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
+        whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
+        # without velocities accelerations close no loop: those of a few samples are completed
+        table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
+        if not {*whole.values} <= {"joint_position", "joint_velocity"}:
+            table += _beyond(whole, some, task.part(rows[few]))
         admitted = max((largest(estimate) for estimate in solution.estimate.values()), default=0.0)
         for row in table:
             if not row["ok"] and not row["reason"] and admitted >= row["max_scaled"]:
                 row["reason"] = f"within the error that {solution.engine} admits by its conditioning"
     else:  # what a simulation has passed on its way excuses no sample
-        table = [*closure(answer)]
-        if answer.has("joint_velocity", "joint_acceleration"):
-            table += balance.virtual_work(some, *balance.required_wrenches(some))
+        whole, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
+        table = [*closure(whole)]
+        if whole.has(*_MOTION):
+            table += balance.virtual_work(some, allowed_motions(some), *balance.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
-        table += energy_balance(replace(answer, tolerance=grown))
+        table += energy_balance(replace(whole, tolerance=grown))
     return pd.DataFrame(table, columns=COLUMNS)
 
 
-def closure(answer: Answer, asked: Sequence[Array] = ()) -> Iterator[Row]:
+def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
+    """Residuals of the motion of bodies and of forces, and of accelerations without velocities.
+
+    Args:
+        whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
+        motion: What was asked at these few.
+    """
+    tree, forces = (any(some.has(name) for name in names) for names in (TREE_FORCES, _FORCES))
+    lacking = not some.has(*_MOTION)
+    if lacking or tree or forces:
+        allowed = allowed_motions(some)
+    if lacking:
+        whole = some = completed(some, allowed, motion)
+        if not some.has("joint_velocity"):
+            yield from closure(some, motion, [2])
+    yield from body_motions(whole)
+    if forces:
+        yield from _forces(whole, some, allowed)
+    if tree:
+        yield from tree_forces(some, allowed)
+
+
+def _forces(whole: Answer, some: Answer, allowed: Allowed) -> Iterator[Row]:
+    """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
+    required = balance.required_wrenches(some)
+    full = redundant.balanced(some, required[0])
+    if some.has("reaction"):
+        every = whole if whole.has("actuator_force") else full
+        yield from balance.newton_euler(every, *balance.required_wrenches(every))
+    if some.has("actuator_force"):
+        yield from balance.power_balance(whole)
+    if full.has("actuator_force"):
+        yield from redundant.force_rule(full, allowed)
+    if some.has("actuator_force") or some.has("generalized_force"):
+        yield from balance.virtual_work(some, allowed, *required)
+
+
+def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
     """Closure of every loop in position, velocity and acceleration, and whether y follows what was asked for.
 
     Args:
-        asked: Independent coordinates and derivatives, if they were given. Shape (n, k) each.
+        asked: The given motion, if there is one.
+        orders: Of the derivatives, as far as the answer has them.
     """
+    mechanism = answer.mechanism
     names = [f"{joint.name}.{axis}" for joint in answer.tree.cuts for axis in "xyz"]
-    for order, (name, quantity, units) in enumerate(_CLOSURE):
-        if not answer.has(quantity):
+    given = () if asked is None else (asked.y, asked.yd, asked.ydd)
+    for order in orders:
+        name, quantity, per = _CLOSURE[order]
+        if order and not answer.has(quantity):
             continue
-        values, missing = answer.values[quantity], answer.motions.closure_residual(order)
-        for part, unit in enumerate(units):
+        values, missing = answer.joints[order], answer.motions.closure_residual(order)
+        for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
-            for k, (label, coordinate) in enumerate(answer.mechanism.independent.items()):
-                column = values.components.index(coordinate)
-                if asked and values.units[column] == unit:
+            for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
+                if given and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")
-                    columns.append(values.array[:, [column]] - asked[order][:, [k]])
+                    columns.append(values[:, [column]] - given[order][:, [k]])
             if components:
                 # velocities and accelerations are measured against the largest of the motion
-                size = _largest(values, unit, answer.scales["m"]) if order else answer.scales[unit]
-                yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size, quantity)
+                size = _largest(answer, order, unit) if order else answer.scales[unit]
+                yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size, (quantity,))
 
 
-def _largest(values: Values, unit: str, L: float) -> float:
-    """Largest derivative in a unit, one of the other kind being turned into it by the length L [m]."""
-    return largest(values.array * [arm(unit, L) / arm(has, L) for has in values.units])
+def _largest(answer: Answer, order: int, unit: str) -> float:
+    """Largest derivative of a joint coordinate in a unit, those of the other kind being turned into it by the length of
+    the mechanism."""
+    L = answer.scales["m"]
+    return largest(answer.joints[order] * [arm(unit, L) / arm(has, L) for has in answer.mechanism.units])
 
 
 def body_motions(answer: Answer) -> Iterator[Row]:
-    """Reported motions of the bodies less those that follow from the reported joint coordinates."""
-    for quantity, (_, needs) in balance.BODY_MOTION.items():
-        if answer.has(quantity, *needs):
+    """Reported motions of the bodies less those that follow from the joint coordinates."""
+    for quantity in balance.BODY_MOTION:
+        if answer.has(quantity):
             values = answer.values[quantity]
             missing, size = values.array - balance.walked(answer, quantity), largest(values.array)
-            yield answer.residual("body_motion", values.units[0], values.components, missing, size, quantity)
+            about = (quantity, *_MOTION)
+            yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)

@@ -38,6 +38,10 @@ class Moving:
         a = self.a + cross(self.b, r) + cross(self.w, cross(self.w, r))
         return Moving(self.R if R is None else R, self.p + r, self.w, v, self.b, a)
 
+    def one(self, index: int) -> Moving:
+        """One of several frames that stand side by side, see `beside`."""
+        return Moving(*(getattr(self, name)[:, index] for name in "Rpwvba"))
+
     def frame(self, frame: Frame) -> Moving:
         """The frame that is placed in this body by `frame`."""
         return self.shifted(self.R @ frame.p, self.R @ frame.R)

@@ -7,6 +7,8 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
 
+DOUBTS = 3  # about the models or the engines, that a verdict names
+
 
 def compared(results: Comparison) -> list[Row]:
     """Rows of pairs of which both engines ran, with the name of the pair."""
@@ -35,7 +37,11 @@ def verdict(results: Comparison) -> Banner:
         return Banner(rest, word, "differ")
     if not results.ok:
         return Banner(_agreement(results), "✗ NOTHING COMPARED", "differ")
-    return Banner(_agreement(results), "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE", "agree")
+    word = "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE"
+    if doubts := [f"{text.rstrip('.')}." for solution in results.solutions.values() for text in solution.warnings]:
+        more = f" All {len(doubts)} are listed under Engines." if len(doubts) > DOUBTS else ""
+        return Banner(f"{' '.join(doubts[:DOUBTS])}{more} {_agreement(results)}", f"{word}, but", "note")
+    return Banner(_agreement(results), word, "agree")
 
 
 def _refused(results: Comparison) -> str:
@@ -88,11 +94,12 @@ def _agreement(results: Comparison) -> str:
     if not engines:
         return "No engine ran."
     if pairs:
+        unseen = f" {results.coverage.poor}" if results.coverage.poor else ""
         # what is zero within rounding has no digits
         least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
         return (
             f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
-            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})."
+            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{unseen}"
         )
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"

@@ -20,6 +20,7 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError, Unknow
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.departures import departures
 from screwgauge.study.method import Method
 from screwgauge.study.whole import Expected, check_components, check_whole, excepted, left_out, without
 
@@ -116,17 +117,20 @@ class _Question:
     """A problem for an engine, wherever it is asked. Data only; it pickles.
 
     Attributes:
-        labels: Of the independent coordinates, in the order of the problem.
+        scene: What the problem is of.
         folder: Where the generated models are.
-        own: The model file is the user's own: what is wrong with it is bad input.
     """
 
     engine: Engine
     files: ModelFiles
     problem: Problem
-    labels: tuple[str, ...]
+    scene: Scene
     folder: Path
-    own: bool
+
+    @property
+    def own(self) -> bool:
+        """Whether the model file is the user's own: what is wrong with it is bad input."""
+        return self.engine.name in self.scene.models
 
     def __call__(self, progress: Progress) -> Solution | Failure:
         """Loads the model and puts the problem to it; whatever the engine raises becomes a failure.
@@ -137,7 +141,9 @@ class _Question:
         """
         try:
             model = self.engine.load(self.files)
-            return replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
+            answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
+            said = departures(self.scene, self.engine.name, self.files) if self.own else ()
+            return replace(answer, notes=(*answer.notes, *said), warnings=(*answer.warnings, *said))
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
@@ -151,7 +157,7 @@ class _Question:
 
     def _ordered(self, model: Model) -> Problem:
         """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
-        labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
+        labels, own, task = list(self.scene.mechanism.independent), getattr(model, "independent", ()), self.problem.task
         if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
             return self.problem
         return replace(self.problem, task=task.ordered([labels.index(label) for label in own]))
@@ -179,11 +185,11 @@ def ask_engines(
     Raises:
         ScrewgaugeError: A model file of the user's own is bad input.
     """
-    labels, wanted = tuple(scene.mechanism.independent), frozenset(wanted)
+    wanted = frozenset(wanted)
     questions: dict[str, _Question] = {}
     for name in names:
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
-        questions[name] = _Question(get_engine(name), files, problem, labels, folder, name in scene.models)
+        questions[name] = _Question(get_engine(name), files, problem, scene, folder)
     if limits is None:
         answers = in_turn(questions, progress)
     else:

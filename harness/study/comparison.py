@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from screwgauge.judging.conditioning import Guarded, guarded
+from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.refusals import Refusal
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -35,6 +36,7 @@ class Comparison:
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
+        coverage: What the scene could have seen of mistakes.
         provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
     """
 
@@ -48,12 +50,17 @@ class Comparison:
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
+    coverage: Coverage = field(default_factory=Coverage)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
-        """Every engine ran and gave every number; something was compared or judged, all within its tolerance."""
-        if self.failures or self.refusals or not (len(self.pairs) or len(self.judge)):
+        """Every engine ran and gave every number; all is within its tolerance, and something was compared.
+
+        Of one engine, which has none beside it, it is enough that something was judged.
+        """
+        looked_at = len(self.pairs) or (len(self.solutions) == 1 and len(self.judge))
+        if self.failures or self.refusals or not looked_at:
             return False
         return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
 

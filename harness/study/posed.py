@@ -46,9 +46,9 @@ class Posed:
         """The generated model of an engine."""
         return model_files(self.scene, engine, self.folder)
 
-    def problem(self, *wanted: str, task: Task | None = None, engine: str = "") -> Problem:
-        """The question of the scene to an engine, or the same with another task."""
-        return Problem(self.scene.acting_on(engine), self.scene.task if task is None else task, frozenset(wanted))
+    def problem(self, *wanted: str, task: Task | None = None) -> Problem:
+        """The question of the scene, or the same with another task."""
+        return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
 
     def moving(self, coordinates: tuple[str, ...]) -> States:
         """The true motion of some joint coordinates."""

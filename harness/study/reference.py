@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def sizes(values: Values) -> dict[str, float]:
 
 
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
-    """Values of a scene at chosen times.
+    """Values of a scene at chosen times, by its description.
 
     Args:
         times: [s]. Shape (n,).
@@ -107,7 +107,7 @@ def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> R
     Raises:
         ScrewgaugeError: The scene cannot be computed at all.
     """
-    names, reason = tuple(quantities), ""
+    names, reason, scene = tuple(quantities), "", replace(scene, models={})
     for engine, note in _NOTES.items():
         values = _solve(scene, times, names, engine)
         if not isinstance(values, Failure):

@@ -17,6 +17,7 @@ from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
+from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.models.catalog import is_file
@@ -88,10 +89,11 @@ def run(
         answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
     for name, answer in answers.items():
         if not scene.simulated and assembly_of(mechanism, answer) is None:
-            answers[name] = replace(
-                answer, notes=(*answer.notes, "its assembly is not known, as it gives no joint positions")
-            )
-    judged = [judge(mechanism, problem, answer, refused=refused) for answer in answers.values()]
+            unknown = "its assembly is not known, as it gives no joint positions: nothing of it can be judged"
+            answers[name] = replace(answer, notes=(*answer.notes, unknown))
+    judged = [
+        judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
+    ]
     solutions = dict(answers)
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     if lay is not None:
@@ -116,6 +118,7 @@ def run(
         environment=environment(),
         warnings=warnings,
         refusals=(*refused, *missing),
+        coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
         provenance=judged_files,
     )
 

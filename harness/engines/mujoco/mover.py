@@ -50,7 +50,7 @@ class MujocoMover:
         return self.data.xmat[i].reshape(3, 3), self.data.xpos[i], J
 
     def closure(self) -> tuple[Array, Array]:
-        rows, n_v = self.data.nefc, self.model.nv
+        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a file of the user's own close nothing
         return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * n_v].reshape(rows, n_v).copy()
 
     def accelerate(self, tau: Array) -> Array:

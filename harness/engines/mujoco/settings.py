@@ -75,7 +75,7 @@ def refine(
     """
     change = 0.0
     for made in range(1, passes + 1):
-        data.qfrc_applied[:] += data.qfrc_constraint
+        data.qfrc_applied[:] += _closing_pull(model, data)
         mujoco.mj_forwardSkip(model, data, _VEL, 1)
         before, change = change, float(abs(data.qacc - a).max())
         a[:] = data.qacc
@@ -84,6 +84,17 @@ def refine(
         if same and (change <= same * float(abs(a).max()) or (made > 2 and not change < before)):
             return made, change
     return passes, change
+
+
+def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Forces of the equality constraints along the coordinates; their rows come first.
+
+    Friction, limits and contacts of a file of the user's own close no loop: they stay as soft as MuJoCo makes them.
+    """
+    if data.ne == data.nefc:
+        return np.asarray(data.qfrc_constraint)
+    J = data.efc_J[: data.ne * model.nv].reshape(data.ne, model.nv)
+    return np.asarray(J.T @ data.efc_force[: data.ne])
 
 
 @dataclass(frozen=True, slots=True)

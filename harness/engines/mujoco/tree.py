@@ -73,9 +73,9 @@ class MujocoTree:
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
         for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # a missing joint is said elsewhere
-            name = self.model.joint(self.model.actuator_trnid[k, 0]).name
             plain = self.model.actuator_gear[k, 0] == 1.0 and not self.model.actuator_biastype[k]
-            if self.model.actuator_trntype[k] != joint or name not in wanted or not plain:
+            on = self.model.actuator_trnid[k, 0] if self.model.actuator_trntype[k] == joint else -1
+            if on < 0 or self.model.joint(on).name not in wanted or not plain:
                 raise ModelFileError(
                     f"its actuator {k} is no motor of gear 1 on one of {', '.join(sorted(wanted))}",
                     f"MJCF of {file.mechanism}",

@@ -5,7 +5,6 @@ Or actuator forces read from the Newton-Euler system of all bodies, in place of 
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust, examined, gain
 from screwgauge.engines.parts import Names, assemble, component_names, stages
-from screwgauge.models.layout import lay_out
+from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.dynamics import (
@@ -26,7 +25,6 @@ from screwgauge.reference.dynamics import (
 )
 from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
-from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.reactions import Reactions
@@ -52,7 +50,7 @@ class _Work:
         self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
         self.system = home_equations(lay)
         self.branch, self.assembly = self.system.follower(), list[Array]()
-        self.path, self.tree = _open_tree(lay)
+        self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
         self.reactions: Reactions | None = None
 
@@ -189,23 +187,6 @@ class _Work:
         return component_names(
             mechanism.joints, bodies, mechanism.independent, tree, mechanism.actuator_names, reactions
         )
-
-
-def _open_tree(lay: Layout) -> tuple[Array, list[int]]:
-    """The tree of the model files, where a body and its copies have equal shares of its mass.
-
-    Returns:
-        Mean over a body and its copies of +1 or -1 where a coordinate lies on the way to it, shape (n_body, n_q), and
-        the coordinates of the tree.
-    """
-    links, index = lay_out(lay.mechanism, "minimal").links, lay.mechanism.body_index
-    parts = Counter(link.original for link in links)
-    ways, path = {GROUND: np.zeros_like(lay.path[0])}, np.zeros_like(lay.path)
-    for link in links:
-        ways[link.name] = ways[link.near].copy()
-        ways[link.name][lay.columns[link.joint.name]] = -1.0 if link.reverse else 1.0
-        path[index[link.original]] += ways[link.name] / parts[link.original]
-    return path[1:], sorted(c for link in links for c in lay.columns[link.joint.name])
 
 
 _FORCE = "actuator_force"

@@ -137,7 +137,7 @@ def work_precision(
         timed, known = np.isfinite([point.time_s, point.error])
         if timed and known:
             ax.plot(*point.at, **STAR)
-            stars.append(beside(point.at, point.label, STAR["color"]))
+            stars.append(beside(point.at, point.label, STAR["color"], needed=True))
         elif timed or known:
             guides.append((point.time_s if timed else point.error, point.label, bool(timed)))
     for look, points in lines:

@@ -32,10 +32,10 @@ class Label:
     needed: bool = False
 
 
-def beside(at: Iterable[float], text: str, colour: str) -> Label:
+def beside(at: Iterable[float], text: str, colour: str, *, needed: bool = False) -> Label:
     """The label of a point."""
     x, y = at
-    return Label(text, colour, [(x, y, dx, dy) for dx, dy in ROUND])
+    return Label(text, colour, [(x, y, dx, dy) for dx, dy in ROUND], needed=needed)
 
 
 def guide(ax: Axes, at: float, text: str, look: Look, *, upright: bool = False) -> Label:

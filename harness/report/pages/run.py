@@ -48,6 +48,7 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
         *section("Engines", *sections.engines(results)),
         *section("Pairs", *sections.every_pair(results)),
         *section("Judge", *sections.judge(results)),
+        *section("Coverage", *sections.coverage(results)),
         *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
         *(section("Plots") if len(results.solutions) > 1 and drawn else [Heading("Plots")]),
         *(drawn or [Paragraph("Nothing to draw.")]),
@@ -137,16 +138,24 @@ def summary(results: Comparison) -> dict[str, Any]:
         "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
         "failures": {name: failure.reason for name, failure in results.failures.items()},
         "warnings": results.warnings,
+        "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
         "first_difference": first_difference(results),
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
         "refused": refused,
+        "coverage": _coverage(results),
         "timings": [asdict(timing) for timing in _timings(results)],
         "environment": results.environment,
         **{key: results.provenance.get(key) for key in FILES},
     }
     return dict(plain(found))
+
+
+def _coverage(results: Comparison) -> Row:
+    found = results.coverage
+    said = {"sentence": found.sentence, "parameters": len(found.parameters)}
+    return {**said, "untested": [*found.untested, *found.absent], "terms": found.shares}
 
 
 def _quantity(row: Row) -> Row:

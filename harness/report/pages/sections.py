@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.judging.conditioning import Guarded
 from screwgauge.reference.applied import Load
-from screwgauge.report.blocks import Block, Items, Paragraph, Table, cross_table, facts, folded, table
+from screwgauge.report.blocks import Block, Folded, Items, Paragraph, Table, cross_table, facts, folded, table
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, missing, number, rows, size, vector, words
 from screwgauge.report.pages.simulation import acting, simulated
 from screwgauge.report.verdict import compared
@@ -70,9 +70,29 @@ def judge(results: Comparison) -> list[Block]:
         for row in rows(results.judge)
     ]
     if not found:
-        return [Paragraph("Nothing was judged: the quantities asked for do not suffice.")]
+        return [Paragraph("Nothing was judged: no engine gives joint positions or its assembly.")]
     across = cross_table(found, "residual, scaled = residual | unit", "engine", "cell")
     return [across, folded(f"All {len(found)} residuals", _with_reason(found, JUDGE))]
+
+
+def coverage(results: Comparison) -> list[Block]:
+    """What the scene could have seen: share of the terms in each quantity, and from which error on parameters show."""
+    found = results.coverage
+    blocks: list[Block] = [Paragraph(found.sentence)]
+    if found.shares:
+        cells = [{**row, "quantity": words(row["quantity"]), "cell": _percent(row["share"])} for row in found.shares]
+        blocks.append(cross_table(cells, "largest term = quantity | unit", "term", "cell"))
+    if found.parameters:
+        listed_rows = [
+            {**row, "shows": _percent(row["smallest"]) if row["tested"] else "not tested"} for row in found.parameters
+        ]
+        ordered = sorted(listed_rows, key=lambda row: -row["smallest"])
+        blocks.append(Folded(f"All {len(ordered)} parameters", (table(ordered, "parameter | shows from = shows"),)))
+    return blocks
+
+
+def _percent(share: float) -> str:
+    return f"{number(100.0 * share, 3)} %"
 
 
 def estimates(results: Comparison) -> list[Block]:
@@ -120,12 +140,20 @@ def scene(results: Comparison) -> list[Block]:
             "independent coordinates": ", ".join(f"{k} = {v}" for k, v in this.mechanism.independent.items()),
             "gravity": f"{vector(this.applied.g)} m/s²",
             "load": [_load(load) for load in this.applied.loads],
+            "motion": [f"{label} = {_inline(table)}" for label, table in this.text.get("motion", {}).items()],
             **acting(this),
             **({"rule for redundant forces": this.rule} if not this.simulated else simulated(this, this.start)),
             **judged(results.provenance),
         }
     )
     return [Paragraph(this.description), described] if this.description else [described]
+
+
+def _inline(value: Any) -> str:
+    """A value of a scene file on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+    return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else f'"{value}"'
 
 
 def judged(provenance: Mapping[str, Any]) -> dict[str, str]:

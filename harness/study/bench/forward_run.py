@@ -25,7 +25,7 @@ from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.leaving_out import table as leaving_out
 from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
-from screwgauge.study.bench.run import Bench, Plan, models_of
+from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.method import Method
@@ -65,6 +65,7 @@ def contest(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
+    check_generated(scene)
     begin, t = perf_counter(), scene.start.t
     if not scene.observables:
         raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
@@ -210,8 +211,7 @@ def _scored(
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
     error = score(observe(layout(scene.mechanism), scene.observables, q), right, posed.reference.scales["observable"])
-    judged = replace(problem, applied=scene.applied)  # a model file of one's own may have another gravity
-    energy = next(energy_balance(answer_at(scene.mechanism, judged, solution, np.arange(m))), {})
+    energy = next(energy_balance(answer_at(scene.mechanism, problem, solution, np.arange(m))), {})
     reason = solution.stopped or (f"only {m} of {len(scene.t)} samples" if m < len(scene.t) else error.reason)
     wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
     cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()

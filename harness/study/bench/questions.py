@@ -147,5 +147,5 @@ def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str 
     task = posed.scene.start
     if method:
         task = replace(task, integration=Integration(method, rtol, rtol, task.integration.near))
-    problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task, engine=engine)
+    problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task)
     return Asked(posed.files(engine), (problem,), len(task), posed.reference)

@@ -99,6 +99,20 @@ def check_budget(seconds: float) -> float:
     return seconds
 
 
+def check_generated(scene: Scene) -> None:
+    """Refuses model files of the user's own: a bench measures methods, not models.
+
+    Raises:
+        DescriptionError: The scene names some.
+    """
+    for path in scene.models.values():
+        raise DescriptionError(
+            f"the bench measures methods on models made from the description and reads none of your own ('{path}')",
+            f"{scene.file or scene.name}, models",
+            "remove [models], or compare them by `screwgauge run`",
+        )
+
+
 def bench(
     scene: Scene,
     *,
@@ -119,6 +133,7 @@ def bench(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
+    check_generated(scene)
     chosen, record = choose(contestants, quick=plan.quick), {**environment(), "one_thread": one_thread()}
     if scene.applied.springs or scene.applied.motors:
         raise DescriptionError(
@@ -126,7 +141,7 @@ def bench(
         )
     chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
-    kept = Journal(journal, stamp(scene, record, plan.quick))
+    kept = Journal(journal, stamp(scene, record, plan.quick, plan.samples))
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)

@@ -1,0 +1,104 @@
+"""What reactions and actuator forces stand for, as the judge reads their names.
+
+Written down from the meaning of the components and not from `screwgauge.reference.reactions`, by which the engines
+resolve theirs: a wrong sign or direction there is to be seen here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.judging.answer import Answer
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.rotations import Array, cross
+
+_XYZ = "xyz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unit:
+    """A unit force or a unit moment of a joint's parent on its child.
+
+    Attributes:
+        quantity, name: Component of an answer that says how much of it there is.
+        unit: N or N m.
+        force, moment: In world axes, one of them zero. Shape (n, 3).
+        point: Where it acts [m]. Shape (n, 3).
+    """
+
+    quantity: str
+    name: str
+    unit: str
+    joint: Joint
+    force: Array
+    moment: Array
+    point: Array
+
+    def amount(self, answer: Answer) -> Array:
+        """How much of it there is [N or N m]. Shape (n, 1)."""
+        values = answer.values[self.quantity]
+        return values.array[:, [values.components.index(self.name)]]
+
+    def sides(self, answer: Answer) -> Iterator[tuple[int, Array]]:
+        """Bodies that it acts on, without ground, and force over moment about the centre of mass. Shape (n, 6)."""
+        for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
+            body = answer.mechanism.body_index[side] - 1
+            if body >= 0:
+                moment = self.moment + cross(self.point - answer.motions.com.p[:, body], self.force)
+                yield body, sign * np.concatenate([self.force, moment], axis=1)
+
+
+def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
+    """All components of ``reaction`` or of ``actuator_force``."""
+    mechanism, bodies = answer.mechanism, answer.motions.bodies
+    driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=True))
+    for joint in driven if quantity == "actuator_force" else mechanism.joints:
+        parent, child = (mechanism.body_index[side] for side in (joint.parent, joint.child))
+        near, far = bodies.R[:, parent] @ joint.parent_frame.R, bodies.R[:, child] @ joint.child_frame.R
+        point = bodies.p[:, child] + bodies.R[:, child] @ joint.child_frame.p
+        parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
+        if quantity == "actuator_force":
+            parts = {driven[joint]: ("m" if joint.kind == "R" else "f", far @ joint.axes[0])}
+        for name, (kind, along) in parts.items():
+            pair = (along, np.zeros_like(along))
+            unit, acts = ("N", pair) if kind == "f" else ("N m", pair[::-1])
+            yield Unit(quantity, name, unit, joint, *acts, point)
+
+
+def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
+    """Directions in which a joint holds its child: ``fx`` and so on are forces, ``mx`` and so on moments.
+
+    Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
+    three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
+    are called 1 and 2. The moment of a U joint is along the cross product of its first and its second axis.
+
+    Args:
+        near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
+
+    Returns:
+        Label -> shape (n, 3).
+    """
+    world = {f"f{name}": np.tile(axis, (len(far), 1)) for name, axis in zip(_XYZ, np.eye(3), strict=True)}
+    if joint.kind == "U":
+        return {**world, "m": cross(near @ joint.axes[0], far @ joint.axes[1])}
+    if joint.kind in "SF":
+        return world if joint.kind == "S" else {}
+    across = {name: far @ direction for name, direction in _beside(joint.axes[0]).items()}
+    forces = world if joint.kind == "R" else {f"f{name}": direction for name, direction in across.items()}
+    frame = {name: far[..., i] for i, name in enumerate(_XYZ)}
+    turned = frame if joint.kind == "P" else across
+    return {**forces, **{f"m{name}": direction for name, direction in turned.items()}}
+
+
+def _beside(axis: Array) -> dict[str, Array]:
+    """Two directions at right angles to an axis: axes of the frame if it is one of them, else made from the first."""
+    main = int(np.abs(axis).argmax())
+    others = [i for i in range(3) if i != main]
+    if abs(axis[main]) == 1.0:
+        return {_XYZ[i]: np.eye(3)[i] for i in others}
+    one = np.cross(axis, np.eye(3)[others[0]])
+    one = one / np.sqrt(one @ one)
+    return {"1": one, "2": np.cross(axis, one)}

@@ -1,0 +1,135 @@
+"""Persistently exciting motions: sines of every independent coordinate, as large as limits and singular poses let them
+be, and so fast that inertia is about as large as what else acts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import G0
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.dynamics import body_motion, partial_motion
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.kinematics import Velocities, velocities
+from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.pose import Layout, length, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.motion import Drive, read_drive
+from screwgauge.scene.preflight import beyond_limits, check_home
+from screwgauge.scene.scene import Scene
+
+WORSE = 4.0  # times the condition number at home is still well inside
+STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
+#: Of the coordinate that moves most [rad or lengths of the mechanism]: the first that stays regular is taken.
+AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
+SINES = 3  # of each coordinate
+SAMPLES = 101
+PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
+
+
+def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
+    """Whether poses along a motion from home are within limits and about as well conditioned as home.
+
+    Args:
+        part: So many are followed before they are looked at: to find where a way ends takes long.
+
+    Raises:
+        ScrewgaugeError: It cannot be followed.
+    """
+    system, mechanism = loop_equations(lay), lay.mechanism
+    path, middle = system.follower(), [joint.coordinates[1] for joint in mechanism.joints if joint.kind == "S"]
+    for first in range(0, len(motion), part):
+        some = motion.part(slice(first, first + part))
+        at = system.follow(path, some.y, some.t, (some.yd, some.ydd), strict=True)
+        q = np.vstack([mechanism.home, at.q])
+        worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
+        inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
+        if not inside or beyond_limits(mechanism, at.q):
+            return False
+    return True
+
+
+def exciting(scene: Scene, seed: int = 0) -> Scene:
+    """The same scene in a motion from home that excites all inertia that it can, at times of its own.
+
+    Args:
+        seed: Gives the same motion again; name and title say it.
+
+    Raises:
+        DescriptionError: Its motion is integrated, or it has no room to move about home.
+        ScrewgaugeError: Its mechanism is refused.
+    """
+    if scene.simulated:
+        what = "an exciting motion replaces a given one, and that of this scene is integrated"
+        raise DescriptionError(what, scene.name, "run it as it is")
+    mechanism, lay = scene.mechanism, check_home(scene.mechanism)
+    columns = mechanism.independent_columns
+    rate = velocities(lay, pose(lay, mechanism.home[None]), np.zeros((1, len(columns))))
+    size = loop_equations(lay).size
+    heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
+    sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
+    for amplitude in AMPLITUDES:
+        omega = pace / np.sqrt(amplitude)
+        tables = {
+            label: {"offset": f"{home:.9g}", "harmonics": [[f"{x:.6g}" for x in row] for row in rows]}
+            for label, home, rows in zip(
+                mechanism.independent, mechanism.home[columns], sines * [omega, amplitude, amplitude], strict=True
+            )
+        }
+        step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
+        drive = read_drive(tables, list(mechanism.independent), Path(), "motion")[0]
+        try:
+            if stays_regular(lay, drive(step * np.arange(SAMPLES, dtype=float))):
+                return _moving(scene, seed, tables, drive, step)
+        except ScrewgaugeError:
+            continue
+    what = f"no motion of {AMPLITUDES[-1]:.1g} rad or lengths about home stays within limits and off singular poses"
+    raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
+
+
+def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, step: float) -> Scene:
+    return replace(
+        scene,
+        name=f"{scene.name}-exciting-{seed}",
+        title=f"{scene.title}, exciting motion of seed {seed}",
+        description=f"{scene.description} An exciting motion, of seed {seed}, takes the place of its own.",
+        task=drive(step * np.arange(SAMPLES, dtype=float)),
+        drive=drive,
+        text={**scene.text, "motion": tables},
+    )
+
+
+def _sines(rng: np.random.Generator, heights: Array) -> Array:
+    """Rows [omega, cos, sin] of each coordinate: no two frequencies alike, phases random, the sum zero at the start.
+
+    Frequencies are about 1. Shape (k,) -> (k, SINES, 3).
+    """
+    sines = np.empty((len(heights), SINES, 3))
+    for rows, height in zip(sines, heights, strict=True):
+        cos = np.full(SINES, 2.0)
+        while abs(cos[-1]) > 1.0:
+            cos = np.cos(rng.uniform(0.0, 2.0 * np.pi, SINES))
+            cos[-1] = -cos[:-1].sum()
+        sin = np.sqrt(1.0 - cos**2) * rng.choice([-1.0, 1.0], SINES)
+        omega = (1.0 + np.arange(SINES) + rng.uniform(0.0, 0.9, SINES)) / SINES
+        rows[:] = np.stack([omega, height * cos, height * sin], axis=1)
+    return sines
+
+
+def _pace(lay: Layout, rate: Velocities, applied: Applied, heights: Array) -> float:
+    """Frequency [rad/s] at which moving so far from home takes as much inertia as gravity and loads can be."""
+    mechanism, index = lay.mechanism, lay.mechanism.body_index
+    bodies = body_motion(lay, rate.pose, rate.V, np.zeros_like(rate.V))
+    v, w = (part[0] * heights[:, None] for part in partial_motion(lay, rate, bodies.com))
+    inertia = np.einsum("b,bjx,bjx", mechanism.masses, v, v) + np.einsum("bjx,bxy,bjy", w, bodies.J[0], w)
+    v, w = np.linalg.norm(v, axis=2).sum(axis=1), np.linalg.norm(w, axis=2).sum(axis=1)
+    acting = np.linalg.norm(applied.g) * mechanism.masses @ v
+    for load in applied.loads:
+        i = index[load.body] - 1
+        acting += np.linalg.norm(load.force) * v[i] + np.linalg.norm(load.torque) * w[i]
+    return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / length(lay)))

@@ -1,0 +1,97 @@
+"""What a model file of the user's own says otherwise than the description, or beyond it, and what becomes of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import ParseError
+
+from screwgauge.engines.registry import ENGINES, Engine, get_engine
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.check import check_file
+from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
+from screwgauge.models.elements import FORMATS, extras, unread_rows
+from screwgauge.models.expected import expected_reading
+from screwgauge.models.loops import loops_of
+from screwgauge.models.readings import READERS
+from screwgauge.problem import ModelFiles
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.scene import Scene
+
+#: What an engine of this package makes of something beyond the description, by its kind.
+_FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
+_NOT_KNOWN = "not known whether applied by {} in {}"
+_NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
+
+
+def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
+    """Sentences on what is otherwise than in the description of the scene; none if nothing is.
+
+    Args:
+        name: The engine, which reads a file of the user's own.
+        files: That file, which the engine has loaded, and its loops file.
+    """
+    engine, mechanism = get_engine(name), scene.mechanism
+    if engine.reads == ".toml":
+        return tuple(_otherwise(files.model, _of_description(mechanism, files.model)))
+    if engine.reads not in FORMATS:
+        return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
+    known, library = name in ENGINES, name.partition("-")[0]
+    reader = library if known else _reader(engine)
+    said = [
+        *_beyond(mechanism, engine, files.model, known=known),
+        *_otherwise(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
+    ]
+    if files.loops == files.model.with_suffix(".loops.toml"):
+        rows, unread = check_file(mechanism, engine.cut, files.loops, "loops"), unread_rows(library)
+        said += _otherwise(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
+        said += _otherwise(files.loops, (row for row in rows if row.what not in unread))
+    return tuple(said)
+
+
+def _reader(engine: Engine) -> str:
+    """What reads the model files of an engine of another package."""
+    return next(name for name, (ending, _) in READERS.items() if ending == engine.reads)
+
+
+def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
+    found: dict[str, dict[str, list[str]]] = {}
+    try:
+        said = extras(model, FORMATS[engine.reads], mechanism)
+    except (ParseError, LookupError, ValueError) as error:
+        yield f"{model.name} cannot be searched for what is beyond the description ({error})"
+        return
+    for extra in said:
+        fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
+        found.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
+    for fate in sorted(found, key=[*_FATE.values(), _NOT_KNOWN].index):
+        things = (f"{what}{whose[0]}{_others(len(whose) - 1)}" for what, whose in found[fate].items())
+        yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
+
+
+def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
+    """A description of the user's own against that of the scene; their names may differ."""
+    own, out = replace(load_mechanism(path), name=mechanism.name), Comparison(path.name, "screw")
+    compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
+    said, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
+    compare_readings(out, expected, replace(said, gravity=None), mechanism)
+    return out.rows
+
+
+def _otherwise(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
+    bad = [row for row in rows if not row.ok]
+    if bad and bad[0].what == "file":
+        yield f"{path.name} cannot be compared with the description: {bad[0].found}"
+    elif bad:
+        things = _listed(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
+        yield f"{fate}{path.name}, other than described: {things}"
+
+
+def _listed(things: Iterable[str]) -> str:
+    named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
+    return f"{', '.join(named[:_NAMED])}{_others(len(named) - _NAMED)}"
+
+
+def _others(n: int) -> str:
+    return f" and {n} more" if n > 0 else ""

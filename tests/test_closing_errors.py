@@ -1,0 +1,66 @@
+"""Closing errors of every kind of joint that may be cut: zero where loops close, with the derivative that is given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_any_cut import MECHANISMS, described
+from tolerances import CLOSED, DIFFERENCE, LINEAR
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.cut_coordinates import read
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.linear import null_space, rank
+from screwgauge.reference.loops import LoopEquations
+from screwgauge.reference.pose import layout, tree_pose
+
+STEP = 1e-6
+#: Mechanism, joint that is cut, its kind.
+CASES = [
+    ("slider-crank", "d", "P"),
+    ("five-bar", "b", "P"),
+    ("3-upu", "s1", "P"),
+    ("3-upu", "v2", "U"),
+    ("uuuu", "c", "U"),
+    ("rccc", "c", "C"),
+    ("stewart", "s3", "P"),
+]
+
+
+@pytest.fixture(params=CASES, ids=lambda case: f"{case[0]}, {case[1]}")
+def cut(request, tmp_path):
+    """Equations in which one joint is cut, and joint coordinates of a closed pose, found with others cut."""
+    name, joint, kind = request.param
+    described(name, tuple(MECHANISMS[name][1]), tmp_path)
+    mechanism = load_mechanism(tmp_path / "mechanism.toml")
+    tree = spanning_tree(mechanism, [each.name for each in mechanism.joints if each.name != joint])
+    assert joint in {each.name for each in tree.cuts}
+    assert mechanism.joint(joint).kind == kind
+    y = mechanism.home[mechanism.independent_columns] + 0.02 * np.arange(1, 1 + len(mechanism.independent))
+    return LoopEquations(layout(mechanism, tree)), positions(layout(mechanism), y[None], np.zeros(1)).q
+
+
+def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut):
+    equations, q = cut
+    independent = equations.lay.mechanism.independent_columns
+    z, y = ((q / equations.size)[:, columns] for columns in (equations.unknown, independent))
+    errors, matrix = equations.evaluate(z, y)
+    assert np.abs(errors).max() < CLOSED
+    steps = STEP * np.eye(z.shape[1])
+    ahead, behind = (equations.evaluate(z + sign * steps, np.repeat(y, len(steps), axis=0))[0] for sign in (1, -1))
+    change, m = (ahead - behind).T / (2 * STEP), len(equations.components.names)
+    turning = [k for k, unit in enumerate(equations.components.units) if unit == "N m"]
+    assert np.abs(change - matrix[0])[[*turning, *range(m, len(change))]].max() < DIFFERENCE
+    # the rows of forces across a slide are right where the turning ones are kept
+    assert np.abs(change[:m] @ null_space(matrix[0, :m])).max() < DIFFERENCE
+    assert rank(change[:m], DIFFERENCE) == rank(matrix[0, :m])
+
+
+def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
+    equations, q = cut
+    lay, guess = equations.lay, q.copy()
+    guess[:, lay.cut_columns] += 0.3
+    R, p, _ = tree_pose(lay, q)
+    assert np.abs(read(lay, equations.cut, R, p, guess) - q).max() < LINEAR
+    assert np.abs(q[:, lay.cut_columns]).max() > 1e-3

@@ -1,0 +1,221 @@
+"""What a scene could have seen of a mistake: shares of its terms, and parameters that could be anything."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import exciting
+from screwgauge.engines.screw.inverse import solve_motion
+from screwgauge.judging.coverage import NOTHING, coverage
+from screwgauge.problem import quiet
+from screwgauge.quantities import FLOOR, SOLVED, natural_scales
+from screwgauge.reference import screws
+from screwgauge.reference.applied import Applied, JointSpring, Load, hold
+from screwgauge.reference.mechanism import Body
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import layout, pose
+
+FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
+STEP = 1e-4  # share of its size by which a parameter is changed
+LINEAR = 0.01  # what is left of a change of that size by its square, and by what scales are measured at
+PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+
+def looked_at(scene):
+    """Coverage of a scene by its description alone, and what the solver gives."""
+    mechanism, problem = scene.mechanism, scene.problem(scene.quantities)
+    lay = layout(mechanism)
+    counted = mobility(lay, pose(lay, mechanism.home[None]))
+    solution = solve_motion(lay, problem, scene.motion, quiet)
+    return coverage(mechanism, problem, {"screw": solution}, counted, scene.tolerance), counted, solution
+
+
+def few(name: str, n: int = 5):
+    scene = screwgauge.load_scene(name)
+    return scene.at(scene.t[:: len(scene.t) // n])
+
+
+def loaded(scene):
+    """The scene with loads at a point and at a centre of mass, a spring and a motor."""
+    bodies, joint = scene.mechanism.bodies, scene.mechanism.coordinates[0]
+    loads = (
+        Load(bodies[-1].name, np.array([0.1, 0.2, -0.1]), np.array([3.0, -2.0, 5.0]), np.array([0.5, 0.0, 0.2])),
+        Load(bodies[0].name, None, np.array([0.0, 4.0, 1.0]), np.zeros(3)),
+    )
+    springs = (JointSpring(joint, 10.0, 0.3, 2.0),)
+    return scene.under(loads=loads, springs=springs, motors=hold({scene.mechanism.coordinates[-1]: 2.0}))
+
+
+def shares(found, quantity: str, term: str) -> float:
+    return max(row["share"] for row in found.shares if (row["quantity"], row["term"]) == (quantity, term))
+
+
+def changed(mechanism, parameter: str, length: float, step: float = STEP):
+    """The mechanism with one parameter of a body changed by a share of its size."""
+    what, _, name = parameter.rpartition(" of ")
+    body = mechanism.body(name)
+    if what == "mass":
+        new = replace(body, mass=body.mass * (1.0 + step))
+    elif what.startswith("com"):
+        new = replace(body, com=body.com + step * length * np.eye(3)["xyz".index(what[-1])])
+    else:
+        j, k = ("xyz".index(axis) for axis in what[-2:])
+        unit = np.zeros((3, 3))
+        unit[j, k] = unit[k, j] = np.abs(body.inertia).max()
+        new = replace(body, inertia=body.inertia + step * unit)
+    return replace(mechanism, bodies=tuple(new if one is body else one for one in mechanism.bodies))
+
+
+def effect(scene, counted, before, after) -> float:
+    """Largest scaled change of a compared force."""
+    scales, worst = natural_scales(scene.mechanism), 0.0
+    known = dict(zip(counted.names, counted.determined, strict=True))
+    for quantity in FORCES:
+        has = before.values[quantity]
+        for unit in set(has.units):
+            columns = [i for i, name in enumerate(has.components) if has.units[i] == unit and known.get(name, True)]
+            size = max(np.abs(has.array[:, columns]).max(initial=0.0), FLOOR * scales[unit])
+            change = np.abs(after.values[quantity].array - has.array)[:, columns]
+            worst = max(worst, change.max(initial=0.0) / size)
+    return worst
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "bennett", "3-rps", "3ups-upu-s-offset"])
+def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name, monkeypatch):
+    monkeypatch.setattr(Body, "__post_init__", lambda self: None)  # a thin rod may be given any inertia
+    scene = screwgauge.load_scene(name)
+    scene = loaded(scene.at(scene.t[5:12:3]))
+    found, counted, before = looked_at(scene)
+    assert found.missing == ""
+    bodies, length = len(scene.mechanism.bodies), natural_scales(scene.mechanism)["m"]
+    own = [row for row in found.parameters if "load" not in row["parameter"]]
+    assert len(own) == 10 * bodies
+    assert len(found.parameters) == 10 * bodies + 6
+    rng = np.random.default_rng(1)
+    some = [row for row in own if not row["tested"]][:5] + [own[i] for i in rng.permutation(len(own))[:9]]
+    for row in some:
+        lay = layout(changed(scene.mechanism, row["parameter"], length))
+        after = solve_motion(lay, scene.problem(scene.quantities), scene.motion, quiet)
+        change = effect(scene, counted, before, after) / STEP
+        assert change == pytest.approx(row["effect"], rel=LINEAR, abs=NOTHING), row
+
+
+def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_nothing_else(monkeypatch):
+    monkeypatch.setattr(Body, "__post_init__", lambda self: None)
+    scene = exciting(screwgauge.load_scene("bennett"), 2)
+    scene = scene.at(scene.t[::25])
+    found, counted, before = looked_at(scene)
+    assert 0 < len(found.untested) < len(found.parameters)
+    for row in found.parameters:
+        mechanism = changed(scene.mechanism, row["parameter"], natural_scales(scene.mechanism)["m"], 1e-6)
+        after = solve_motion(layout(mechanism), scene.problem(scene.quantities), scene.motion, quiet)
+        assert (effect(scene, counted, before, after) > SOLVED) == row["tested"], row
+
+
+@pytest.mark.parametrize("name", ["3-rps", "3ups-upu-s-offset"])
+def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
+    scene = loaded(few(name))
+    found, counted, before = looked_at(scene)
+
+    def lost(term: str, without) -> None:
+        after = looked_at(without)[2]
+        change = effect(scene, counted, before, after)
+        said = max(row["share"] for row in found.shares if row["term"] == term and row["quantity"] in FORCES)
+        assert change == pytest.approx(said, rel=1e-9, abs=0), term
+        assert said > 0.0
+
+    lost("gravity", scene.under(gravity=np.zeros(3)))
+    lost("loads", scene.under(loads=()))
+    lost("springs and motors", scene.under(springs=(), motors=()))
+    slow = replace(scene.motion, yd=0.0 * scene.motion.yd, ydd=0.0 * scene.motion.ydd)
+    nothing = Applied(gravity=np.zeros(3))
+    alone = looked_at(replace(scene, applied=nothing))[0]
+    assert looked_at(replace(scene, applied=nothing, task=slow))[0].absent == [
+        *("gravity", "inertial forces", "gyroscopic moments", "the Lie bracket"),
+    ]
+    assert shares(alone, "generalized_force", "inertial") == pytest.approx(1.0, abs=0.1)
+    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: np.zeros_like(first))
+    lost("bracket", scene)
+
+
+def test_the_case_of_the_paper_tests_statics_and_not_all_of_the_bracket():
+    found = looked_at(few("3ups-upu-s", 50))[0]
+    assert found.untested == []
+    assert found.poor.startswith("Inertia is 0.075 % of actuator_force: this motion tests statics.")
+    assert found.absent == ["w2 x v1 of the Lie bracket"]  # its base axes are radial
+    fast = looked_at(few("3ups-upu-s-fast"))[0]
+    assert fast.poor == "Not tested here: w2 x v1 of the Lie bracket."
+    assert looked_at(few("3ups-upu-s-offset", 50))[0].absent == []
+
+
+def test_a_scene_at_rest_tests_no_inertia():
+    scene = few("bennett").at([0.0])
+    rest = replace(scene, task=replace(scene.motion, yd=np.zeros((1, 1)), ydd=np.zeros((1, 1))))
+    found = looked_at(rest)[0]
+    assert {row["parameter"] for row in found.parameters if "inertia" in row["parameter"]} <= set(found.untested)
+    assert "mass of link2" not in found.untested
+    assert found.poor == (
+        "Inertia is 0 % of actuator_force: this motion tests statics. Not tested here: mass of link1 and 22 others, "
+        "inertial forces, gyroscopic moments, the Lie bracket."
+    )
+
+
+def test_the_point_of_a_load_along_its_force_is_not_tested():
+    scene = few("arm7")
+    body = scene.mechanism.bodies[0].name  # it turns about z alone
+    found = looked_at(scene.under(loads=(Load(body, None, np.array([0.0, 0.0, 7.0]), np.zeros(3)),)))[0]
+    points = {row["parameter"]: row["tested"] for row in found.parameters if "load" in row["parameter"]}
+    assert points == {f"point {axis} of load on {body}": axis != "z" for axis in "xyz"}
+    moment = scene.under(loads=(Load(body, None, np.zeros(3), np.ones(3)),))
+    assert len(looked_at(moment)[0].parameters) == 70
+
+
+def test_a_wide_tolerance_tests_less():
+    scene = few("3-rps")
+    strict, wide = (looked_at(replace(scene, tolerances=tolerances))[0] for tolerances in ({}, _WIDE))
+    assert set(strict.untested) < set(wide.untested)
+
+
+BRACKET = "w1 x w2 and w2 x v1 of the Lie bracket"
+_WIDE = dict.fromkeys((*FORCES, "tree_force_soft"), 1e-2)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "sentence"),
+    [
+        (["joint_position"], "Nothing of the dynamics is tested: no force and no acceleration is compared."),
+        (["com_acceleration"], "No inertial parameter is tested: no force is compared."),
+        (["actuator_force"], "com z of link1 and 8 others, gyroscopic moments."),
+        (["tree_force_soft"], "23 of 30 inertial parameters"),
+    ],
+)
+def test_what_is_compared_decides(quantities, sentence):
+    results = screwgauge.run(few("bennett"), ["screw"], quantities)
+    assert sentence in results.coverage.sentence
+
+
+def test_of_a_simulation_it_is_said_that_nothing_is_said():
+    scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.1])
+    results = screwgauge.run(scene, ["screw"])
+    assert results.coverage.sentence == "Coverage is stated of given motions, not of simulations."
+
+
+def test_verdict_report_and_summary_say_what_is_not_tested(tmp_path, monkeypatch):
+    monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
+    results = screwgauge.run(few("slider-crank"), ["screw", "pinocchio"])
+    clause = f"Not tested here: com z of crank and 21 others, gravity, gyroscopic moments, {BRACKET}"
+    assert clause in " ".join(repr(results).split())
+    results.write(tmp_path)
+    page = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert f"11 of 33 inertial parameters and points of loads are tested. {clause}" in page
+    assert "| com z of crank | not tested |" in page
+    said = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["coverage"]
+    assert said["sentence"] == results.coverage.sentence
+    assert said["parameters"] == 33
+    assert {"com z of crank", BRACKET} <= set(said["untested"])
+    assert {"quantity", "unit", "term", "share"} == set(said["terms"][0])

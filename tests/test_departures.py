@@ -1,0 +1,407 @@
+"""Hand edits of model files, one at a time: whatever an engine does not apply, or a scene may not show, is named."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines import registry
+from screwgauge.engines.registry import ENGINES, get_engine
+from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
+from screwgauge.models.elements import FORMATS, extras
+from screwgauge.models.generate import model_texts, stem
+from screwgauge.models.layout import CUTS
+from screwgauge.problem import ModelFiles
+from screwgauge.reference.applied import Motor
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.report.markdown import markdown
+from screwgauge.report.pages.run import report, summary
+from screwgauge.report.verdict import verdict
+from screwgauge.study.departures import departures
+from screwgauge.study.reference import reference_values
+
+DATA = Path(__file__).parent / "data"
+SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
+#: What the table below calls what becomes of an edit -> how the sentence begins.
+FATE = {
+    "ignored": "ignored by {engine} in own.{kind}: ",
+    "applied": "applied by {engine} in own.{kind}, beyond the description: ",
+    "unknown": "not known whether applied by {engine} in own.{kind}: ",
+    "other": "own.{kind}, other than described: ",
+    "unread": "ignored by {engine} in own.{kind}, other than described: ",
+}
+
+_AXIS = '<axis xyz="0 0 1" />'
+_END, _BALL = "</robot>", '<geometry><sphere radius="1"/></geometry>'
+URDF = {  # old text, new text (`&` is the old one), what becomes of it
+    "nothing": ("", "", ""),
+    "damping": (_AXIS, '&<dynamics damping="0.5"/>', "ignored: dynamics damping of joint a"),
+    "damping of zero": (_AXIS, '&<dynamics damping="0.0"/>', ""),
+    "friction": (_AXIS, '&<dynamics friction="0.5"/>', "ignored: dynamics friction of joint a"),
+    "mimic": (_AXIS, '&<mimic joint="b" multiplier="2"/>', "ignored: mimic of joint a"),
+    "lower limit": ('lower="-1000"', 'lower="-1"', "ignored: limit lower of joint a"),
+    "upper limit": ('upper="1000"', 'upper="1"', "ignored: limit upper of joint a"),
+    "effort": ('effort="1000000000"', 'effort="5"', "ignored: limit effort of joint a"),
+    "velocity": ('velocity="1000000000"', 'velocity="5"', "ignored: limit velocity of joint a"),
+    "soft limits": (_AXIS, '&<safety_controller k_velocity="3"/>', "ignored: safety_controller of joint a"),
+    "gear": (_END, '<transmission name="t"><joint name="a"/></transmission>&', "ignored: transmission t"),
+    "collision": (
+        "<inertial>",
+        '<collision><geometry><sphere radius="1"/></geometry></collision>&',
+        "ignored: collision of link crank",
+    ),
+    "simulator": (_END, '<gazebo reference="a"><springStiffness>1</springStiffness></gazebo>&', "ignored: gazebo"),
+    "two inertials": (
+        "</inertial>",
+        '&<inertial><mass value="7"/></inertial>',
+        "ignored: second inertial of link crank",
+    ),
+    "seen only": ("<inertial>", f"<visual>{_BALL}</visual>&", ""),
+    "misspelt": (_AXIS, '&<dynamic damping="0.5"/>', "unknown: dynamic of joint a"),
+    "unknown attribute": ('<link name="crank"', '& gravity="0"', "unknown: gravity of link crank"),
+    "another file": (_END, '<include file="more.xml"/>&', "unknown: include"),
+    "loop": (_END, '<loop_joint name="z"/>&', "unknown: loop_joint z"),
+    "inertia that no plane motion shows": ('ixx="0.001"', 'ixx="0.002"', "other: inertia tensor of coupler"),
+    "continuous": ('type="revolute"', 'type="continuous"', "refused"),
+}
+
+_B = '<joint name="b" type="hinge" axis="0 0 1"'
+_MOTOR = '<motor name="a" joint="a"'
+_OPTION, _FLAG = 'jacobian="dense"', '<flag contact="disable" limit="disable"'
+_TENDON = '<tendon><fixed name="t" {}><joint joint="b" coef="1"/></fixed></tendon><equality>'
+MJCF = {
+    "nothing": ("", "", ""),
+    "armature": (_B, '& armature="0.1"', "applied: armature of joint b"),
+    "damping": (_B, '& damping="0.1"', "applied: damping of joint b"),
+    "stiffness": (_B, '& stiffness="1"', "applied: stiffness of joint b"),
+    "springref": (_B, '& springref="1"', "applied: springref of joint b"),
+    "friction": (_B, '& frictionloss="1"', "applied: frictionloss of joint b"),
+    "friction switched off": (
+        f'{_FLAG} sensor="disable" />\n  </option>',
+        '<flag frictionloss="disable"/></option><default><joint frictionloss="1"/></default>',
+        "ignored: joint frictionloss",
+    ),
+    "ref": (_B, '& ref="1"', "other: pose at home of coupler"),
+    "range switched off": (_B, '& range="-1 1"', "ignored: range of joint b"),
+    "torque range": (_B, '& actuatorfrcrange="-1 1"', "ignored: actuatorfrcrange of joint b"),
+    "gravity carried": ('<body name="coupler"', '& gravcomp="1"', "applied: gravcomp of body coupler"),
+    "gravity carried by motors": (_B, '& actuatorgravcomp="true"', "applied: actuatorgravcomp of joint b"),
+    "gear": (_MOTOR, '& gear="50"', "refused"),
+    "gain": (_MOTOR, '<general name="a" joint="a" gainprm="50"', "ignored: gainprm of general a"),
+    "gain of one": (_MOTOR, '<general name="a" joint="a" gainprm="1 0"', ""),
+    "bias switched off": (_MOTOR, '<general name="a" joint="a" biasprm="0 -5"', "ignored: biasprm of general a"),
+    "bias": (_MOTOR, '<general name="a" joint="a" biastype="affine" biasprm="0 -5"', "refused"),
+    "position servo": (_MOTOR, '<position name="a" joint="a"', "refused"),
+    "damper": (_MOTOR, '<damper name="a" joint="a" kv="5" ctrlrange="0 1"', "ignored: damper a"),
+    "control range": (_MOTOR, '& ctrlrange="-1 1"', "ignored: ctrlrange of motor a"),
+    "force range": (_MOTOR, '& forcerange="-1 1"', "ignored: forcerange of motor a"),
+    "lag": (_MOTOR, '<general name="a" joint="a" dyntype="filter"', "ignored: dyntype of general a"),
+    "rotor": (_MOTOR, '& armature="3"', "applied: armature of motor a"),
+    "renamed motor": (_MOTOR, '<motor name="z" joint="a"', "other: actuators"),
+    "motor at a site": ("</actuator>", '<general site="d@parent"/>&', "refused"),
+    "motor elsewhere": (_MOTOR, '<motor name="a" joint="b"', "refused"),
+    "two motors": ("</actuator>", '<motor name="z" joint="a"/>&', "other: actuators"),
+    "motors switched off": (_FLAG, '& actuation="disable"', "ignored: flag actuation"),
+    "spring of a loop": ('<connect name="d.1"', '& solref="0.5 1"', "ignored: solref of connect d.1"),
+    "softness of a loop": ('<connect name="d.1"', '& solimp="0.1 0.2 0.001"', "ignored: solimp of connect d.1"),
+    "open loop": ('<connect name="d.1"', '& active="false"', "refused"),
+    "coupled joints": ("<equality>", '&<joint joint1="a" joint2="b"/>', "refused"),
+    "loops switched off": (_FLAG, '& equality="disable"', "refused"),
+    "moved end of a loop": ('<site name="d@parent1"', '& euler="0 0 1"', "other: closure frames of d.1"),
+    "density": (_OPTION, '& density="9"', "applied: option density"),
+    "viscosity": (_OPTION, '& viscosity="9"', "applied: option viscosity"),
+    "wind": (_OPTION, '& wind="1 0 0"', "applied: option wind"),
+    "no wind": (_OPTION, '& wind="0 0 0"', ""),
+    "step": (_OPTION, '& timestep="0.5"', ""),
+    "gravity": ('gravity="0 -9.81 0"', 'gravity="0 0 0"', "other: gravity"),
+    "gravity switched off": (_FLAG, '& gravity="disable"', "applied: flag gravity"),
+    "discrete inverse": (_FLAG, '& invdiscrete="enable"', "applied: flag invdiscrete"),
+    "contact": (
+        f'{_FLAG} sensor="disable" />\n  </option>\n  <worldbody>',
+        '</option><worldbody><geom type="plane" pos="0 0 -9" size="1 1 1"/>',
+        "applied: geom",
+    ),
+    "contact switched off": ("<worldbody>", '&<geom type="plane" size="1 1 1"/>', ""),
+    "tendon": ("<equality>", _TENDON.format('stiffness="3"'), "applied: fixed t"),
+    "of a class": ("<worldbody>", '<default><joint damping="1"/></default>&', "applied: joint damping"),
+    "in another file": ("<worldbody>", '<include file="more.xml"/>&', "applied: joint armature"),
+    "inertia that no plane motion shows": ("0.001 0.03", "0.002 0.03", "other: inertia tensor of coupler"),
+    "body on the ground": ("</worldbody>", '<body name="x" mocap="true"/>&', ""),
+    "sensor": ("<equality>", '<sensor><jointpos joint="a"/></sensor>&', ""),
+}
+
+_TREE_JOINT = "parent_frame = { position = [0.3, 0, 0]"
+_POINTS = "child_points = [[0.6, 0, 0.3], [0.6, 0, -0.3]]"
+LOOPS = {  # `loop`: MuJoCo has its own and does not read these
+    "nothing": ("", "", ""),
+    "placement of a joint of the tree": (
+        _TREE_JOINT,
+        "parent_frame = { position = [0.35, 0, 0]",
+        "other: joint axes and frames of b",
+    ),
+    "its axis": (
+        'child = "coupler"\naxes = [[0, 0, 1]]',
+        'child = "coupler"\naxes = [[0, 1, 0]]',
+        "other: joint axes and frames of b",
+    ),
+    "its limits": ('coordinates = ["b"]', "&\nlimits = [[-1, 1]]", "unread: joint limits of b"),
+    "its kind": ('[joints.b]\nkind = "R"', '[joints.b]\nkind = "P"', "other: joint of b"),
+    "what is driven": ('coordinates = ["b"]', "&\nactuated = true", "other: joint of b"),
+    "what is independent": ('crank = "a"', 'crank = "c"', "other: independent"),
+    "rule": ("[joints.a]", '[spherical_axial]\njoint = "d"\ndirection = [1, 0, 0]\n&', "other: spherical_axial"),
+    "another mechanism": ('mechanism = "four-bar"', 'mechanism = "other"', "other: mechanism"),
+    "points of a loop": (
+        _POINTS,
+        "child_points = [[0.65, 0, 0.3], [0.65, 0, -0.3]]",
+        "loop: closure points and frames of d",
+    ),
+    "body of a loop": (
+        'parent = "rocker"\nparent_points',
+        'parent = "coupler"\nparent_points',
+        "loop: closure of d",
+    ),
+    "order": ('["a", "b", "c"]', '["c", "a", "b"]', ""),
+}
+EDITS = [
+    pytest.param(engine, kind, *edit, id=f"{engine}: {name}")
+    for engine, kind, edits in (
+        ("pinocchio", "urdf", URDF),
+        ("mujoco", "xml", MJCF),
+        *((engine, "loops.toml", LOOPS) for engine in SUFFIX),
+    )
+    for name, edit in edits.items()
+]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A four-bar, two samples."""
+    return screwgauge.load_scene(DATA / "four-bar-scene.toml").at([0.0, 0.2])
+
+
+@pytest.fixture(scope="module")
+def texts(scene):
+    return model_texts(scene.mechanism, gravity=scene.applied.g)
+
+
+@pytest.fixture
+def own(write, texts):
+    """Model file and loops file of an engine as the user's own, one text replaced in one of them."""
+
+    def make(engine: str, kind: str, old: str, new: str) -> ModelFiles:
+        write("more.xml", '<mujoco><default><joint armature="1"/></default></mujoco>')
+        files = {suffix: texts[f"four-bar.{suffix}"] for suffix in (SUFFIX[engine], "loops.toml")}
+        assert old in files[kind]
+        files[kind] = files[kind].replace(old, new.replace("&", old), 1)
+        return ModelFiles(*(write(f"own.{suffix}", text) for suffix, text in files.items()))
+
+    return make
+
+
+@pytest.mark.parametrize(("engine", "kind", "old", "new", "becomes"), EDITS)
+def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
+    files = own(engine, kind, old, new)
+    if becomes == "refused":
+        with pytest.raises(ModelFileError):
+            get_engine(engine).load(files)
+        return
+    get_engine(engine).load(files)
+    said = departures(scene, engine, files)
+    if not becomes:
+        assert said == ()
+        return
+    fate, _, what = becomes.partition(": ")
+    fate = {"pinocchio": "other", "mujoco": "unread"}[engine] if fate == "loop" else fate
+    begin = re.escape(FATE[fate].format(engine=engine, kind=kind))
+    assert any(re.match(rf"{begin}(.*, )?{re.escape(what)}(,| and|$)", sentence) for sentence in said), said
+
+
+def test_what_urdf_readers_let_pass_as_xml_is_said(own, scene):
+    files = own("pinocchio", "urdf", "</robot>", "<undeclared:pull/>&")
+    get_engine("pinocchio").load(files)
+    (said,) = departures(scene, "pinocchio", files)
+    assert said.startswith("own.urdf cannot be searched for what is beyond the description (unbound prefix: ")
+
+
+def test_long_chains_are_searched_to_their_end(scene, write):
+    n = 5000
+    chain = "".join(f'<body name="b{i}"><joint damping="1"/>' for i in range(n)) + "</body>" * n
+    found = extras(write("own.xml", f"<mujoco><worldbody>{chain}</worldbody></mujoco>"), "mjcf", scene.mechanism)
+    assert [extra.whose for extra in found] == [f" of body b{i}" for i in range(n)]
+
+
+@pytest.mark.parametrize("mechanism", mechanism_names())
+@pytest.mark.parametrize("cut", CUTS)
+def test_generated_files_say_nothing_beyond_the_description(mechanism, cut):
+    described = load_mechanism(mechanism)
+    for ending, form in FORMATS.items():
+        path = mechanism_path(mechanism).with_name(f"{stem(mechanism, cut)}{ending}")
+        assert extras(path, form, described) == []
+
+
+def test_limits_of_the_description_bars_and_sensors_are_nothing_beyond_it_but_contacts_are(scene, write):
+    joints = [replace(joint, limits=np.array([[-1.5, 4.0]])) for joint in scene.mechanism.joints]
+    mechanism = replace(scene.mechanism, joints=tuple(joints))
+    for part, kinds in ({"limits", "geoms", "sensors"}, set()), ({"contacts"}, {"applied"}):
+        texts = model_texts(mechanism, include=part)
+        found = {
+            (ending, extra.kind)
+            for ending, form in FORMATS.items()
+            for extra in extras(write(f"own{ending}", texts[f"four-bar{ending}"]), form, mechanism)
+        }
+        assert found == {(".xml", kind) for kind in kinds}
+
+
+def test_the_table_knows_all_that_mujoco_reads(scene, tmp_path):
+    """Every element and attribute of MuJoCo's own schema has its place: none is unknown."""
+    rows = [
+        (len(line) - len(line.lstrip()), line.split())
+        for line in mujoco.mj_printSchema(False, False).splitlines()
+        if line.strip()
+    ]
+    path, above = tmp_path / "all.xml", list[tuple[int, ET.Element]]()
+    for indent, words in rows:
+        if indent > 20:  # further attributes of the element above
+            names, element = words, above[-1][1]
+        else:
+            while above and above[-1][0] >= indent:
+                above.pop()
+            tag, names = words[0].replace("(world)", ""), words[2:]
+            element = ET.SubElement(above[-1][1], tag) if above else ET.Element(tag)
+            above.append((indent, element))
+        element.attrib |= dict.fromkeys(names, "said")
+    ET.ElementTree(above[0][1]).write(path)
+    found = extras(path, "mjcf", scene.mechanism)
+    assert len(found) > 50
+    assert [extra for extra in found if extra.kind == "unknown"] == []
+
+
+def test_of_an_engine_of_another_package_it_is_not_known(own, scene, monkeypatch):
+    monkeypatch.setattr(registry, "_plugins", lambda: {"other": replace(ENGINES["mujoco"], name="other")})
+    files = own("mujoco", "xml", _B, '& damping="1" actuatorfrcrange="-1 1"')
+    what = "not known whether applied by other in own.xml: damping of joint b, actuatorfrcrange of joint b"
+    assert departures(scene, "other", files) == (what,)
+
+
+def test_a_description_of_ones_own_is_compared_with_that_of_the_scene(scene, write):
+    same = (DATA / "four-bar.toml").read_text(encoding="utf-8").replace('"four-bar"', '"own"')
+    assert departures(scene, "screw", ModelFiles(write("own.toml", same))) == ()
+    other = ModelFiles(write("own.toml", same.replace("xx = 1e-3", "xx = 2e-3")))
+    assert departures(scene, "screw", other) == ("own.toml, other than described: inertia tensor of coupler",)
+
+
+@pytest.mark.parametrize("engine", SUFFIX)
+def test_so_in_the_full_cut(engine, scene, texts, write):
+    suffix = SUFFIX[engine]
+    old, new = {"urdf": (_AXIS, f'{_AXIS}<mimic joint="b"/>'), "xml": (_MOTOR, f'{_MOTOR} ctrlrange="0 1"')}[suffix]
+    model = write(f"own.{suffix}", texts[f"four-bar-full.{suffix}"].replace(old, new, 1))
+    loops = write("own.loops.toml", texts["four-bar-full.loops.toml"])
+    (said,) = departures(scene, f"{engine}-full", ModelFiles(model, loops))
+    assert said in (
+        "ignored by pinocchio-full in own.urdf: mimic of joint a",
+        "ignored by mujoco-full in own.xml: ctrlrange of motor a",
+    )
+
+
+def test_long_names_are_cut(own, scene):
+    files = own("pinocchio", "urdf", _END, f'<transmission name="{"x" * 10_000}"/>&')
+    (said,) = departures(scene, "pinocchio", files)
+    assert said == f"ignored by pinocchio in own.urdf: transmission {'x' * 64}..."
+
+
+def test_many_of_a_kind_are_counted(own, scene, texts):
+    files = own("pinocchio", "urdf", "", "")
+    text = texts["four-bar.urdf"].replace('effort="1000000000" velocity="1000000000"', 'effort="5" velocity="1"')
+    text = text.replace(_AXIS, f'{_AXIS}<dynamics damping="1" friction="1"/>')
+    files.model.write_text(text, encoding="utf-8")
+    (said,) = departures(scene, "pinocchio", files)
+    assert said == (
+        "ignored by pinocchio in own.urdf: dynamics damping of joint a and 2 more, "
+        "dynamics friction of joint a and 2 more, limit effort of joint a and 2 more and 1 more"
+    )
+
+
+def test_a_reference_goes_by_the_description_whatever_the_solver_reads(scene, write):
+    text = (DATA / "four-bar.toml").read_text(encoding="utf-8").replace("mass = 1.1", "mass = 2.2")
+    one, other = (
+        reference_values(replace(scene, models=models), scene.t, ["actuator_force"]).values["actuator_force"].array
+        for models in ({}, {"screw": write("own.toml", text), "truth": write("own.toml", text)})
+    )
+    assert np.array_equal(one, other)
+
+
+def test_a_verdict_names_three_doubts_and_counts_them_all(scene, own):
+    results = screwgauge.run(scene, engines=("screw", "mujoco"), quantities=("joint_position",))
+    doubtful = replace(results.solutions["mujoco"], warnings=("one", "two.", "three", "four"))
+    banner = verdict(replace(results, solutions={**results.solutions, "mujoco": doubtful}))
+    assert banner.text.startswith("one. two. three. All 4 are listed under Engines. screw and mujoco agree")
+
+
+DAMPED = "ignored by pinocchio in own.urdf: dynamics damping of joint a"
+
+
+def test_agreement_on_another_model_is_no_plain_agreement(own, scene):
+    files = own("pinocchio", "urdf", _AXIS, '&<dynamics damping="0.5"/>')
+    mine = replace(scene, models={"pinocchio": files.model})
+    results = screwgauge.run(mine, engines=("screw", "pinocchio"), quantities=("actuator_force",))
+    banner = verdict(results)
+    assert (results.exit_status, banner.word, banner.status) == (0, "✓ AGREE, but", "note")
+    assert banner.text.startswith(f"{DAMPED}. screw and pinocchio agree: ")
+    assert summary(results)["engine_warnings"] == {"pinocchio": [DAMPED]}
+    assert f"- pinocchio: {DAMPED}" in markdown(report(results, ()))
+
+
+FORWARD = """
+mechanism = "four-bar.toml"
+gravity = [0, "-9.81", 0]
+time = { times = [0, 0.05] }
+forward.rates = { crank = 3 }
+"""
+
+
+@pytest.fixture
+def simulated(write):
+    write("four-bar.toml", (DATA / "four-bar.toml").read_text(encoding="utf-8"))
+    return screwgauge.load_scene(write("forward.toml", FORWARD))
+
+
+def test_so_in_a_simulation(own, simulated):
+    files = own("pinocchio", "urdf", _AXIS, '&<dynamics damping="0.5"/>')
+    results = screwgauge.run(replace(simulated, models={"pinocchio": files.model}), engines=("screw", "pinocchio"))
+    assert results.ok
+    assert verdict(results).text.startswith(f"{DAMPED}. ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (_B, '& frictionloss="0.3"'),
+        ("<equality>", _TENDON.format('frictionloss="0.3"')),
+    ],
+)
+def test_friction_in_an_mjcf_is_simulated_beside_closed_loops(old, new, own, simulated):
+    """The coupler turns one way, so that friction is a constant moment against it."""
+    files = own("mujoco", "xml", old, new)
+    results = screwgauge.run(replace(simulated, models={"mujoco": files.model}), engines=("screw", "mujoco"))
+    assert verdict(results).word == "✗ DIFFER"
+    against = simulated.under(motors=(Motor("b", np.array([0.3]), np.zeros((0, 3))),))
+    same = screwgauge.run(against, engines=("screw",)).values("joint_velocity")
+    assert np.abs(results.values("joint_velocity", "mujoco") - same).max() < 1e-11
+    assert np.abs(results.values("joint_velocity", "screw") - same).max() > 0.05
+
+
+def test_a_stop_in_an_mjcf_closes_no_loop(own, simulated):
+    stops = '</option><default><joint range="-1 1"/></default>'
+    files = own("mujoco", "xml", f'{_FLAG} sensor="disable" />\n  </option>', stops)
+    results = screwgauge.run(replace(simulated, models={"mujoco": files.model}), engines=("screw", "mujoco"))
+    assert results.failures == {}
+    assert verdict(results).word == "✗ DIFFER"
+    residuals = results.judge.set_index(["engine", "residual"])["ok"]
+    assert residuals["mujoco"]["loop_closure"].all()

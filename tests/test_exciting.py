@@ -1,0 +1,115 @@
+"""Exciting motions: of every mechanism, from home, within limits, with inertia as large as weight, exactly readable."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import exciting
+from screwgauge.cli import main
+from screwgauge.judging.coverage import coverage
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.scene import exciting as motions
+from screwgauge.scene.preflight import check_scene, far_from_home
+from screwgauge.scene.read import scene_names
+from screwgauge.study.ask import solve
+
+#: Share of inertia in the actuator forces: 0.4 to 1.1 is seen, from 0.0008 on in the scenes' own motions.
+INERTIA = 0.3
+#: Parameters and load points that are tested, of all; the rest lies across what is planar, or turns about one axis.
+TESTED = {
+    "3-rps": (60, 70),
+    "3-rrr": (28, 70),
+    "3-upu": (64, 70),
+    "3ups-upu-s": (93, 93),
+    "3ups-upu-s-offset": (93, 93),
+    "arm7": (67, 70),
+    "bennett": (23, 30),
+    "delta": (89, 100),
+    "double-cardan": (20, 30),
+    "five-bar": (16, 40),
+    "rccc": (27, 30),
+    "sarrus": (19, 50),
+    "slider-crank": (11, 33),
+    "stewart": (130, 130),
+    "stewart-legs": (130, 130),
+}
+
+
+def test_every_scene_with_a_given_motion_is_looked_at():
+    given = {name for name in scene_names() if not screwgauge.load_scene(name).simulated}
+    assert given - {"3ups-upu-s-eq55", "3ups-upu-s-fast"} == set(TESTED)  # these two have the mechanism of another
+
+
+@pytest.mark.parametrize("name", TESTED)
+def test_every_mechanism_moves_and_tests_all_that_it_can(name, monkeypatch):
+    monkeypatch.setattr(motions, "SAMPLES", 13)  # and amplitudes that all of them can do: to find out takes long
+    monkeypatch.setattr(motions, "AMPLITUDES", np.array([0.16, 0.08]))
+    scene = exciting(screwgauge.load_scene(name), 1)
+    assert far_from_home(scene) == ()
+    found, failures = solve(scene, ["screw"], scene.quantities)
+    assert not failures
+    covered = coverage(scene.mechanism, scene.problem(scene.quantities), found, check_scene(scene), scene.tolerance)
+    assert covered.inertia[1] > INERTIA
+    assert (len(covered.parameters) - len(covered.untested), len(covered.parameters)) == TESTED[name]
+    assert max(row["smallest"] for row in covered.parameters if row["tested"]) < 1e-7
+
+
+LIMITED = """
+extends = "slider-crank"
+name = "limited"
+joints.crank.limits = [[{low}, 0.3]]
+"""
+
+
+def test_it_is_as_large_as_limits_let_it_be(write):
+    scene = screwgauge.load_scene("slider-crank")
+    free = np.abs(exciting(scene).motion.y).max()
+    write("limited.toml", LIMITED.format(low=-0.2))
+    text = 'mechanism = "limited.toml"\nmotion.crank = {}\ntime = { times = [0] }\n'
+    near = exciting(screwgauge.load_scene(write("scene.toml", text))).motion.y
+    assert free > 0.4
+    assert 0.1 < near.max() < 0.3
+    assert near.min() > -0.2
+    write("limited.toml", LIMITED.format(low=0.0))
+    with pytest.raises(DescriptionError, match=r"no motion of 0.01 rad or lengths about home stays within limits"):
+        exciting(screwgauge.load_scene(write("scene.toml", text)))
+
+
+def test_samples_of_a_file_are_replaced(write):
+    write("motion.csv", "t,q1,q1d,q1dd\n0,1.0472,0,0\n")
+    scene = screwgauge.load_scene(write("scene.toml", 'mechanism = "bennett"\nmotion.csv = "motion.csv"\n'))
+    made, usual = exciting(scene), exciting(screwgauge.load_scene("bennett"))
+    assert np.array_equal(made.motion.ydd, usual.motion.ydd)
+    assert made.wording().motion == usual.wording().motion is not None
+
+
+def test_a_simulation_and_a_seed_for_nothing_are_refused(refused):
+    said = "an exciting motion replaces a given one, and that of this scene is integrated; run it as it is"
+    assert refused("run", "a01-pendulum", "--exciting") == f"screwgauge: a01-pendulum: {said}.\n"
+    assert "--seed is that of an exciting motion" in refused("run", "bennett", "--seed", "1")
+
+
+def test_a_seed_gives_the_same_motion_and_another_another():
+    scene = screwgauge.load_scene("bennett")
+    one, same, other = (exciting(scene, seed) for seed in (3, 3, 4))
+    assert np.array_equal(one.motion.y, same.motion.y)
+    assert not np.array_equal(one.motion.y[:5], other.motion.y[:5])
+    assert (one.name, one.title) == ("bennett-exciting-3", "Bennett linkage, exciting motion of seed 3")
+
+
+def test_engines_agree_in_it_and_the_report_tells_it_as_toml(tmp_path, write, capsys, monkeypatch, no_progress):
+    monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
+    assert main(["run", "bennett", "--exciting", "--seed", "5", "--json", "--out", str(tmp_path / "out")]) == 0
+    assert json.loads(capsys.readouterr().out)["scene"] == "bennett-exciting-5"
+    page = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "exciting motion of seed 5" in page
+    (line,) = [line for line in page.splitlines() if line.startswith("| motion |")]
+    said = f'mechanism = "bennett"\nmotion.{line.removeprefix("| motion | ").removesuffix(" |")}\n'
+    again = screwgauge.load_scene(write("again.toml", f"{said}time = {{ times = [0, 0.1, 0.2] }}\n"))
+    made = exciting(screwgauge.load_scene("bennett"), 5)
+    assert np.array_equal(again.motion.y, made.moved(again.t).y)
+    assert made.wording().motion == again.wording().motion is not None  # the truth reads it exactly

@@ -1,0 +1,223 @@
+"""The judge rests on no convention of the engines: what all of them have wrong in common, it finds in each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from asking import ask, model_files
+from planar import Bar, four_bar
+from planar import moving as moving_bars
+from tolerances import LINEAR
+
+import screwgauge
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.screw import inverse
+from screwgauge.engines.screw.model import ScrewModel
+from screwgauge.engines.tree import closed_forces
+from screwgauge.judging.judge import judge
+from screwgauge.quantities import GIVEN
+from screwgauge.reference import dynamics, reactions
+from screwgauge.reference.pose import layout
+from screwgauge.solution import Solution
+
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+NOT_ASKED = {
+    "joint_position": {"loop_closure"},
+    "joint_velocity": {"loop_closure", "loop_rate"},
+    "joint_acceleration": {"loop_closure", "loop_acceleration"},
+    "body_angular_velocity": {"loop_closure", "body_motion"},
+    "body_angular_acceleration": {"loop_closure", "body_motion"},
+    "com_acceleration": {"loop_closure", "body_motion"},
+    "tree_force": {"loop_closure", "tree_force"},
+    "tree_force_soft": {"loop_closure", "tree_force_soft"},
+    "generalized_force": {"loop_closure", "virtual_work"},
+    "actuator_force": {"loop_closure", "virtual_work", "power_balance", "force_rule"},
+    "reaction": {"loop_closure", "newton_euler", "force_rule"},
+}
+
+
+def moving(name: str = "3ups-upu-s-fast", rule: str = "min_norm"):
+    scene = screwgauge.load_scene(name)
+    return replace(scene.at(scene.t[205:2000:500]), rule=rule)
+
+
+def answered(scene, engine: str, *quantities: str) -> Solution:
+    files = model_files(scene.mechanism.name, engine)
+    return ask(engine, files, scene.problem(frozenset(quantities or GIVEN)))
+
+
+def judged(scene, solution: Solution, **settings):
+    return judge(scene.mechanism, scene.problem(GIVEN), solution, **settings)
+
+
+def faults(scene, solution: Solution, *quantities: str) -> set[str]:
+    """Residuals out of tolerance of some of its quantities, as if nothing else had been asked for."""
+    kept = replace(solution, values={name: solution.values[name] for name in quantities or GIVEN})
+    rows = judged(scene, kept)
+    return {*rows["residual"][~rows["ok"]]}
+
+
+def shifted(solution: Solution, quantity: str, component: str, share: float) -> Solution:
+    """One component changed by a share of the largest of its quantity."""
+    values = solution.values[quantity]
+    array = values.array.copy()
+    array[:, values.components.index(component)] += share * np.abs(array).max()
+    return replace(solution, values={**solution.values, quantity: replace(values, array=array)})
+
+
+@pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_each_quantity_is_judged_though_nothing_else_was_asked(engine, rule):
+    scene = moving(rule=rule)
+    everything = answered(scene, engine)
+    for quantity in NOT_ASKED if rule == "min_norm" else ("actuator_force", "reaction"):
+        rows = judged(scene, replace(everything, values={quantity: everything.values[quantity]}))
+        assert {*rows["residual"]} == NOT_ASKED[quantity], quantity
+        assert rows["ok"].all(), rows[~rows["ok"]].to_string()
+        assert (rows["max_scaled"] < LINEAR).all(), rows.to_string()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "component", "residual"),
+    [
+        ("com_acceleration", "leg1.upper.y", "body_motion"),
+        ("generalized_force", "b", "virtual_work"),
+        ("actuator_force", "leg3", "virtual_work"),
+        ("reaction", "leg1.wrist.m", "newton_euler"),
+        ("tree_force", "leg2.q1", "tree_force"),
+    ],
+)
+def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, component, residual):
+    scene = moving()
+    wrong = shifted(answered(scene, "screw", quantity), quantity, component, 1e-9)
+    rows = judged(scene, wrong)
+    assert residual in {*rows["residual"][~rows["ok"]]}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
+    right = reactions._directions
+
+    def turned(joint, R_parent, R_child):
+        return [(label, f, -d if joint.kind == "U" and not f else d) for label, f, d in right(joint, R_parent, R_child)]
+
+    monkeypatch.setattr(reactions, "_directions", turned)
+    scene = moving()
+    solution = answered(scene, engine)
+    assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_forces_that_are_not_the_smallest(engine, monkeypatch):
+    """A newton of preload: it balances, gives the right power, and is not what the rule says."""
+    right = dynamics.min_norm
+
+    def preloaded(B, Q):
+        return right(B, Q) + dynamics.preload_space(B)[..., 0]
+
+    for module in (dynamics, closed_forces):
+        monkeypatch.setattr(module, "min_norm", preloaded)
+    scene = moving()
+    solution = answered(scene, engine)
+    assert faults(scene, solution, "actuator_force") == {"force_rule"}
+    # the reactions of screw come from another system
+    assert faults(scene, solution) == {"force_rule"} | ({"newton_euler"} if engine == "screw" else set())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypatch):
+    right = dynamics.across_direction
+
+    def elsewhere(R, direction):
+        return right(R, np.array([0.6, 0.0, 0.8]))
+
+    for module in (dynamics, closed_forces):
+        monkeypatch.setattr(module, "across_direction", elsewhere)
+    scene = moving(rule="spherical_axial")
+    solution = answered(scene, engine)
+    for asked in ((), ("actuator_force",), ("reaction",)):
+        assert faults(scene, solution, *asked) == {"force_rule"}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
+    def signed(owner, name):
+        right = getattr(owner, name)
+
+        def wrong(*arguments):
+            tau = right(*arguments).copy()
+            tau[:, 3] *= -1.0
+            return tau
+
+        monkeypatch.setattr(owner, name, wrong)
+
+    signed(inverse._Work, "_tree_force")
+    for tree in (PinocchioTree, MujocoTree):
+        signed(tree, "tree_force")
+    scene = moving()
+    solution = answered(scene, engine)
+    assert "tree_force" in faults(scene, solution) & faults(scene, solution, "tree_force")
+
+
+def test_forces_of_no_tree_fail_and_it_says_why():
+    scene = moving()
+    solution = answered(scene, "screw", "tree_force")
+    values = solution.values["tree_force"]
+    names = ("nonsense", *values.components[1:])
+    rows = judged(scene, replace(solution, values={"tree_force": replace(values, components=names)}))
+    row = rows.set_index("residual").loc["tree_force"]
+    assert not row["ok"]
+    assert row["reason"] == "its components are not the joint coordinates of a tree of the mechanism"
+
+
+def test_the_tree_of_another_cut_is_judged_as_it_is(write):
+    """Of two mechanisms alike but for a name, each is cut at the joint whose name comes last."""
+    bars = [Bar(0.3, 1.0, (0.1, 0.02, 0.03)), Bar(0.9, 2.0, (0.4, 0.0, 0.1)), Bar(0.7, 1.5, (0.3, -0.05, 0.0))]
+    text = four_bar(bars, 0.8, 1.0)
+    answers = {}
+    for name in ("d", "b0"):
+        scene = moving_bars(write, text.replace("[joints.d]", f"[joints.{name}]"), [1.0, 1.4, 2.0], 3.0, 1.0)
+        problem = scene.problem(frozenset(("joint_position", "tree_force")))
+        answers[name] = scene, ScrewModel(layout(scene.mechanism)).solve(problem)
+    (scene, right), (_, other) = answers["d"], answers["b0"]
+    assert (*right.values["tree_force"].components, *other.values["tree_force"].components) == (*"abc", "a", "b", "b0")
+    there = replace(other.values["tree_force"], components=("a", "b", "d"))
+    found = replace(right, values={"tree_force": there})
+    assert judged(scene, found)["ok"].all()
+    rows = judged(scene, shifted(found, "tree_force", "d", 1e-9)).set_index("residual")
+    assert not rows.loc["tree_force", "ok"]
+    assert rows.loc["tree_force", "worst_component"] == "d"
+
+
+def test_a_gate_that_admits_an_error_of_a_force_admits_it_in_every_residual_of_that_force():
+    scene = moving()
+    right = answered(scene, "screw", "actuator_force", "reaction")
+    gate = {"actuator_force": 1e-3}
+    for share, ok in ((0.9e-3, True), (1.5e-2, False)):
+        wrong = shifted(right, "actuator_force", "leg3", share)
+        rows = judged(scene, wrong, tolerance_of=lambda name: gate.get(name, LINEAR)).set_index("residual")
+        assert rows["ok"].all() == ok
+        assert (rows.loc[["newton_euler", "virtual_work", "power_balance", "force_rule"], "tolerance"] == 1e-3).all()
+        assert (rows.loc[["loop_closure"], "tolerance"] == 1e-11).all()
+
+
+def test_loops_close_to_rounding_unless_the_scene_admits_errors_of_positions():
+    scene = moving()
+    solution = answered(scene, "screw", "actuator_force")
+    q = solution.assembly.copy()
+    q[:, scene.mechanism.coordinates.index("leg2.q3")] += 1e-7
+    wrong = replace(solution, assembly=q)
+    for gate, ok in (({"actuator_force": 1e-3}, False), ({"actuator_force": 1e-3, "joint_position": 1e-5}, True)):
+        rows = judged(scene, wrong, tolerance_of=lambda name, gate=gate: gate.get(name, LINEAR))
+        assert rows["ok"].all() == ok
+        assert rows.set_index("residual").loc[["loop_closure"], "ok"].all() == ok
+
+
+def test_nothing_is_judged_stricter_than_usual_or_looser_than_the_scene_says():
+    scene = moving()
+    solution = answered(scene, "screw")
+    rows = judged(scene, solution, tolerance_of=lambda name: 1e-15)
+    assert (rows["tolerance"] == 1e-11).all()
