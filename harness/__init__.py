@@ -17,11 +17,13 @@ if TYPE_CHECKING:
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.scene import Scene
+    from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
 
-__all__ = ["Results", "Scene", "ScrewgaugeError", "exciting", "load_scene", "random", "run", "stream"]
+__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "exciting", "load_scene", "random", "run", "stream"]
 
 _HOMES = {
+    "Limits": "screwgauge.study.apart",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",

@@ -90,6 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
     add("--json", action="store_true", help="print the summary as JSON")
+    add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
+    add("--memory", type=float, metavar="GB", help="stop an engine that needs more (that of the machine)")
 
     add = command(commands.bench, "error against run time of many methods and settings", out="SCENE/bench")
     scene(add)

@@ -51,7 +51,10 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
+    from screwgauge.study.apart import Limits
 
+    given = {"seconds": options.limit, "memory": options.memory}
+    limits = Limits(**{name: value for name, value in given.items() if value is not None})
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
@@ -64,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     results = _study(
         page,
         out,
-        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn),
+        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn, limits=limits),
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,

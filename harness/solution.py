@@ -29,6 +29,9 @@ class Values:
             raise ValueError(f"{self.array.shape} values for {len(self.components)} components")
         self.array.setflags(write=False)
 
+    def __reduce__(self) -> tuple[type[Values], tuple[object, ...]]:
+        return Values, (self.components, self.units, self.array)  # a copy is read-only, too
+
     def pick(self, components: tuple[str, ...]) -> Values:
         """Some components, in the order given."""
         columns = [self.components.index(name) for name in components]

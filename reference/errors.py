@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 
 
 class ScrewgaugeError(Exception):
@@ -21,6 +22,14 @@ class ScrewgaugeError(Exception):
         what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)
         super().__init__(f"{where}: {what}; {remedy}." if where else f"{what}; {remedy}.")
         self.what, self.where, self.remedy = what, where, remedy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is: children are made from other facts."""
+        return _again, (type(self), str(self)), vars(self)
+
+
+def _again(kind: type[ScrewgaugeError], message: str) -> ScrewgaugeError:
+    return kind.__new__(kind, message)
 
 
 def _one_line(text: str, most: int) -> str:

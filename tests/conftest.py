@@ -31,6 +31,8 @@ from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import observe
 from screwgauge.scene.read import FOLDER, load_scene
+from screwgauge.study import apart
+from screwgauge.study.ask import in_turn
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.registry import contestants
 from screwgauge.study.bench.run import Bench, Plan, bench
@@ -47,6 +49,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
     """Truths are not kept in the user's own folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SCREWGAUGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def here():
+    """The command line, too, runs engines in this process, where tests put others in their place."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(apart, "apart", lambda works, limits, folder, report: in_turn(works, report))
         yield
 
 
@@ -130,7 +140,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch):
     def put(**functions: Callable[[Problem], object]) -> None:
         for name, function in functions.items():
             module = ModuleType(f"stand_in_for_{name}")
-            model = SimpleNamespace(solve=lambda problem, progress, function=function: function(problem))
+            model = SimpleNamespace(solve=lambda problem, progress=None, function=function: function(problem))
             module.load = lambda files, model=model: model
             monkeypatch.setitem(sys.modules, module.__name__, module)
             monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=f"{module.__name__}:load"))

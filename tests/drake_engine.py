@@ -20,7 +20,10 @@ from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import ModelFileError
 
 TASKS = frozenset((GivenMotion,))
-DRAKE = Engine("drake", "Drake on the URDF, minimal cut", "drake_engine:load", TASKS, "drake", ".urdf", "minimal")
+LACKS = {"reaction": "it does not say what its joints transmit"}
+DRAKE = Engine(
+    "drake", "Drake on the URDF, minimal cut", "drake_engine:load", TASKS, "drake", ".urdf", "minimal", LACKS
+)
 
 
 def load(files):

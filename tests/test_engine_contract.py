@@ -86,8 +86,7 @@ def loaded(request) -> Iterator[Loaded]:
     with further_engines({name: FURTHER[name]} if name in FURTHER else {}):
         engine = get_engine(name)
         files = model_files("3ups-upu-s", name)
-        lacks = {"truth": ("tree_force", "tree_force_soft"), "drake": ("reaction",)}.get(name, ())
-        yield Loaded(engine, files, engine.load(files), tuple(q for q in GIVEN if q not in lacks))
+        yield Loaded(engine, files, engine.load(files), tuple(q for q in GIVEN if q not in engine.lacks))
 
 
 @pytest.fixture(scope="module")

@@ -87,6 +87,15 @@ def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
         get_engine("toy").load(files, eror=1.0)
 
 
+def test_one_that_cannot_be_loaded_harms_nobody_else():
+    with further_engines({"bad": "no_such_module:ENGINE", "toy": "toy_engine:TOY"}):
+        scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.3])
+        results = screwgauge.run(scene, engines=["screw", "bad"], quantities=["joint_position"])
+        assert results.failures["bad"].reason.startswith("not installed (No module named 'no_such_module')")
+        assert engines()["bad"].meaning == "cannot be loaded"
+        assert engines()["toy"] is toy.TOY
+
+
 def test_a_name_of_this_package_is_not_taken_over():
     with further_engines({"screw": "toy_engine:TOY"}):
         assert get_engine("screw") is ENGINES["screw"]

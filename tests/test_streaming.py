@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
@@ -13,6 +16,20 @@ from screwgauge.study import stream as streaming
 from screwgauge.study.stream import stream, times
 
 QUANTITIES = ("joint_position", "generalized_force", "reaction")
+MOST = 200.0  # MB, as the guide to scenes says
+#: Says the largest memory after each of some small parts and a usual one [MB]. Not `ru_maxrss`, which begins with that
+#: of the process before.
+MEASURED = """
+from itertools import chain
+from pathlib import Path
+import screwgauge
+from screwgauge.study.stream import PART, times
+scene, few = screwgauge.load_scene("3ups-upu-s"), 8 * 256
+parts = chain(times(few, 1e-3, part=256), times(PART, 1e-3, first=few * 1e-3))
+for _ in screwgauge.stream(scene, parts, quantities=["actuator_force"]):
+    status = dict(line.split(":") for line in Path("/proc/self/status").read_text().splitlines())
+    print(int(status["VmHWM"].split()[0]) / 1e3)
+"""
 
 
 def test_parts_are_the_whole() -> None:
@@ -70,3 +87,10 @@ def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch)
     assert next(parts)[1] == "solved"
     with pytest.raises(ScrewgaugeError, match=r"t = 1 to 1\.9 s: screw fails: .* cannot close"):
         next(parts)
+
+
+def test_memory_is_that_of_one_part_however_many_there_are() -> None:
+    said = subprocess.run([sys.executable, "-c", MEASURED], capture_output=True, check=True, text=True).stdout
+    _, second, *_, eighth, usual = map(float, said.split())
+    assert eighth < 1.05 * second
+    assert usual < MOST

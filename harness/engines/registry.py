@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, entry_points, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
 from inspect import Parameter, signature
 from typing import Any, Protocol, cast
 
@@ -50,6 +50,7 @@ class Engine:
         package: Distribution that has to be installed.
         reads: Ending of its model file.
         cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
+        lacks: Quantity that it cannot give -> why not. Whatever else it is asked for, it has to give.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Engine:
     package: str
     reads: str = ".toml"
     cut: str = ""
+    lacks: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def installed(self) -> bool:
@@ -110,6 +112,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
+_OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -118,31 +121,64 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
-        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint"),
+        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint", lacks=_OPEN),
     )
 }
 
 
+#: Engines of other packages, as far as they are loaded.
+_LOADED: dict[EntryPoint, Engine] = {}
+
+
 @lru_cache(maxsize=1)
-def _plugins() -> dict[str, Engine]:
-    return {entry.name: cast(Engine, entry.load()) for entry in entry_points(group=GROUP)}
+def _plugins() -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}
+
+
+def engine_names() -> tuple[str, ...]:
+    """All names, those of other packages last. Nothing is loaded for them."""
+    return (*ENGINES, *_plugins())
 
 
 def engines() -> dict[str, Engine]:
-    """All engines by name, those of other packages last."""
-    return {**ENGINES, **{name: engine for name, engine in _plugins().items() if name not in ENGINES}}
+    """All engines by name."""
+    return {name: get_engine(name) for name in engine_names()}
 
 
 def get_engine(name: str) -> Engine:
-    """An engine by name.
+    """An engine by name; one of another package that cannot be loaded says why when it is asked.
 
     Raises:
         UnknownNameError: There is none of that name.
     """
-    known = engines()
-    if name not in known:
-        raise UnknownNameError("engine", name, known)
-    return known[name]
+    if name in ENGINES:
+        return ENGINES[name]
+    if name not in _plugins():
+        raise UnknownNameError("engine", name, engine_names())
+    entry = _plugins()[name]
+    if entry not in _LOADED:
+        keep(entry, load_entry(entry))
+    return _LOADED[entry]
+
+
+def not_loaded(names: Iterable[str]) -> dict[str, EntryPoint]:
+    """Of these names, entries of other packages whose engines are not loaded yet."""
+    return {name: _plugins()[name] for name in names if name in _plugins() and _plugins()[name] not in _LOADED}
+
+
+def load_entry(entry: EntryPoint) -> Engine | None:
+    """The engine of another package; None if it cannot be loaded."""
+    try:
+        return cast(Engine, entry.load())
+    except (Exception, SystemExit):
+        return None
+
+
+def keep(entry: EntryPoint, engine: Engine | None) -> None:
+    """Remembers an engine that was loaded; what could not be is loaded again, and fails, when it is asked."""
+    package = entry.dist.name if entry.dist else entry.module
+    broken = Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
+    _LOADED[entry] = broken if engine is None else engine
 
 
 def check_engines(names: Iterable[str], where: str = "", task: type[Task] | None = None) -> tuple[str, ...]:
@@ -154,10 +190,9 @@ def check_engines(names: Iterable[str], where: str = "", task: type[Task] | None
     Raises:
         ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
     """
-    known = engines()
-    wanted = tuple(dict.fromkeys(check_choice("engine", names, known, where)))
+    wanted = tuple(dict.fromkeys(check_choice("engine", names, engine_names(), where)))
     for name in wanted:
-        if task is not None and task not in known[name].tasks:
-            able = ", ".join(other for other, engine in known.items() if task in engine.tasks)
+        if task is not None and task not in get_engine(name).tasks:
+            able = ", ".join(other for other, engine in engines().items() if task in engine.tasks)
             raise DescriptionError(f"engine '{name}' does not {_WORDS[task]}", where, f"choose from {able}")
     return wanted

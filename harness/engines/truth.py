@@ -19,6 +19,7 @@ import screwgauge
 import screwgauge.reference
 import screwgauge.truth
 from screwgauge.engines.parts import Names, check_fits, component_names, stages
+from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet
 from screwgauge.quantities import QUANTITIES
@@ -41,7 +42,6 @@ from screwgauge.truth.table import Table, enclosures
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
-_OPEN = ("tree_force", "tree_force_soft")  # of the open tree: nothing to certify that RNEA does not know
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -70,7 +70,7 @@ class TruthModel:
         motion = self._checked(problem)
         n = len(motion)
         rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
-        depth = stages(problem.wanted - set(_OPEN))
+        depth = stages(problem.wanted - set(ENGINES["truth"].lacks))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)
         key = _key(self.file, problem, motion, rows, depth)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.conditioning import passed
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
-from screwgauge.judging.refusals import refusals
+from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
@@ -30,9 +30,13 @@ from screwgauge.scene.preflight import beyond_limits, check_actuation, check_sce
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
-from screwgauge.study.ask import Expected, Report, ask_engines, generated, model_files, silent
+from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
+from screwgauge.study.whole import Expected, left_out, without
+
+if TYPE_CHECKING:
+    from screwgauge.study.apart import Limits
 
 _MOTION = SIMULATED[:3]
 
@@ -49,6 +53,7 @@ def run(
     progress: Report = silent,
     warn: Callable[[str], None] = lambda sentence: None,
     date: datetime | None = None,
+    limits: Limits | None = None,
 ) -> Comparison:
     """Puts a scene to the engines, compares all pairs and judges each. Where there is a start, it is integrated.
 
@@ -58,23 +63,29 @@ def run(
         progress: Called as work goes on.
         warn: Called with a sentence on what may take long or go wrong, before it begins.
         date: That the report bears; now by default.
+        limits: What each engine may take in a process of its own; by default they run in this one.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
     names, wanted = _asked(scene, engines, quantities)
+    if limits is not None:
+        load_engines(names, limits, progress)
+    check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task))
     progress("preflight", 0.0)
     counted, expected, lay, warnings = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
     for sentence in warnings:
         warn(sentence)
     with generated(scene) as folder:
-        answers, failures = ask_engines(scene, names, wanted, folder, progress, expected)
+        asked = _of_engines(wanted) if scene.simulated else wanted
+        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = tuple(one for answer in answers.values() for one in refusals(mechanism, problem, answer))
-    for one in refused:
+    missing = tuple(_missing(asked, answers, len(scene.t)))
+    for one in (*refused, *missing):
         answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
     for name, answer in answers.items():
         if not scene.simulated and assembly_of(mechanism, answer) is None:
@@ -83,12 +94,15 @@ def run(
     judged = [
         judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
     ]
-    solutions, lost = dict(answers), list[dict[str, Any]]()
+    solutions = dict(answers)
+    reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     if lay is not None:
-        solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in answers.items()}
+        placed = {name: answer for name, answer in answers.items() if "joint_position" in answer.values}
+        solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in placed.items()}
         if scene.known is not None and "observable" in wanted:
             solutions[REFERENCE] = _reference(scene, scene.known)
-        lost = list(_lost(scene, wanted, answers, failures, list(solutions)))
+        reasons += _ends(scene, wanted, answers, failures)
+    lost = list(_lost(scene, reasons, solutions))
     failed = {} if scene.simulated else failures
     errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
     if lost:
@@ -103,7 +117,7 @@ def run(
         mobility=facts(counted),
         environment=environment(),
         warnings=warnings,
-        refusals=refused,
+        refusals=(*refused, *missing),
         coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
         provenance=judged_files,
     )
@@ -135,8 +149,7 @@ def _asked(
         if not is_file(file):
             what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
-    task = type(scene.task)
-    names = check_engines(scene.engines, where, task) if engines is None else check_engines(engines, task=task)
+    names = check_engines(scene.engines, where) if engines is None else check_engines(engines)
     known = SIMULATED if scene.simulated else GIVEN
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
@@ -171,7 +184,7 @@ def _check_simulated(scene: Scene) -> _Checked:
 def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
     """A simulated motion in the terms of a comparison: observables, and what its poses say of its errors."""
     n, m = len(scene.t), answer.n_solved
-    values = {name: answer.values[name] for name in _MOTION if name in wanted}
+    values = {name: answer.values[name] for name in _MOTION if name in wanted and name in answer.values}
     q = answer.values["joint_position"].array[:m]
     if "observable" in wanted:
         has = observe(lay, scene.observables, q)
@@ -205,21 +218,37 @@ def _reference(scene: Scene, known: Known) -> Solution:
     return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
 
 
-def _lost(
-    scene: Scene,
-    wanted: Sequence[str],
-    answers: Mapping[str, Solution],
-    failures: Mapping[str, Failure],
-    compared: Sequence[str],
-) -> Iterator[dict[str, Any]]:
-    """Rows without numbers: pairs with an engine that failed, or that stopped before the end of a simulation."""
-    reasons = {name: failure.reason for name, failure in failures.items()}
+def _of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
+    """What engines are asked for in a simulation: observables, and what is said of poses, follow from positions."""
+    return tuple(name for name in _MOTION if name in wanted or name == "joint_position")
+
+
+def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
+    """What engines were asked for and do not give at any of the n samples."""
+    for name, answer in answers.items():
+        if lost := left_out(name, asked, answer):
+            yield Refusal(name, lost, np.arange(n), without(lost), without(lost))
+
+
+def _ends(
+    scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
+) -> Iterator[tuple[str, str, str]]:
+    """Quantity, engine and reason where one failed, or stopped before the end of a simulation."""
+    quantity = "observable" if "observable" in wanted else wanted[0]
+    for failure in failures.values():
+        yield quantity, failure.engine, failure.reason
     for name, answer in answers.items():
         if answer.n_solved < len(scene.t):
             t = scene.t[answer.n_solved - 1]
-            reasons[name] = f"{name} has nothing after t = {t:g} s: {answer.stopped}"
-    quantity = "observable" if "observable" in wanted else wanted[0]
-    for name, reason in reasons.items():
-        for other in [each for each in compared if each != name] or [""]:
+            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"
+
+
+def _lost(
+    scene: Scene, reasons: Iterable[tuple[str, str, str]], solutions: Mapping[str, Solution]
+) -> Iterator[dict[str, Any]]:
+    """Rows without numbers: pairs of engines that have a quantity with one that has not, or not all of it."""
+    for quantity, name, reason in reasons:
+        others = [other for other, one in solutions.items() if other != name and quantity in one.values]
+        for other in others or [""]:
             a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
             yield nothing(quantity, a, b, reason, scene.tolerance(quantity))

@@ -16,7 +16,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.ask import solve
 
-PART = 16384  # samples: some MB with all quantities, and long enough that preparing a part costs little
+PART = 4096  # samples: walking along them takes some 50 MB, and preparing a part a twentieth of its time
 
 
 def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> Iterator[Array]:

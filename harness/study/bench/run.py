@@ -31,6 +31,7 @@ from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
+from screwgauge.study.whole import check_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,13 +218,16 @@ class _Work:
                 self.kept.keep(contestant.key, self._scored(contestant, asked, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
-        except Exception as error:  # a contestant that fails is a row
-            reason = failure(error, contestant.method, self.posed.folder).reason
+        except (Exception, SystemExit) as error:  # a contestant that fails is a row
+            method = contestant.method
+            reason = failure(error, method.name, self.posed.folder, get_engine(method.engine)).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
     def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
+        for problem, solution in zip(asked.problems, solutions, strict=True):
+            check_whole(contestant.method.engine, problem, solution)
         scores = contestant.scores(asked, solutions)
         return {"status": OK, "n_sample": asked.n_sample, "first": seconds, "scores": scores}
 

@@ -12,7 +12,7 @@ from screwgauge.judging.kinetics import Motions
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import QUANTITIES as KNOWN
+from screwgauge.quantities import GIVEN
 from screwgauge.reference import linear
 from screwgauge.reference.kinematics import Velocities, positions, velocities
 from screwgauge.reference.mechanism import Mechanism
@@ -35,7 +35,7 @@ ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
 ENGINES = ("screw", "pinocchio", "mujoco")
 QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
 #: What the judge needs, and what a truth has.
-JUDGED = tuple(name for name in KNOWN if not name.startswith("tree_force"))
+JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
 TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
 ACCELERATION = "joint_acceleration"

@@ -1,0 +1,168 @@
+"""Work in processes of its own, one executor for each name: what crashes or hangs costs its own result only."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import re
+import resource
+import signal
+import warnings
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import TypeVar
+
+import numpy as np
+from loky import cpu_count
+from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+
+from screwgauge.problem import Progress
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.solution import Failure
+from screwgauge.study.bench.threads import VARIABLES
+
+T = TypeVar("T")
+#: GB of memory that the machine has.
+MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+TICK = 0.2  # s between looks at progress and clock
+IDLE = 60.0  # s after which a process that nobody asks again ends
+#: Of each name, kept for the next work: starting a process and importing an engine takes a second.
+_EXECUTORS: dict[str, ProcessPoolExecutor] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What an engine may take in a process of its own.
+
+    Attributes:
+        seconds: From its start to its answer, loading included [s].
+        memory: Of its process [GB]; that of the machine by default.
+
+    Raises:
+        DescriptionError: One is no positive number.
+    """
+
+    seconds: float = 3600.0
+    memory: float = MACHINE
+
+    def __post_init__(self) -> None:
+        for option, value, unit in (("--limit", self.seconds, "s"), ("--memory", self.memory, "GB")):
+            if not 0.0 < value < np.inf:
+                raise DescriptionError(f"a limit of {value:g} {unit}", option, f"give a positive number of {unit}")
+
+
+def apart(
+    works: Mapping[str, Callable[[Progress], T | Failure]],
+    limits: Limits,
+    folder: Path,
+    report: Callable[[str, float], None],
+) -> dict[str, T | Failure]:
+    """Does all works at once, as far as cores allow, each in the process of its name.
+
+    Args:
+        works: Pickle, and take a progress.
+        folder: Where they say how far they are: what a file says outlives who wrote it, and nobody waits for it.
+        report: Takes the names of those under way, and the share of all that is done.
+
+    Returns:
+        What each returns, or that it crashed or met a limit, in the order of the works.
+
+    Raises:
+        ScrewgaugeError: Raised by a work; the others are stopped.
+    """
+    waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, float]](), dict[str, T | Failure]()
+    try:
+        while waiting or running:
+            while waiting and len(running) < cpu_count():
+                name = waiting.pop(0)
+                work = partial(_limited, name, works[name], limits, _file(folder, name))
+                running[_submit(name, work)] = name, monotonic()
+            for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
+                name = running.pop(future)[0]
+                found[name] = _result(name, future)
+            shares = {name: _share(_file(folder, name)) for name, _ in running.values()}
+            for future, (name, begin) in [*running.items()]:
+                if monotonic() - begin > limits.seconds:
+                    del running[future]
+                    _stop(name)
+                    how_far = f"{limits.seconds:g} s, {shares[name]:.0%} of the way"
+                    found[name] = Failure(name, f"stopped after {how_far}, the limit; --limit sets another")
+            if running:
+                report(", ".join(shares), (len(found) + sum(shares.values())) / len(works))
+    finally:
+        for name, _ in running.values():
+            _stop(name)
+    return {name: found[name] for name in works}
+
+
+def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, file: Path) -> T | Failure:
+    """Does a work within its limit of memory. Its process is not interrupted from the keyboard: its parent is."""
+    faulthandler.disable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    most = int(1e9 * limits.memory)
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
+        try:
+            return work(lambda share: _say(file, share))
+        except MemoryError:
+            return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
+
+
+def _submit(name: str, work: Callable[[], T]) -> Future[T]:
+    """Begins a work in the process of a name, a new one if there is none or it crashed."""
+    try:
+        future: Future[T] = _EXECUTORS[name].submit(work)
+    except (KeyError, BrokenProcessPool):
+        _EXECUTORS[name] = ProcessPoolExecutor(max_workers=1, timeout=IDLE, env=dict.fromkeys(VARIABLES, "1"))
+        future = _EXECUTORS[name].submit(work)
+    return future
+
+
+def _stop(name: str) -> None:
+    """Ends the process of a name, whatever it does."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of loky, where it cannot look for processes that this one has started
+        _EXECUTORS.pop(name).shutdown(kill_workers=True)
+
+
+def _result(name: str, future: Future[T | Failure]) -> T | Failure:
+    """What a work returned, or how its process ended."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    if isinstance(error, ScrewgaugeError):
+        raise error
+    if isinstance(error, BrokenProcessPool):
+        return Failure(name, f"crashed: {_ending(str(error))}", str(error))
+    return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
+
+
+def _ending(said: str) -> str:
+    """How a process ended, from what loky says of it."""
+    if found := re.search(r"SIG[A-Z]+", said):
+        return f"its process got {found[0]}"
+    if found := re.search(r"EXIT\((\d+)\)", said):
+        return f"its process exited with status {found[1]}"
+    return " ".join(said.split())
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / f"{name}.share"
+
+
+def _say(file: Path, share: float) -> None:
+    file.write_text(f"{share:.4f}", encoding="utf-8")
+
+
+def _share(file: Path) -> float:
+    """Share that was said last; 0 before anything was, or while it is being said."""
+    try:
+        return float(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return 0.0

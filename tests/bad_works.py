@@ -1,0 +1,67 @@
+"""Work that ends its process, or never ends, and an engine that does so; imports little, as it starts often."""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import partial
+from pathlib import Path
+from threading import Lock
+
+
+def fine(progress) -> int:
+    return os.getpid()
+
+
+def segfault(progress) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def abort(progress) -> None:
+    os.abort()
+
+
+def leave(progress) -> None:
+    os._exit(0)
+
+
+def hang(progress) -> None:
+    while True:
+        signal.pause()
+
+
+def hog(progress) -> int:
+    return len(bytearray(b"x") * 800_000_000)
+
+
+def odd(progress) -> object:
+    return Lock()  # does not pickle
+
+
+def refuse(progress) -> None:
+    from screwgauge.reference.errors import UnknownNameError
+
+    raise UnknownNameError("leg", "leg5", ["leg4"], "own.xml")
+
+
+def until_seen(progress, seen: Path) -> str:
+    """Says that half is done, and goes on when that was seen."""
+    progress(0.5)
+    while not seen.exists():
+        os.sched_yield()
+    return "seen"
+
+
+class _Model:
+    def __init__(self, work) -> None:
+        self.work = work
+
+    def solve(self, problem, progress) -> None:
+        self.work(progress)
+
+
+def load(files, *, work) -> _Model:
+    return _Model(work)
+
+
+load_hang = partial(load, work=hang)

@@ -1,0 +1,151 @@
+"""What an engine was asked for and does not give is named and no agreement: in runs, simulations, bench and stress."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from asking import ask, model_files
+
+import screwgauge
+from screwgauge import load_scene
+from screwgauge.engines.registry import ENGINES
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.report.pages.run import summary
+from screwgauge.study.ask import ask as put
+from screwgauge.study.bench.run import QUICK, bench
+from screwgauge.study.cases.case import REFUSED
+from screwgauge.study.cases.question import findings
+from screwgauge.study.cases.registry import load
+from screwgauge.study.method import Method
+
+QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
+SAID = "gives no generalized_force, actuator_force, though asked for"
+
+
+def only(*names: str, of: str = "3ups-upu-s"):
+    """Our own solver with only some of what it was asked for."""
+
+    def solve(problem):
+        found = ask("screw", model_files(of, "screw"), problem)
+        return replace(found, values={name: found.values[name] for name in names if name in found.values})
+
+    return solve
+
+
+@pytest.fixture
+def scene(paper_scene):
+    return load_scene(paper_scene())
+
+
+def test_a_run_names_what_is_missing(stand_in, scene):
+    stand_in(mujoco=only("joint_position", "joint_velocity"))
+    results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=QUANTITIES)
+    assert not results.ok
+    assert results.exit_status == 1
+    assert f"mujoco: {SAID}." in repr(results)
+    lost = results.pairs[~results.pairs["ok"]]
+    assert [*lost["quantity"]] == QUANTITIES[2:]
+    assert lost["max_scaled"].isna().all()
+    assert lost["reason"].str.contains(f"mujoco {SAID}", regex=False).all()
+    assert set(results.pairs[results.pairs["ok"]]["quantity"]) == set(QUANTITIES[:2])
+
+
+def test_an_engine_alone_that_leaves_out_is_no_success(stand_in, scene):
+    stand_in(mujoco=only("joint_position", "joint_velocity"))
+    results = screwgauge.run(scene, engines=["mujoco"], quantities=QUANTITIES)
+    assert results.exit_status == 1
+    assert repr(results).startswith(f"✗ NO NUMBER: mujoco: {SAID}.")
+    (refused,) = summary(results)["refused"]
+    assert refused == {"engine": "mujoco", "quantities": QUANTITIES[2:], "samples": 2, "reason": SAID}
+
+
+def test_what_nobody_gives_is_named_of_everyone(stand_in, scene):
+    stand_in(mujoco=only("joint_position"), pinocchio=only("joint_position"))
+    results = screwgauge.run(scene, engines=["pinocchio", "mujoco"], quantities=["joint_position", "reaction"])
+    assert results.exit_status == 1
+    assert {(one.engine, one.quantities) for one in results.refusals} == {
+        ("pinocchio", ("reaction",)),
+        ("mujoco", ("reaction",)),
+    }
+
+
+@pytest.mark.parametrize("given", [("joint_position",), ("joint_velocity", "joint_acceleration"), ()])
+def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in):
+    stand_in(mujoco=only(*given, of="a01-pendulum"))
+    results = screwgauge.run(load_scene("a01-pendulum").at([0.0, 0.1]), engines=["screw", "mujoco"])
+    assert results.exit_status == 1
+    assert not results.pairs["ok"].all()
+    assert "mujoco: gives no " in repr(results)
+
+
+def test_observables_alone_need_joint_positions_alone(stand_in):
+    stand_in(mujoco=only("joint_position", of="a01-pendulum"))
+    scene = load_scene("a01-pendulum").at([0.0, 0.1])
+    assert screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["observable"]).ok
+
+
+def test_what_an_engine_cannot_give_is_said_and_no_failure(monkeypatch, stand_in, scene):
+    entry = replace(ENGINES["mujoco"], lacks={"actuator_force": "its motors are sealed"})
+    monkeypatch.setitem(ENGINES, "mujoco", entry)
+    stand_in(mujoco=only("joint_position", "joint_velocity", "generalized_force"))
+    results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=QUANTITIES)
+    assert results.ok
+    assert "gives no actuator_force: its motors are sealed" in results.solutions["mujoco"].notes
+    alone = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["generalized_force"])
+    assert not any("sealed" in note for note in alone.solutions["mujoco"].notes)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_entries_say_what_their_engines_cannot_give(name, scene):
+    """Every engine answers all that its entry does not except; `ask` refuses whatever lacks something."""
+    if not ENGINES[name].installed:
+        pytest.skip(f"{name} is not installed")
+    results = screwgauge.run(scene, engines=[name], quantities=scene.quantities)
+    assert not results.refusals
+    assert {*results.solutions[name].values} == {*scene.quantities} - {*ENGINES[name].lacks}
+
+
+def test_the_bench_has_rows_that_say_so(stand_in):
+    stand_in(mujoco=only())
+    scene = load_scene("3ups-upu-s").at([0.0, 0.5])
+    rows = bench(scene, plan=replace(QUICK, rounds=1, samples=2), contestants=["mujoco-path"]).rows
+    assert {row.status for row in rows} == {"failed"}
+    assert [row.reason for row in rows if "though asked for" not in row.reason] == []
+
+
+def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
+    stand_in(mujoco=only("joint_position"))
+    case = load("speed")
+    question = next(iter(case.ask(case.quick[0], True, tmp_path)))
+    found = list(findings(replace(question, methods=(Method("mujoco"),))))
+    assert found
+    assert {one.verdict for one in found} == {REFUSED}
+    assert all("though asked for" in one.reason for one in found)
+
+
+def test_a_stream_stops_there(stand_in):
+    stand_in(mujoco=only("joint_position"))
+    scene = load_scene("3ups-upu-s")
+    assert isinstance(scene.task, GivenMotion)
+    with pytest.raises(ScrewgaugeError, match="mujoco fails: gives no actuator_force, though asked for"):
+        next(screwgauge.stream(scene, [scene.t[:2]], engine="mujoco", quantities=["actuator_force"]))
+
+
+def test_a_method_that_leaves_out_fails(stand_in, scene):
+    stand_in(mujoco=only("joint_position"))
+    found = put(Method("mujoco"), model_files("3ups-upu-s", "mujoco"), scene.problem(QUANTITIES))
+    assert found.reason.endswith("gives no joint_velocity, generalized_force, actuator_force, though asked for")
+
+
+@pytest.mark.parametrize("how", [SystemExit(0), SystemExit("enough")])
+def test_an_engine_that_exits_is_a_row(how, stand_in, scene):
+    def leave(problem):
+        raise how
+
+    stand_in(mujoco=leave)
+    results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=QUANTITIES)
+    assert results.exit_status == 3
+    assert results.failures["mujoco"].reason.startswith("SystemExit: ")

@@ -1,0 +1,159 @@
+"""An engine that crashes, exits, hangs or eats all memory costs its own row only, in one sentence."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from dataclasses import replace
+from functools import partial
+
+import bad_works
+import numpy as np
+import pytest
+from asking import check_same, further_engines
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.engines.registry import ENGINES
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
+from screwgauge.solution import Failure, Values
+from screwgauge.study.apart import Limits, apart
+from screwgauge.study.ask import silent
+
+
+@pytest.fixture(autouse=True)
+def isolated(monkeypatch):
+    """As the command line does it, not as other tests do."""
+    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("shares")
+
+
+@pytest.fixture(scope="module")
+def ended(folder):
+    """What became of works of all kinds, done at once."""
+    names = ("fine", "segfault", "abort", "leave", "odd", "hog")
+    works = {name: getattr(bad_works, name) for name in names}
+    return apart(works, Limits(memory=0.5), folder, silent)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("segfault", "crashed: its process got SIGSEGV"),
+        ("abort", "crashed: its process got SIGABRT"),
+        ("leave", "crashed: its process exited with status 0"),
+        ("hog", "needs more than 0.5 GB of memory, the limit; --memory sets another"),
+    ],
+)
+def test_what_ends_its_process_says_how(name, reason, ended):
+    assert ended[name].reason == reason
+    assert ended[name].engine == name
+
+
+def test_what_cannot_be_told_is_a_failure(ended):
+    assert "pickle" in ended["odd"].reason
+
+
+def test_the_others_go_on_in_the_order_asked_for(ended):
+    assert [*ended] == ["fine", "segfault", "abort", "leave", "odd", "hog"]
+    assert ended["fine"] not in (0, os.getpid())
+
+
+def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended, folder):
+    again = apart({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), folder, silent)
+    assert again["fine"] == ended["fine"]
+    assert not isinstance(again["segfault"], Failure)
+
+
+def test_what_never_ends_is_stopped_and_the_next_one_is_not(folder):
+    (found,) = apart({"fine": bad_works.hang}, Limits(seconds=0.3), folder, silent).values()
+    assert found.reason.startswith("stopped after 0.3 s, ")
+    assert found.reason.endswith("of the way, the limit; --limit sets another")
+    (pid,) = apart({"fine": bad_works.fine}, Limits(), folder, silent).values()
+    assert not isinstance(pid, Failure)
+
+
+def test_progress_is_that_of_all(folder):
+    seen, said = folder / "seen", []
+
+    def report(step: str, share: float) -> None:
+        said.append((step, share))
+        if share:
+            seen.touch()
+
+    works = {"fine": partial(bad_works.until_seen, seen=seen)}
+    assert apart(works, Limits(), folder, report) == {"fine": "seen"}
+    assert said[-1] == ("fine", 0.5)
+
+
+def test_bad_input_is_raised_as_it_is(folder):
+    with pytest.raises(
+        UnknownNameError, match=r"own.xml: unknown leg 'leg5'; did you mean 'leg4'\? Known: leg4\.$"
+    ) as caught:
+        apart({"fine": bad_works.refuse}, Limits(), folder, silent)
+    assert caught.value.where == "own.xml"
+
+
+@pytest.mark.parametrize(("limits", "said"), [({"seconds": 0.0}, "a limit of 0 s"), ({"memory": np.inf}, "inf GB")])
+def test_a_limit_is_a_positive_number(limits, said):
+    with pytest.raises(ScrewgaugeError, match=said):
+        Limits(**limits)
+
+
+def test_what_travels_stays_read_only():
+    values = pickle.loads(pickle.dumps(Values(("a",), ("m",), np.zeros((2, 1)))))
+    with pytest.raises(ValueError, match="read-only"):
+        values.array[0, 0] = 1.0
+
+
+def test_a_run_is_the_same_wherever_it_runs(paper_scene):
+    scene = screwgauge.load_scene(paper_scene())
+    there, here = (
+        screwgauge.run(scene, ["screw"], ["joint_position", "reaction"], limits=limits) for limits in (Limits(), None)
+    )
+    check_same(there.solutions["screw"], here.solutions["screw"])
+    assert there.exit_status == 0
+
+
+def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="aborts_on_import:load"))
+    options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
+    assert main(["run", str(paper_scene()), *options]) == 3
+    printed = capfd.readouterr()
+    assert printed.err == ""
+    assert "FAILED: An engine failed: mujoco: crashed: its process got SIGABRT." in " ".join(printed.out.split())
+
+
+def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(paper_scene):
+    with further_engines({"bad": "aborts_on_import:ENGINE"}):
+        results = screwgauge.run(screwgauge.load_scene(paper_scene()), ["bad"], ["joint_position"], limits=Limits())
+    assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
+
+
+def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="bad_works:load_hang"))
+    options = [
+        "--engines",
+        "mujoco",
+        "--quantities",
+        "joint_position",
+        "--limit",
+        "0.3",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(["run", str(paper_scene()), *options]) == 3
+    assert "mujoco: stopped after 0.3 s" in " ".join(capfd.readouterr().out.split())
+    assert main(["run", str(paper_scene()), "--memory", "-1"]) == 2
+    assert "a limit of -1 GB" in capfd.readouterr().err
+
+
+def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
+    (tmp_path / "own.urdf").write_text("no robot", encoding="utf-8")
+    scene = replace(screwgauge.load_scene(paper_scene()), models={"pinocchio": tmp_path / "own.urdf"})
+    with pytest.raises(ModelFileError, match=r"own\.urdf"):
+        screwgauge.run(scene, engines=["pinocchio"], limits=Limits())
