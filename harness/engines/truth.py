@@ -70,7 +70,7 @@ class TruthModel:
         motion = self._checked(problem)
         n = len(motion)
         rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
-        depth = stages(problem.wanted - set(ENGINES["truth"].lacks))
+        depth = stages(_certifiable(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)
         key = _key(self.file, problem, motion, rows, depth)
@@ -95,13 +95,17 @@ class TruthModel:
         return motion
 
 
+def _certifiable(problem: Problem) -> frozenset[str]:
+    return problem.wanted - set(ENGINES["truth"].lacks)
+
+
 def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> Table | None:
     """A table from the cache; none if it has anything but what the answer to this problem has."""
     try:
         table = Table.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
-    sizes, wanted = {name: len(found[0]) for name, found in _names(mechanism).items()}, problem.wanted - {*_OPEN}
+    sizes, wanted = {name: len(found[0]) for name, found in _names(mechanism).items()}, _certifiable(problem)
     return table if table.answers(wanted, sizes, y, mechanism.independent_columns) else None
 
 
