@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import random
 import shutil
@@ -21,7 +22,10 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from types import FrameType
+from typing import Any, NamedTuple
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("reference", "harness/engines", "harness/judging")
@@ -47,6 +51,7 @@ FIRST = (
     *("massless_bodies", "any_cut", "engine_contract", "order_and_size", "known_mechanisms"),
 )
 HUNG = 1800  # seconds
+CHANGED = 1e-9  # share of the largest number of a scene
 
 
 class Mutant(NamedTuple):
@@ -116,10 +121,14 @@ def mutants(file: Path) -> Iterator[Mutant]:
                     yield made(node, WORDS[name])
 
 
+def sources() -> list[Path]:
+    """Files of the rooms, from the root of the checkout."""
+    return [path.relative_to(ROOT) for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+
+
 def drawn(count: int, seed: int, lines: set[tuple[Path, int]] | None = None) -> list[Mutant]:
     """So many mutants, all rooms alike by their size; of some lines only, if these are given."""
-    files = (path.relative_to(ROOT) for room in ROOMS for path in sorted((ROOT / room).rglob("*.py")))
-    every = dict.fromkeys(one for file in files for one in mutants(file))
+    every = dict.fromkeys(one for file in sources() for one in mutants(file))
     known = [one for one in every if lines is None or (one.file, one.line) in lines]
     return random.Random(seed).sample(known, min(count, len(known)))
 
@@ -162,19 +171,88 @@ def by_tests(folder: Path) -> str:
     return "survived"
 
 
+def executed(folder: Path, *options: str) -> dict[str, Any] | None:
+    """What a run of all scenes in the copy gives; None if it breaks, which nobody can overlook."""
+    file = folder / "found.json"
+    file.unlink(missing_ok=True)
+    done = execute(folder, __file__, "scenes", "--out", str(file), *options)
+    return json.loads(file.read_text()) if done is not None and file.exists() else None
+
+
+def scenes(out: Path, *, trace: bool) -> None:
+    """Runs all built-in scenes of given motions, excited, at a few samples: verdicts, values, and lines if wanted."""
+    import screwgauge
+    from screwgauge.scene.read import scene_names
+
+    lines: set[tuple[str, int]] = set()
+    rooms = tuple(str(installed(Path(screwgauge.__file__).parents[1], Path(room))) for room in ROOMS)
+
+    def follow(frame: FrameType, event: str, argument: object) -> Any:
+        if not frame.f_code.co_filename.startswith(rooms):
+            return None
+        lines.add((frame.f_code.co_filename, frame.f_lineno))
+        return follow
+
+    sys.settrace(follow if trace else None)
+    found: dict[str, Any] = {}
+    for name in scene_names():
+        scene = screwgauge.load_scene(name)
+        if not scene.simulated:
+            excited = screwgauge.exciting(scene)
+            results = screwgauge.run(excited.at(excited.t[10::30]))
+            values = [s.values[q].array.ravel() for s in results.solutions.values() for q in sorted(s.values)]
+            found[name] = {"exit": results.exit_status, "values": np.concatenate(values or [np.zeros(1)]).tolist()}
+    sys.settrace(None)
+    out.write_text(json.dumps({"scenes": found, "lines": sorted(lines)}))
+
+
+def by_run(folder: Path, right: dict[str, Any]) -> str:
+    """Whether a run notices, and whether there is something to notice."""
+    found = executed(folder)
+    if found is None:
+        return "noticed: it breaks"
+    pairs = [(found["scenes"][name], right["scenes"][name]) for name in right["scenes"]]
+    change = max(_apart(one["values"], other["values"]) for one, other in pairs)
+    noticed = [name for name, (one, _) in zip(right["scenes"], pairs, strict=True) if one["exit"]]
+    if noticed:
+        return f"noticed in {len(noticed)} scenes, numbers change by {change:.1g}"
+    return f"MISSED, numbers change by {change:.1g}" if change > CHANGED else f"nothing changes ({change:.1g})"
+
+
+def _apart(one: list[float], other: list[float]) -> float:
+    """Largest change of a number, over the largest of its scene; numbers that come or go are a change."""
+    if len(one) != len(other):
+        return float("inf")
+    a, b = (np.nan_to_num(np.array(values), nan=1e300) for values in (one, other))
+    return float(np.abs(a - b).max() / np.nanmax(np.abs(other)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("who", choices=["tests"])
+    parser.add_argument("who", choices=["tests", "run", "scenes"])
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--trace", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.who == "scenes":
+        scenes(options.out, trace=options.trace)
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = package(Path(name))
-        for mutant in drawn(options.count, options.seed):
+        lines, right = None, None
+        if options.who == "run":
+            right = executed(folder)
+            traced = executed(folder, "--trace")
+            assert right is not None
+            assert traced is not None
+            homes = {str(installed(folder, file)): file for file in sources()}
+            lines = {(homes[file], line) for file, line in traced["lines"] if file in homes}
+        for mutant in drawn(options.count, options.seed, lines):
             target = installed(folder, mutant.file)
             kept = target.read_bytes()
             target.write_bytes(mutant.source())
-            print(f"{by_tests(folder)}\t{mutant}", flush=True)
+            print(f"{by_tests(folder) if right is None else by_run(folder, right)}\t{mutant}", flush=True)
             target.write_bytes(kept)
 
 
