@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -284,7 +285,9 @@ def test_the_table_knows_all_that_mujoco_reads(scene, tmp_path):
 
 
 def test_of_an_engine_of_another_package_it_is_not_known(own, scene, monkeypatch):
-    monkeypatch.setattr(registry, "_plugins", lambda: {"other": replace(ENGINES["mujoco"], name="other")})
+    entry = EntryPoint("other", "elsewhere:ENGINE", registry.GROUP)
+    monkeypatch.setattr(registry, "_plugins", lambda: {"other": entry})
+    monkeypatch.setitem(registry._LOADED, entry, replace(ENGINES["mujoco"], name="other"))
     files = own("mujoco", "xml", _B, '& damping="1" actuatorfrcrange="-1 1"')
     what = "not known whether applied by other in own.xml: damping of joint b, actuatorfrcrange of joint b"
     assert departures(scene, "other", files) == (what,)

@@ -13,7 +13,7 @@ import screwgauge
 DATA = Path(__file__).with_name("data")
 
 
-@pytest.fixture(scope="module", params=SOLVER)
+@pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def results(request):
     scene = screwgauge.load_scene(request.param)
     rows = np.linspace(0, len(scene.motion) - 1, 9).astype(int)
