@@ -206,14 +206,16 @@ def drawn(seed: int, formats: tuple[str, ...] = FORMATS) -> Case:
 
 
 def outcome(case: Case, folder: Path) -> str:
-    """``agree``, ``differ``, ``failed``, ``refused``, or ``WRONG`` and what happened."""
+    """``agree``, ``agree, but``, ``differ``, ``failed``, ``refused``, or ``WRONG`` and what happened."""
     scene = case.write(folder)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             results = screwgauge.run(load_scene(scene))
+        doubts = [text for solution in results.solutions.values() for text in solution.warnings]
         found = "agree" if results.ok else "failed" if results.failures else "differ"
+        found += ", but" if results.ok and doubts else ""
         for failure in results.failures.values():
             if failure.reason.startswith(("KeyError", "IndexError", "TypeError", "AttributeError", "AssertionError")):
                 return f"WRONG {failure.traceback}"
@@ -240,7 +242,7 @@ def main() -> None:
     with ProcessPoolExecutor() as pool:
         seeds = range(options.seed, options.seed + options.count)
         for seed, (case, found) in zip(seeds, pool.map(attempted, seeds, chunksize=20), strict=True):
-            counts[case.file, found.split()[0]] += 1
+            counts[case.file, found.partition(" ")[0] if found.startswith("WRONG") else found] += 1
             if found.startswith("WRONG") or (found == "agree" and case.file.startswith("model.")):
                 print(f"{seed}: {case}: {found}", flush=True)
     for (file, found), count in sorted(counts.items()):

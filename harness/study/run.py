@@ -16,7 +16,6 @@ from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.compare import compare, nothing
-from screwgauge.judging.conditioning import passed
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
@@ -25,20 +24,18 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
-from screwgauge.scene.observables import Known, known_values, observe
-from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene, far_from_home
+from screwgauge.scene.preflight import check_actuation, check_scene, far_from_home
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
-from screwgauge.solution import REFERENCE, Failure, Solution
+from screwgauge.solution import REFERENCE, Solution
 from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
+from screwgauge.study.simulated import MOTION, asked_of_engines, ends, observed
 from screwgauge.study.whole import Expected, left_out, without
 
 if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
-
-_MOTION = SIMULATED[:3]
 
 
 _Checked = tuple[Mobility, Expected, Layout | None, tuple[str, ...]]
@@ -77,35 +74,25 @@ def run(
     for sentence in warnings:
         warn(sentence)
     with generated(scene) as folder:
-        asked = _of_engines(wanted) if scene.simulated else wanted
+        asked = asked_of_engines(wanted) if scene.simulated else wanted
         answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
-    refused = tuple(one for answer in answers.values() for one in refusals(mechanism, problem, answer))
-    missing = tuple(_missing(asked, answers, len(scene.t)))
-    for one in (*refused, *missing):
-        answers[one.engine] = replace(answers[one.engine], notes=(*answers[one.engine].notes, one.sentence))
-    for name, answer in answers.items():
-        if not scene.simulated and assembly_of(mechanism, answer) is None:
-            unknown = "its assembly is not known, as it gives no joint positions: nothing of it can be judged"
-            answers[name] = replace(answer, notes=(*answer.notes, unknown))
+    refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
+    missing = list(_missing(asked, answers, len(scene.t)))
+    answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
     judged = [
         judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
     ]
-    solutions = dict(answers)
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
+    solutions, failed = answers, failures
     if lay is not None:
-        placed = {name: answer for name, answer in answers.items() if "joint_position" in answer.values}
-        solutions = {name: _observed(scene, lay, answer, wanted) for name, answer in placed.items()}
-        if scene.known is not None and "observable" in wanted:
-            solutions[REFERENCE] = _reference(scene, scene.known)
-        reasons += _ends(scene, wanted, answers, failures)
-    lost = list(_lost(scene, reasons, solutions))
-    failed = {} if scene.simulated else failures
+        solutions, failed = observed(scene, lay, answers, wanted), {}
+        reasons += ends(scene, wanted, answers, failures)
     errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
-    if lost:
+    if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
     return Comparison(
         scene=scene,
@@ -121,6 +108,14 @@ def run(
         coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
         provenance=judged_files,
     )
+
+
+def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:
+    """An answer with what it lacks among its notes."""
+    notes = [one.sentence for one in refused if one.engine == answer.engine]
+    if not scene.simulated and assembly_of(scene.mechanism, answer) is None:
+        notes.append("its assembly is not known, as it gives no joint positions: nothing of it can be judged")
+    return replace(answer, notes=(*answer.notes, *notes))
 
 
 def facts(counted: Mobility) -> dict[str, object]:
@@ -178,49 +173,7 @@ def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
 def _check_simulated(scene: Scene) -> _Checked:
     lay, warnings = check_start(scene)
     counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return counted, dict.fromkeys(_MOTION, tuple(scene.mechanism.coordinates)), lay, warnings
-
-
-def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
-    """A simulated motion in the terms of a comparison: observables, and what its poses say of its errors."""
-    n, m = len(scene.t), answer.n_solved
-    values = {name: answer.values[name] for name in _MOTION if name in wanted and name in answer.values}
-    q = answer.values["joint_position"].array[:m]
-    if "observable" in wanted:
-        has = observe(lay, scene.observables, q)
-        array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
-        values = {"observable": replace(has, array=array), **values}
-    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
-    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
-    met = np.pad(met, (0, n - m), mode="edge")
-    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)  # limits are no stops
-    notes = (
-        f"stopped: {answer.stopped}" if answer.stopped else "",
-        f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
-        *answer.notes,
-        note,
-        f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s" if beyond else "",
-    )
-    return replace(
-        answer,
-        values=values,
-        estimate=dict.fromkeys(values, estimate),
-        conditions=dict.fromkeys(values, met),
-        notes=tuple(filter(None, notes)),
-    )
-
-
-def _reference(scene: Scene, known: Known) -> Solution:
-    """The reference of the scene, at those of its times that the scene has."""
-    values, rows = known_values(known, scene.observables, scene.t, scene.name)
-    n = len(scene.t)
-    solved = None if len(rows) == n else rows
-    return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
-
-
-def _of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
-    """What engines are asked for in a simulation: observables, and what is said of poses, follow from positions."""
-    return tuple(name for name in _MOTION if name in wanted or name == "joint_position")
+    return counted, dict.fromkeys(MOTION, tuple(scene.mechanism.coordinates)), lay, warnings
 
 
 def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
@@ -228,19 +181,6 @@ def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> I
     for name, answer in answers.items():
         if lost := left_out(name, asked, answer):
             yield Refusal(name, lost, np.arange(n), without(lost), without(lost))
-
-
-def _ends(
-    scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
-) -> Iterator[tuple[str, str, str]]:
-    """Quantity, engine and reason where one failed, or stopped before the end of a simulation."""
-    quantity = "observable" if "observable" in wanted else wanted[0]
-    for failure in failures.values():
-        yield quantity, failure.engine, failure.reason
-    for name, answer in answers.items():
-        if answer.n_solved < len(scene.t):
-            t = scene.t[answer.n_solved - 1]
-            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"
 
 
 def _lost(

@@ -1,0 +1,85 @@
+"""What a simulation adds to a run: observables, what its motion has passed, its reference, where it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.judging.conditioning import passed
+from screwgauge.quantities import SIMULATED
+from screwgauge.reference.pose import Layout
+from screwgauge.scene.observables import Known, known_values, observe
+from screwgauge.scene.preflight import beyond_limits
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import REFERENCE, Failure, Solution
+
+MOTION = SIMULATED[:3]
+
+
+def asked_of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
+    """What engines are asked for in a simulation: observables, and what is said of poses, follow from positions."""
+    return tuple(name for name in MOTION if name in wanted or name == "joint_position")
+
+
+def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:
+    """Simulated motions in the terms of a comparison, and the reference of the scene beside them, if it has one."""
+    found = {
+        name: _observed(scene, lay, answer, wanted)
+        for name, answer in answers.items()
+        if "joint_position" in answer.values
+    }
+    if scene.known is not None and "observable" in wanted:
+        found[REFERENCE] = _reference(scene, scene.known)
+    return found
+
+
+def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
+    """A simulated motion in the terms of a comparison: observables, and what its poses say of its errors."""
+    n, m = len(scene.t), answer.n_solved
+    values = {name: answer.values[name] for name in MOTION if name in wanted and name in answer.values}
+    q = answer.values["joint_position"].array[:m]
+    if "observable" in wanted:
+        has = observe(lay, scene.observables, q)
+        array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
+        values = {"observable": replace(has, array=array), **values}
+    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(met, (0, n - m), mode="edge")
+    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)  # limits are no stops
+    notes = (
+        f"stopped: {answer.stopped}" if answer.stopped else "",
+        f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
+        *answer.notes,
+        note,
+        f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s" if beyond else "",
+    )
+    return replace(
+        answer,
+        values=values,
+        estimate=dict.fromkeys(values, estimate),
+        conditions=dict.fromkeys(values, met),
+        notes=tuple(filter(None, notes)),
+    )
+
+
+def _reference(scene: Scene, known: Known) -> Solution:
+    """The reference of the scene, at those of its times that the scene has."""
+    values, rows = known_values(known, scene.observables, scene.t, scene.name)
+    n = len(scene.t)
+    solved = None if len(rows) == n else rows
+    return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
+
+
+def ends(
+    scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
+) -> Iterator[tuple[str, str, str]]:
+    """Quantity, engine and reason where one failed, or stopped before the end of a simulation."""
+    quantity = "observable" if "observable" in wanted else wanted[0]
+    for failure in failures.values():
+        yield quantity, failure.engine, failure.reason
+    for name, answer in answers.items():
+        if answer.n_solved < len(scene.t):
+            t = scene.t[answer.n_solved - 1]
+            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"
