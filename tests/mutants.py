@@ -59,6 +59,11 @@ FIRST = (
         "coverage",
     ),
 )
+#: Parts of names of files whose tests take long, left out by ``--quick``.
+SLOW = (
+    *("stress", "problem", "guard", "bench", "near_singular", "paper_errata", "results", "leaving_out", "softness"),
+    *("stiff", "isolation", "streaming", "readme", "console", "at_random", "properties", "chart_locks"),
+)
 HUNG = 1800  # seconds
 CHANGED = 1e-9  # share of the largest number of a scene
 
@@ -166,10 +171,12 @@ def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | N
         return None
 
 
-def by_tests(folder: Path) -> str:
+def by_tests(folder: Path, *, quick: bool) -> str:
     """The test that notices, or ``survived``."""
     first = [f"tests/test_{name}.py" for name in FIRST]
-    stages = (["-n", "0", *first], ["-n", "2", *(f"--ignore={file}" for file in first), "tests"])
+    others = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").glob("test_*.py"))
+    others = [file for file in others if file not in first and not (quick and any(part in file for part in SLOW))]
+    stages = (["-n", "0", *first], ["-n", "2", *others])
     for stage in stages:
         done = execute(folder, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *stage)
         if done is None:
@@ -241,6 +248,8 @@ def main() -> None:
     parser.add_argument("who", choices=["tests", "run", "scenes"])
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--skip", type=int, default=0, help="so many of them were done before")
+    parser.add_argument("--quick", action="store_true", help="without the tests that take long")
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--trace", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -257,11 +266,12 @@ def main() -> None:
             assert traced is not None
             homes = {str(installed(folder, file)): file for file in sources()}
             lines = {(homes[file], line) for file, line in traced["lines"] if file in homes}
-        for mutant in drawn(options.count, options.seed, lines):
+        for mutant in drawn(options.count, options.seed, lines)[options.skip :]:
             target = installed(folder, mutant.file)
             kept = target.read_bytes()
             target.write_bytes(mutant.source())
-            print(f"{by_tests(folder) if right is None else by_run(folder, right)}\t{mutant}", flush=True)
+            found = by_run(folder, right) if right is not None else by_tests(folder, quick=options.quick)
+            print(f"{found}\t{mutant}", flush=True)
             target.write_bytes(kept)
 
 
