@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import CLOSED
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -86,6 +87,18 @@ def test_the_right_twist_is_that_of_the_closed_mechanism(lay):
     V, A = paper_twist.platform_screws(lay, motion, t)
     assert np.abs(V - rate.V[:, -1]).max() < 1e-15
     assert np.abs(A - accelerations(lay, rate, motion.ydd)[1][:, -1]).max() < 1e-15
+
+
+def test_every_chain_carries_its_bodies_as_the_closed_mechanism_moves_them(lay):
+    t = np.linspace(0.0, 10.0, 11)
+    motion = DRIVE(t)
+    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
+    right, A = accelerations(lay, rate, motion.ydd)
+    side = paper.chains(lay)
+    S = side.walk(side.gather(rate.pose.q))[0]
+    beta, along = paper.chain_accelerations(side, S, side.gather(rate.w), A[:, -1])
+    assert np.abs(side.scatter(beta, right.shape[1]) - right).max() < CLOSED
+    assert np.abs(along[:, :, -1] - A[:, None, -1]).max() < CLOSED
 
 
 def test_a_run_may_start_anywhere_and_finds_given_times(lay):
