@@ -61,3 +61,4 @@ def test_reasons_that_differ_in_names_and_numbers_alone_are_one():
     assert plain("t = 0.3 s, a = 1e-3: joint 'x.q1' of 2 bodies") == plain(
         "t = 4 s, b = 2, c_2 = -3: joint 'y' of 31 bodies"
     )
+    assert plain("it ends beyond y = [0.1, -2e-3] or so") == plain("it ends beyond y = [ 0.1 2 3 ] or so")

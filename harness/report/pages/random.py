@@ -98,7 +98,7 @@ def _reasons(found: pd.DataFrame) -> list[Block]:
 def plain(reason: str) -> str:
     """A reason without what differs from one mechanism to the next: quoted names, numbers, lists of them."""
     text = re.sub(r"'[^']*'", "'...'", reason)
-    text = re.sub(r"(\S+ = \S+, )*\S+ = [^\s,]+", "...", text)
+    text = re.sub(r"(\S+ = (\[[^]]*\]|[^\s,]+)(, (?=\S+ =))?)+", "...", text)
     return re.sub(r"(?<![\w-])-?\d[\d.]*(e-?\d+)?", "N", text)
 
 
