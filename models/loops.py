@@ -16,7 +16,7 @@ from screwgauge.models.placement import number_text
 from screwgauge.reference.description import check_keys, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.expressions import rotation_matrix, unit_vector, vector
-from screwgauge.reference.files import check_count
+from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -123,8 +123,6 @@ def read_loops(path: Path) -> LoopsFile:
         if cut not in CUTS:
             raise UnknownNameError("cut", str(cut), CUTS, f"{where}, cut")
         tables = _typed(data, "joints", dict, where)
-        for what in ("bodies", "joints", "closures"):
-            check_count(len(data.get(what, ())), what, where)
         joints = tuple(read_joint(name, table, f"{where}, joints.{name}") for name, table in tables.items())
         file = LoopsFile(
             mechanism=_typed(data, "mechanism", str, where),
@@ -151,6 +149,8 @@ def _typed(table: Any, key: str, kind: type, where: str, default: Any = None) ->
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
         raise ModelFileError(f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
+    if key in LIMITS:
+        check_count(len(value), key, where)
     return value
 
 

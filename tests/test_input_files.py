@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from fuzz import document
 
 from screwgauge import ScrewgaugeError, load_scene
 from screwgauge.models.catalog import load_mechanism
@@ -180,6 +182,13 @@ def test_a_loops_file_that_names_something_twice_is_refused(old, new, what, mode
     assert old in text
     with pytest.raises(ModelFileError, match=what):
         read_loops(write("own.loops.toml", text.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize("key", ["bodies", "joints", "closures", "tree", "independent"])
+def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, models, write):
+    data = tomllib.loads(models["3ups-upu-s.loops.toml"])
+    with pytest.raises(ModelFileError, match=f"{key}: -1 is not a"):
+        read_loops(write("own.loops.toml", document(data | {key: -1})))
 
 
 @pytest.mark.parametrize(
