@@ -107,10 +107,10 @@ class _Walk:
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
         """All that a file says; its elements may be nested deeper than Python's calls."""
-        waiting = [(root, "", "")]  # element, tag of what it is in, tag and name of the nearest around it with a name
+        waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
         while waiting:
-            element, parent, owner = waiting.pop()
-            tag, name = element.tag, element.get("name", "")
+            element, around, owner = waiting.pop()
+            tag, name, parent = element.tag, element.get("name", ""), around.tag
             kinds = {kind: self._attributes(kind, parent, tag) for kind in _KINDS}
             whole = next((kind for kind, names in kinds.items() if names == [_WITH_ALL_IN_IT]), "")
             if whole or all(names is None for names in kinds.values()):
@@ -118,7 +118,7 @@ class _Walk:
                     yield Extra(whole or "unknown", _plain(tag), f" {name}" if name else owner and f" of {owner}")
                 continue
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
-            for attribute, value in element.items():
+            for attribute, value in {**self._absent(element, around), **element.attrib}.items():
                 kind = self._kind(attribute, kinds)
                 if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
                     what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
@@ -127,7 +127,12 @@ class _Walk:
             for child in element:
                 if child.tag in once and read.setdefault(child.tag, child) is not child:
                     yield Extra("ignored", f"second {child.tag}", owner and f" of {owner}")
-            waiting += [(child, tag, owner) for child in reversed(element) if read.get(child.tag, child) is child]
+            waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
+
+    def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
+        """What counts for attributes that are not there."""
+        values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
+        return values
 
     def _kind(self, attribute: str, kinds: Mapping[str, list[str] | None]) -> str:
         if self.flags.get(self.table.get("switch", {}).get(attribute)) == "disable":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -145,7 +145,7 @@ def read_loops(path: Path) -> LoopsFile:
     return file
 
 
-def _typed(table: Any, key: str, kind: type, where: str, default: Any = None) -> Any:
+def _typed(table: Any, key: str, kind: type[Sized], where: str, default: Any = None) -> Any:
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
         raise ModelFileError(f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again")

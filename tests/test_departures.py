@@ -49,6 +49,7 @@ URDF = {  # old text, new text (`&` is the old one), what becomes of it
     "mimic": (_AXIS, '&<mimic joint="b" multiplier="2"/>', "ignored: mimic of joint a"),
     "lower limit": ('lower="-1000"', 'lower="-1"', "ignored: limit lower of joint a"),
     "upper limit": ('upper="1000"', 'upper="1"', "ignored: limit upper of joint a"),
+    "no lower limit, which is 0": (' lower="-1000"', "", "ignored: limit lower of joint a"),
     "effort": ('effort="1000000000"', 'effort="5"', "ignored: limit effort of joint a"),
     "velocity": ('velocity="1000000000"', 'velocity="5"', "ignored: limit velocity of joint a"),
     "soft limits": (_AXIS, '&<safety_controller k_velocity="3"/>', "ignored: safety_controller of joint a"),
