@@ -134,7 +134,7 @@ def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
 
 def _label(dt: float) -> str:
     """A step with its unit."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
         if dt >= size:
             return f"{dt / size:.3g} {unit}"
     return f"{dt:.1e} s"
