@@ -56,6 +56,8 @@ QUANTITIES = {
 #: What engines compute when the motion is given, and when it is integrated.
 GIVEN = tuple(name for name in QUANTITIES if name != "observable")
 SIMULATED = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
+#: Unit of a coordinate -> unit of a force along it.
+FORCE = {"rad": "N m", "m": "N"}
 #: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.
 FLOOR = 1e-6
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at

@@ -177,6 +177,22 @@ def preload_rows(B: Array, m: int) -> Array:
     return rows
 
 
+def rule_rows(lay: Layout, at: Pose, B: Array, reactions: Reactions, *, axial: bool) -> Array:
+    """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56) if there is one.
+
+    Returns:
+        Shape (n, n_actuator - k, m).
+    """
+    m = len(reactions.names) + B.shape[1]
+    if not axial or lay.mechanism.axial is None:
+        return preload_rows(B, m)
+    rows = np.zeros((len(B), B.shape[1] - B.shape[2], m))
+    rows[:, :, [reactions.names.index(f"{lay.mechanism.axial[0]}.f{axis}") for axis in "xyz"]] = axial_directions(
+        lay, at
+    )
+    return rows
+
+
 def axial_directions(lay: Layout, at: Pose) -> Array:
     """Two directions across the line on which eq. (56) wants the spherical joint's force. Shape (n, 2, 3)."""
     if lay.mechanism.axial is None:
@@ -191,6 +207,20 @@ def across_direction(R: Array, direction: Array) -> Array:
     """Two world directions orthogonal to a body-fixed one. Shapes (n, 3, 3), (3,) -> (n, 2, 3)."""
     basis = np.linalg.svd(direction[None])[2][1:]
     return np.asarray((R @ basis.T).swapaxes(1, 2))
+
+
+def force_system(c: Array, rule: Array, units: Sequence[str], length: float) -> tuple[Array, Array, Array]:
+    """The Newton-Euler system without dimension, and what its balances and its unknowns were divided by.
+
+    Args:
+        c, rule, units, length: See `solve_newton_euler`.
+
+    Returns:
+        Shapes (n, 6 n_body + n_redundant, m), (6 n_body,), (m,).
+    """
+    size = np.where(np.array(units) == "N m", length, 1.0)
+    rows = np.resize([1.0, 1.0, 1.0, length, length, length], c.shape[1])
+    return np.concatenate([c / rows[:, None], rule], axis=1) * size, rows, size
 
 
 def solve_newton_euler(
@@ -213,10 +243,8 @@ def solve_newton_euler(
     Returns:
         Unknowns in the order of c's columns, shape (n, m), and the condition number of the system, shape (n,).
     """
-    size = np.where(np.array(units) == "N m", length, 1.0)
-    rows = np.tile([1.0, 1.0, 1.0, length, length, length], F.shape[1])
+    system, rows, size = force_system(c, rule, units, length)
     b = np.concatenate([F, T], axis=2).reshape(len(F), -1) / rows
-    system = np.concatenate([c / rows[:, None], rule], axis=1) * size
     right = np.concatenate([b, np.zeros(rule.shape[:2])], axis=1)
     unknown = linear.solve(system, right[..., None])[..., 0]
     if wide is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import FORCE, QUANTITIES
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -19,9 +19,6 @@ PART = 1024  # samples worked on at a time: keeps memory constant and arrays in 
 
 Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 """Quantity -> names and units of its components."""
-
-#: Unit of a coordinate -> unit of a force along it.
-FORCE = {"rad": "N m", "m": "N"}
 
 
 def stages(quantities: frozenset[str]) -> str:

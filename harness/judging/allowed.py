@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Allowed:
     """The motions that the closed loops allow at n poses, equations being without dimension.
 
@@ -52,7 +53,7 @@ class Allowed:
         found = linear.solve(self.closing, right) * self.size[:, None]
         return np.asarray(found[..., 0] if single else found)
 
-    @property
+    @cached_property
     def partial(self) -> tuple[Array, Array]:
         """Velocities per velocity of y.
 

@@ -9,12 +9,12 @@ import numpy as np
 from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.exerted import unit_forces
+from screwgauge.quantities import FORCE
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
 
 #: Motion of the bodies: quantity -> field of `Moving`.
 BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "com_acceleration": "a"}
-_FORCE = {"rad": "N m", "m": "N"}
 
 
 def walked(answer: Answer, quantity: str) -> Array:
@@ -94,11 +94,11 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
-def power_balance(answer: Answer) -> Iterator[Row]:
+def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
-    taken = required_wrenches(answer)[0] * answer.motions.velocities
+    taken = required * answer.motions.velocities
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
     size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
@@ -134,4 +134,4 @@ def virtual_work(answer: Answer, allowed: Allowed, required: Array, sizes: Array
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
         left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *BODY_MOTION)
-        yield answer.residual("virtual_work", _FORCE[unit], names, left, size, about)
+        yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)

@@ -103,11 +103,11 @@ def _forces(whole: Answer, some: Answer, allowed: Allowed) -> Iterator[Row]:
     """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
     required = balance.required_wrenches(some)
     full = redundant.balanced(some, required[0])
+    every, needed = (whole, balance.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
     if some.has("reaction"):
-        every = whole if whole.has("actuator_force") else full
-        yield from balance.newton_euler(every, *balance.required_wrenches(every))
+        yield from balance.newton_euler(every, *needed)
     if some.has("actuator_force"):
-        yield from balance.power_balance(whole)
+        yield from balance.power_balance(every, needed[0])
     if full.has("actuator_force"):
         yield from redundant.force_rule(full, allowed)
     if some.has("actuator_force") or some.has("generalized_force"):

@@ -9,14 +9,13 @@ import numpy as np
 
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import Problem
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import FORCE, QUANTITIES
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, cross
 
-_FORCE = {"rad": "N m", "m": "N"}
 _SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
 _Table = dict[str, tuple[tuple[str, ...], Array]]
 """Quantity -> units and values of its components, shape (n, m, p)."""
@@ -92,21 +91,15 @@ class Visible:
         at, n = self.rate.pose, len(B)
         reactions = dynamics.joint_reactions(self.lay, at)
         c = dynamics.force_matrix(self.lay, at, self.com, reactions)
-        rule = dynamics.preload_rows(B, c.shape[2])
-        if axial and self.lay.mechanism.axial is not None:
-            rule = np.zeros_like(rule)
-            columns = [reactions.names.index(f"{self.lay.mechanism.axial[0]}.f{axis}") for axis in "xyz"]
-            rule[:, :, columns] = dynamics.axial_directions(self.lay, at)
-        length, m = self.rate.system.length, len(reactions.names)
-        units = (*reactions.units, *self.lay.mechanism.actuator_units)
-        size = np.where(np.array(units) == "N m", length, 1.0)
-        rows = np.tile([1.0, 1.0, 1.0, length, length, length], whole.shape[1])[:, None]
-        right = whole.reshape(n, len(rows), -1) / rows
+        rule = dynamics.rule_rows(self.lay, at, B, reactions, axial=axial)
+        m, units = len(reactions.names), (*reactions.units, *self.lay.mechanism.actuator_units)
+        system, rows, size = dynamics.force_system(c, rule, units, self.rate.system.length)
+        right = whole.reshape(n, len(rows), -1) / rows[:, None]
         right = np.concatenate([right, np.zeros((n, rule.shape[1], right.shape[2]))], axis=1)
-        unknown = linear.solve(np.concatenate([c / rows, rule], axis=1) * size, right) * size[:, None]
+        unknown = linear.solve(system, right) * size[:, None]
         fixed = dict(zip(self.counted.names, self.counted.determined, strict=True))
         known = [i for i, name in enumerate(reactions.names) if fixed[name]]
         return tuple(units[i] for i in known), unknown[:, known], unknown[:, m:]
 
     def _units(self, columns: list[int]) -> tuple[str, ...]:
-        return tuple(_FORCE[self.lay.mechanism.units[i]] for i in columns)
+        return tuple(FORCE[self.lay.mechanism.units[i]] for i in columns)

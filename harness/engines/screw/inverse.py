@@ -160,7 +160,7 @@ class _Work:
         if axial or "reaction" in problem.wanted:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
             c = dynamics.force_matrix(lay, rate.pose, motion.com, self.reactions)
-            rule = self._rule_rows(rate, B, c.shape[2], axial)
+            rule = dynamics.rule_rows(lay, rate.pose, B, self.reactions, axial=axial)
             units = self.reactions.units + lay.mechanism.actuator_units
             unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, units, rate.system.length)
             conditions["reaction"] = condition
@@ -169,16 +169,6 @@ class _Work:
                 f = unknown[:, len(self.reactions.names) :]
             out["reaction"] = unknown[:, : len(self.reactions.names)]
         out["actuator_force"] = f
-
-    def _rule_rows(self, rate: Velocities, B: Array, m: int, axial: bool) -> Array:
-        """Rows below the Newton-Euler system: no preload, or no force across the line of eq. (56)."""
-        if not (axial and self.reactions is not None and self.lay.mechanism.axial is not None):
-            return dynamics.preload_rows(B, m)
-        joint = self.lay.mechanism.axial[0]
-        columns = [self.reactions.names.index(f"{joint}.f{axis}") for axis in "xyz"]
-        rows = np.zeros((len(B), B.shape[1] - B.shape[2], m))
-        rows[:, :, columns] = dynamics.axial_directions(self.lay, rate.pose)
-        return rows
 
     def names(self) -> Names:
         mechanism, found = self.lay.mechanism, self.reactions

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.parts import FORCE, joint_units
+from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.fixed_steps import step_through
 from screwgauge.engines.tree.integrate import simulate
@@ -15,6 +15,7 @@ from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
+from screwgauge.quantities import FORCE
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.continuation import velocity_map
