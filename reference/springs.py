@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from screwgauge.reference import screws
-from screwgauge.reference.applied import JointSpring, Load, PointSpring, Spring
+from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, Spring
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.mechanism import Mechanism
@@ -61,6 +61,14 @@ def spring_forces(lay: Layout, rate: Velocities, springs: Sequence[Spring]) -> t
         for (body, point), force in zip(spring.ends, (pull, -pull), strict=True):
             if index[body]:  # the ground needs no balance
                 loads.append(Load(body, point, force, np.zeros(3)))
+    return tau, loads
+
+
+def springs_and_motors(lay: Layout, rate: Velocities, applied: Applied, t: Array) -> tuple[Array, list[Load]]:
+    """What springs, dampers and motors exert at times t [s], shape (n,). Returns and raises as `spring_forces`."""
+    tau, loads = spring_forces(lay, rate, applied.springs)
+    for motor in applied.motors:
+        tau[:, lay.mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
     return tau, loads
 
 

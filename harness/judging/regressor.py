@@ -16,7 +16,7 @@ from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.kinematics import Bracket, Velocities, accelerations, velocities
 from screwgauge.reference.pose import Layout, Pose, length
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.reference.springs import spring_forces
+from screwgauge.reference.springs import springs_and_motors
 
 _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]
@@ -89,9 +89,7 @@ def terms(versions: Mapping[str, Moved], applied: Applied) -> tuple[tuple[str, .
     if applied.loads:
         outside["loads"] = needed(still, loads=applied.loads)
     if applied.springs or applied.motors:
-        pulls, loads = spring_forces(lay, rate, applied.springs)
-        for motor in applied.motors:
-            pulls[:, lay.mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(t)) for t in now.t]
+        pulls, loads = springs_and_motors(lay, rate, applied, now.t)
         along = joint_wrenches(lay, rate, bodies.com, pulls).reshape(own["gravity"].shape)
         outside["springs and motors"] = needed(still, loads=loads) - along
     whole, turning = needed(bodies), needed(replace(still, omega=bodies.omega))

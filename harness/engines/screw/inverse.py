@@ -98,7 +98,7 @@ class _Work:
         self, rate: Velocities, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
     ) -> Array | float:
         """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted, else 0."""
-        lay, problem, n, ydd, t = self.lay, self.problem, len(given), given.ydd, given.t
+        lay, problem, n, ydd = self.lay, self.problem, len(given), given.ydd
         with self.clock.stage("accelerations"):
             out["joint_acceleration"], A = accelerations(lay, rate, ydd)
             if problem.wanted <= _JOINTS:
@@ -116,9 +116,7 @@ class _Work:
         if self.depth != "f":
             return load
         with self.clock.stage("forces"):
-            pulls, loads = springs.spring_forces(lay, rate, applied.springs)
-            for motor in applied.motors:
-                pulls[:, lay.mechanism.coordinates.index(motor.coordinate)] += [motor.force(float(x)) for x in t]
+            pulls, loads = springs.springs_and_motors(lay, rate, applied, given.t)
             F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, (*applied.loads, *loads))
             if applied.springs or applied.motors:
                 along = joint_wrenches(lay, rate, motion.com, pulls).reshape(n, -1, 6)

@@ -38,11 +38,7 @@ class Forces:
         self.F, self.T = case.wrench()
         reactions = dynamics.joint_reactions(lay, at)
         self.c, m = dynamics.force_matrix(lay, at, case.bodies.com, reactions), len(reactions.names)
-        if rule == "min_norm":
-            rows = dynamics.preload_rows(case.B, self.c.shape[2])
-        else:
-            rows = np.zeros((len(case.t), 2, self.c.shape[2]))
-            rows[:, :, [reactions.names.index(f"s.f{x}") for x in "xyz"]] = dynamics.axial_directions(lay, at)
+        rows = dynamics.rule_rows(lay, at, case.B, reactions, axial=rule != "min_norm")
         self.system = np.concatenate([self.c, rows], axis=1)
         units, length = reactions.units + mechanism.actuator_units, case.rate.system.length
         unknown, self.condition = dynamics.solve_newton_euler(self.c, self.F, self.T, rows, units, length)
