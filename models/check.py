@@ -15,7 +15,7 @@ from screwgauge.models.expected import expected_reading
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS
 from screwgauge.models.loops import loops_of, read_loops
-from screwgauge.models.readings import READERS
+from screwgauge.models.readings.described import READERS
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import read_model

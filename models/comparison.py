@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.models.layout import Closure, length_scale
 from screwgauge.models.loops import LoopsFile
-from screwgauge.models.readings import Reading
+from screwgauge.models.readings.described import Reading
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 

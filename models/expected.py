@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from screwgauge.models.layout import Closure, Link, lay_out
-from screwgauge.models.readings import BodyReading, Reading, matrix, screw
+from screwgauge.models.readings.described import BodyReading, Reading, matrix, screw
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 

@@ -21,10 +21,10 @@ PROJECT = Path(__file__).parents[1]
 MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 8, 300, 8
 #: Library -> the only places that import it: its engine's, and the second reading of model files.
 ROOMS = {
-    "mujoco": ("engines/mujoco/", "models/readings.py"),
-    "pinocchio": ("engines/pinocchio/", "models/readings.py"),
+    "mujoco": ("engines/mujoco/", "models/readings/"),
+    "pinocchio": ("engines/pinocchio/", "models/readings/"),
     "flint": ("engines/truth.py", "truth/"),
-    "yourdfpy": ("models/readings.py",),
+    "yourdfpy": ("models/readings/",),
 }
 #: Folders beside each other in the project that are one package when installed.
 FOLDERS = {

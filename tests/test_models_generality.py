@@ -16,7 +16,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.layout import lay_out
 from screwgauge.models.loops import read_loops
 from screwgauge.models.mjcf import write_mjcf
-from screwgauge.models.readings import read_mujoco, read_pinocchio
+from screwgauge.models.readings.described import read_mujoco, read_pinocchio
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array

@@ -14,7 +14,7 @@ from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, co
 from screwgauge.models.elements import FORMATS, extras, unread_rows
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.loops import loops_of
-from screwgauge.models.readings import READERS
+from screwgauge.models.readings.described import READERS
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene

@@ -1,0 +1,143 @@
+"""What was read from any model file, in terms that no format, loader or engine owns.
+
+Links that nothing moves against each other are one body, and joints are screws in the world at the home coordinates, so
+that nothing depends on how a format splits bodies, joints and frames. A body's pose is the product of exponentials of
+the joints before it, from the ground outwards, and of its pose at home (Lynch, Park: Modern Robotics, 4.1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+
+#: Kind of a joint -> its velocities. The rates of ``ball`` and ``free`` are the angular velocity of the body that the
+#: joint carries, then the velocity of its origin, both in the axes of that body.
+FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyReading:
+    """A body that moves, with all that is fixed to it.
+
+    Attributes:
+        near: Body (or ground) on its ground side.
+        joints: Names of the joints between the two, from `near` outwards; one at least.
+        mass: [kg], zero for a cross; `com` [m], shape (3,); `inertia` about the centre of mass [kg m^2], shape (3, 3):
+            of the whole, in the body's frame.
+        pose: World pose at the home coordinates. Shape (4, 4).
+        gravcomp: Share of its weight that something compensates.
+        fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
+    """
+
+    near: str
+    joints: tuple[str, ...]
+    mass: float
+    com: Array
+    inertia: Array
+    pose: Array
+    gravcomp: float = 0.0
+    fixed: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointReading:
+    """A joint.
+
+    Attributes:
+        kind: One of `FREEDOMS`.
+        screw: Of a hinge or slide: unit screw [angular; linear at the world origin] at home, shape (6,); else zeros.
+        centre: A point on a hinge's axis, or where a ball or free joint sits, in the world at home [m]. Shape (3,).
+        home: Coordinate at home, as the file counts it [rad or m]; 0 of a ball or free joint.
+        limits: Lowest and highest coordinate, infinite where free. Shape (2,).
+        armature: [kg m^2 or kg]; damping [N m s/rad or N s/m]; friction [N m or N]; stiffness [N m/rad or N/m] about
+            the coordinate `rest`. Of each freedom alike.
+    """
+
+    kind: str
+    screw: Array
+    centre: Array
+    home: float = 0.0
+    limits: tuple[float, float] = (-math.inf, math.inf)
+    armature: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosureReading:
+    """Two frames of which the origins coincide (``point``), or the whole (``weld``).
+
+    Attributes:
+        first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
+    """
+
+    kind: str
+    first: str
+    first_frame: Array
+    second: str
+    second_frame: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CouplingReading:
+    """A joint whose coordinate is a polynomial of another's: mimic joints, gears, screws.
+
+    Attributes:
+        joint, of: Names of hinges or slides; `of` is empty where the joint is held.
+        polynomial: Coefficients, lowest first, of coordinates as the file counts them. Shape (m,).
+    """
+
+    joint: str
+    of: str
+    polynomial: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """What was read.
+
+    Attributes:
+        name: Of the model.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy`` or ``screwgauge``.
+        bodies: All bodies that move, each after the one before it.
+        joints: By name.
+        fixed: Links that are one with the ground -> frame in the world, shape (4, 4).
+        closures, couplings: By name.
+        actuators: Name -> joint and gear ratio.
+        gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
+        medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
+        ignored: What the file says and the library does not read, or this type does not hold; one phrase each.
+    """
+
+    name: str
+    library: str
+    bodies: Mapping[str, BodyReading]
+    joints: Mapping[str, JointReading]
+    fixed: Mapping[str, Array] = field(default_factory=dict)
+    closures: Mapping[str, ClosureReading] = field(default_factory=dict)
+    couplings: Mapping[str, CouplingReading] = field(default_factory=dict)
+    actuators: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    gravity: Array | None = None
+    medium: tuple[float, float] = (0.0, 0.0)
+    ignored: tuple[str, ...] = ()
+
+    @property
+    def mass(self) -> float:
+        """Of all that moves [kg]."""
+        return sum(body.mass for body in self.bodies.values())
+
+    @property
+    def freedoms(self) -> dict[str, slice]:
+        """Joint -> its entries in the vector of all velocities, in the order of `joints`."""
+        ends = np.cumsum([FREEDOMS[joint.kind] for joint in self.joints.values()])
+        return {
+            name: slice(int(end) - FREEDOMS[joint.kind], int(end))
+            for end, (name, joint) in zip(ends, self.joints.items(), strict=True)
+        }
