@@ -126,12 +126,38 @@ def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None
     still = _nearness(a, b, (bodies, joints), np.eye(4), length)
     if still <= math.log10(ROUNDING) * (2 * len(bodies) + len(joints)):
         return None
-    best, most = None, still - DECADES
+    best, most, next_ = None, still - DECADES, _next(b, name)
     for D in _candidates(a, b, name):
+        if _breaks(a, b, next_, D, length):
+            continue
         score = _nearness(a, b, (bodies, joints), D, length)
         if score < most - 1e-6:
             best, most = D, score
     return best
+
+
+def _next(b: Reading, name: str) -> tuple[list[str], list[str]]:
+    """What a joint carries itself, not by another joint: a body at most, and the joints behind it; itself."""
+    carrier = next(key for key, body in b.bodies.items() if name in body.joints)
+    joints = b.bodies[carrier].joints
+    if name != joints[-1]:
+        return [], [name, joints[joints.index(name) + 1]]
+    return [carrier], [name, *(body.joints[0] for body in b.bodies.values() if body.near == carrier)]
+
+
+def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array, length: float) -> bool:
+    """Whether a displacement takes something from its place that is there: then it is that of a joint further out."""
+    for T, limit in ((np.eye(4), 10.0), (D, 100.0)):
+        there = {name: apart(a.joints[name], moved(b.joints[name], T), length) for name in items[1] if name in a.joints}
+        there |= {
+            f"body {name}": max(_matter(a.bodies[name], b.bodies[name], T, length))
+            for name in items[0]
+            if name in a.bodies and a.bodies[name].mass and b.bodies[name].mass
+        }
+        near = {name for name, off in there.items() if off < limit * ROUNDING}
+        if limit == 10.0:
+            kept = near
+    return not kept <= near
 
 
 def _candidates(a: Reading, b: Reading, name: str) -> Iterator[Array]:

@@ -55,9 +55,12 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
     """
     length, best, most = size(a), np.eye(4), -1.0
     ground = {body.joints[0] for body in a.bodies.values() if body.near not in a.bodies}
-    if all(apart(a.joints[i], b.joints[j], length) < CLOSE for i, j in pairs if i in ground):
+    stands = [a.fixed[name] @ np.linalg.inv(b.fixed[name]) for name in a.fixed if name in b.fixed]
+    if any(np.abs(T - best).max() < CLOSE for T in stands) or all(
+        apart(a.joints[i], b.joints[j], length) < CLOSE for i, j in pairs if i in ground
+    ):
         return best
-    for T in _candidates(a, b, pairs, bodies):
+    for T in [*_candidates(a, b, pairs, bodies), *stands]:
         off = [apart(a.joints[i], moved(b.joints[j], T), length) for i, j in pairs]
         score = sum(each < CLOSE for each in off) - np.mean(np.minimum(off, 1.0)) if off else 0.0
         if score > most + 1e-3:
