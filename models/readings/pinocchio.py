@@ -28,7 +28,7 @@ _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """An elementary joint.
 
     Attributes:
@@ -53,8 +53,8 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import pinocchio
 
-    model, constraints, ignored = _loaded(source)
-    data, q, parts = model.createData(), pinocchio.neutral(model), list(_parts(model, source))
+    model, constraints, ignored = loaded(source)
+    data, q, parts = model.createData(), pinocchio.neutral(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
             value = home[part.name]
@@ -76,7 +76,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def _loaded(source: Source) -> tuple[Any, Any, list[str]]:
+def loaded(source: Source) -> tuple[Any, Any, list[str]]:
     """Model, constraints, and what was said of a file that was loaded all the same."""
     import pinocchio
 
@@ -97,22 +97,22 @@ def _loaded(source: Source) -> tuple[Any, Any, list[str]]:
     return model, constraints, [f"what Pinocchio complains of: {sentence}" for sentence in said]
 
 
-def _parts(model: Any, source: Source) -> Iterator[_Part]:
+def elementary(model: Any, source: Source) -> Iterator[Part]:
     """All elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
         if i == 0:
             continue
         if short in _KINDS or joint.nv == 1:
-            yield _Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
+            yield Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
         elif short == "JointModelPlanar":
             for k, (end, n_q) in enumerate(_PLANAR):
-                yield _Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
+                yield Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
         else:
             yield from _several(model, i, source)
 
 
-def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
+def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
     """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
     joint = model.joints[i]
     subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
@@ -122,10 +122,10 @@ def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
     if len(names) != len(subs):
         names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
     for name, sub in zip(names, subs, strict=True):
-        yield _Part(name, i, *sub)
+        yield Part(name, i, *sub)
 
 
-def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
+def _links(model: Any, data: Any, parts: list[Part]) -> Iterator[Link]:
     """Every link. Links and joints may share a name, so frames are told apart by their numbers."""
     import pinocchio
 
@@ -173,7 +173,7 @@ def _inertias(model: Any) -> dict[int, Any]:
     return inertias
 
 
-def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
+def _joint(model: Any, data: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
     """Args: column: Of the Jacobian, [linear; angular] at the world origin. Shape (6,)."""
     centre, axis = np.array(data.oMi[part.joint].translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
