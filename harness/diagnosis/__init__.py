@@ -1,0 +1,1 @@
+"""Why two models of a machine differ: what each says in physical terms, and which change ends the difference."""

@@ -1,0 +1,265 @@
+"""Changes of a reading as an edit of its file would make them, and differences between two readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.rotations import Array, cross, skew
+
+T = TypeVar("T")
+Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """What a model says of a part of itself.
+
+    Attributes:
+        owner: What has it.
+        shape: Of its value.
+        unit: SI; of a joint that turns, then, behind a bar, of one that slides.
+    """
+
+    owner: Owner
+    shape: tuple[int, ...]
+    unit: str
+
+
+#: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
+#: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
+#: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
+#: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
+#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body.
+PROPERTIES: dict[str, Property] = {
+    "mass": Property("body", (), "kg"),
+    "com": Property("body", (3,), "m"),
+    "inertia": Property("body", (3, 3), "kg m^2"),
+    "gravcomp": Property("body", (), "1"),
+    "pose": Property("body", (4, 4), "m"),
+    "placement": Property("joint", (4, 4), "m"),
+    "axis": Property("joint", (3,), "1"),
+    "centre": Property("joint", (3,), "m"),
+    "zero": Property("joint", (), "rad|m"),
+    "sign": Property("joint", (), "1"),
+    "limits": Property("joint", (2,), "rad|m"),
+    "armature": Property("joint", (), "kg m^2|kg"),
+    "damping": Property("joint", (), "N m s/rad|N s/m"),
+    "friction": Property("joint", (), "N m|N"),
+    "stiffness": Property("joint", (), "N m/rad|N/m"),
+    "rest": Property("joint", (), "rad|m"),
+    "branch": Property("joint", (), "1"),
+    "first_frame": Property("closure", (4, 4), "m"),
+    "second_frame": Property("closure", (4, 4), "m"),
+    "polynomial": Property("coupling", (-1,), "1"),
+    "gear": Property("actuator", (), "1"),
+    "gravity": Property("model", (3,), "m/s^2"),
+    "medium": Property("model", (2,), "kg/m^3, Pa s"),
+}
+#: Properties that are plain entries of a body or joint.
+_PLAIN = {"mass", "com", "inertia", "gravcomp", "pose", "armature", "damping", "friction", "stiffness", "rest"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """A property and the value that it should have.
+
+    Attributes:
+        item: Body, joint, closure, coupling or actuator of the reading; empty for the model.
+        what: One of `PROPERTIES`.
+        value: Its value, of the shape that the property has.
+    """
+
+    item: str
+    what: str
+    value: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Difference:
+    """What two readings say otherwise.
+
+    Attributes:
+        item_a, item_b: Names in A and in B; one is empty where the item is missing, both for the model.
+        what: One of `PROPERTIES`, or what else differs.
+        a, b: Values, in common terms (B's in the frame and counting of A); None where there is none.
+        unit: Of both.
+        size: Relative difference; infinite where one is missing.
+        sentence: Both values and their difference in words.
+        change: What makes B as A, in B's own names and counting; None where no change of B does.
+        kind: ``model``, ``digits`` (rounding of a printed number) or ``convention``, which changes nothing physical.
+    """
+
+    item_a: str
+    item_b: str
+    what: str
+    a: Array | None
+    b: Array | None
+    unit: str
+    size: float
+    sentence: str
+    change: Change | None = None
+    kind: Literal["model", "digits", "convention"] = "model"
+
+
+def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
+    """A reading with changes made, one after the other.
+
+    Raises:
+        UnknownNameError: The reading has no such item, or an item no such property.
+    """
+    for change in changes:
+        if change.what not in PROPERTIES:
+            raise UnknownNameError("property", change.what, PROPERTIES)
+        reading = _APPLY[PROPERTIES[change.what].owner](reading, change)
+    return reading
+
+
+def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
+    """Bodies that a joint carries, and the joints that it carries, itself first."""
+    bodies: list[str] = []
+    joints: list[str] = []
+    for name, body in reading.bodies.items():
+        if body.near in bodies:
+            joints += body.joints
+        elif joint in body.joints:
+            joints += body.joints[body.joints.index(joint) :]
+        else:
+            continue
+        bodies.append(name)
+    return bodies, joints
+
+
+def moved(joint: JointReading, T: Array) -> JointReading:
+    """A joint displaced in the world.
+
+    Args:
+        T: Displacement. Shape (4, 4).
+    """
+    R, p = T[:3, :3], T[:3, 3]
+    w, v = R @ joint.screw[:3], R @ joint.screw[3:]
+    return replace(joint, screw=np.concatenate([w, v + skew(p) @ w]), centre=R @ joint.centre + p)
+
+
+def turned(joint: JointReading, axis: Array, centre: Array) -> JointReading:
+    """A hinge or slide on another axis. Shape (3,) both."""
+    if joint.kind == "slide":
+        screw = np.concatenate([np.zeros(3), axis])
+    elif joint.kind == "hinge":
+        screw = np.concatenate([axis, cross(centre, axis)])
+    else:
+        screw = joint.screw
+    return replace(joint, screw=screw, centre=centre)
+
+
+def _with(item: T, entry: str, value: Any) -> T:
+    return replace(item, **{entry: value})  # type: ignore[type-var]
+
+
+def _of_body(reading: Reading, change: Change) -> Reading:
+    body = _item(reading.bodies, "body", change)
+    value = float(change.value) if PROPERTIES[change.what].shape == () else change.value
+    return replace(reading, bodies={**reading.bodies, change.item: _with(body, change.what, value)})
+
+
+def _of_joint(reading: Reading, change: Change) -> Reading:
+    joint = _item(reading.joints, "joint", change)
+    if change.what == "placement":
+        return _displaced(reading, change.item, change.value)
+    if change.what == "branch":
+        return reading if change.value else without(reading, change.item)
+    if change.what in _PLAIN:
+        new = _with(joint, change.what, float(change.value))
+    elif change.what == "zero":
+        new = replace(joint, home=float(change.value))
+    elif change.what == "limits":
+        new = replace(joint, limits=(float(change.value[0]), float(change.value[1])))
+    elif change.what == "sign":
+        return reading if change.value > 0 else _reversed(reading, change.item)
+    else:
+        axis = joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
+        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis, change.value)))
+    return replace(reading, joints={**reading.joints, change.item: new})
+
+
+def _displaced(reading: Reading, joint: str, T: Array) -> Reading:
+    bodies, joints = outwards(reading, joint)
+    return replace(
+        reading,
+        bodies={**reading.bodies, **{n: replace(reading.bodies[n], pose=T @ reading.bodies[n].pose) for n in bodies}},
+        joints={**reading.joints, **{n: moved(reading.joints[n], T) for n in joints}},
+    )
+
+
+def _reversed(reading: Reading, name: str) -> Reading:
+    """A joint that counts the other way, and so do the couplings with it."""
+    joint = reading.joints[name]
+    low, high = joint.limits
+    new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
+    couplings = {}
+    for key, coupling in reading.couplings.items():
+        polynomial = -coupling.polynomial if coupling.joint == name else coupling.polynomial
+        if coupling.of == name:
+            polynomial = polynomial * (-1.0) ** np.arange(len(polynomial))
+        couplings[key] = replace(coupling, polynomial=polynomial)
+    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
+
+
+def without(reading: Reading, joint: str) -> Reading:
+    """A reading without a joint and what it carries. Joints before it, of the same body, go with it."""
+    bodies, joints = outwards(reading, joint)
+    lost = {*joints, *(name for body in bodies for name in reading.bodies[body].joints)}
+
+    def stays(body: str) -> bool:
+        return body not in bodies
+
+    return replace(
+        reading,
+        bodies={name: body for name, body in reading.bodies.items() if stays(name)},
+        joints={name: joint for name, joint in reading.joints.items() if name not in lost},
+        closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
+        couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & lost},
+        actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in lost},
+    )
+
+
+def _of_closure(reading: Reading, change: Change) -> Reading:
+    closure = _item(reading.closures, "closure", change)
+    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, change.value)})
+
+
+def _of_coupling(reading: Reading, change: Change) -> Reading:
+    coupling = _item(reading.couplings, "coupling", change)
+    return replace(reading, couplings={**reading.couplings, change.item: replace(coupling, polynomial=change.value)})
+
+
+def _of_actuator(reading: Reading, change: Change) -> Reading:
+    joint, _ = _item(reading.actuators, "actuator", change)
+    return replace(reading, actuators={**reading.actuators, change.item: (joint, float(change.value))})
+
+
+def _of_model(reading: Reading, change: Change) -> Reading:
+    if change.what == "gravity":
+        return replace(reading, gravity=change.value)
+    return replace(reading, medium=(float(change.value[0]), float(change.value[1])))
+
+
+def _item(items: Mapping[str, T], kind: str, change: Change) -> T:
+    if change.item not in items:
+        raise UnknownNameError(kind, change.item, items)
+    return items[change.item]
+
+
+_APPLY: dict[Owner, Callable[[Reading, Change], Reading]] = {
+    "body": _of_body,
+    "joint": _of_joint,
+    "closure": _of_closure,
+    "coupling": _of_coupling,
+    "actuator": _of_actuator,
+    "model": _of_model,
+}
