@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.matter import NOTHING, Matter
 from screwgauge.diagnosis.xml_text import Element, XmlText
-from screwgauge.models.readings.described import matrix
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, rotation
 

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart."""
+"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart; poses in poses."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.rotations import Array
 
 
@@ -30,6 +31,12 @@ NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 def steiner(r: Array) -> Array:
     """Inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
     return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
+
+
+def relative(near: Array, far: Array) -> Array:
+    """One pose in another. Shape (4, 4)."""
+    R = near[:3, :3].T
+    return matrix(R @ (far[:3, 3] - near[:3, 3]), R @ far[:3, :3])
 
 
 def displaced(matter: Matter, T: Array) -> Matter:

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.diagnosis import write_mjcf, write_urdf
 from screwgauge.diagnosis.layout import Link, UnpatchableError
 from screwgauge.diagnosis.xml_text import XmlText
-from screwgauge.models.readings.described import matrix
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array, cross, rotation
 
@@ -63,7 +63,7 @@ def opened(text: str, reading: Reading) -> Opened:
     owner = list[str]()
     for link in links:
         if unknown := [joint for joint in link.joints if joint not in reading.joints]:
-            raise UnpatchableError(f"joint '{unknown[0]}' of the file has another name in what was read")
+            raise UnpatchableError(f"joint '{unknown[0]}' of the file is not in what {reading.library} read")
         last = [*link.joints][-1:]
         near = owner[link.near] if link.near >= 0 else "".join(floating[:1])
         owner.append(ends.get(last[0], "") if last else near)
@@ -119,7 +119,7 @@ def _shortest(old: JointReading, new: JointReading) -> Array:
     a, b = (joint.screw[:3] if joint.kind == "hinge" else joint.screw[3:] for joint in (old, new))
     axis = cross(a, b)
     s = float(np.linalg.norm(axis))
-    R = rotation(axis / s, np.arctan2(s, a @ b)) if s > 0.0 else np.eye(3)
+    R = rotation(axis / s, np.array(np.arctan2(s, a @ b))) if s > 0.0 else np.eye(3)
     return matrix(new.centre - R @ old.centre, R)
 
 
@@ -139,7 +139,7 @@ def _turned_back(file: Opened, target: Reading, link: Link, F: Array) -> Array:
         if angle != 0.0:
             axis = _local(F, joint)[0]
             turns = joint.kind == "hinge"
-            return matrix(np.zeros(3), rotation(axis, angle)) if turns else matrix(angle * axis, np.eye(3))
+            return matrix(np.zeros(3), rotation(axis, np.array(angle))) if turns else matrix(angle * axis, np.eye(3))
     return np.eye(4)
 
 

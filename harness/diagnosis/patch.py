@@ -9,9 +9,9 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, applied
-from screwgauge.diagnosis.layout import Link
-from screwgauge.diagnosis.matter import Matter, changed, combined, displaced, same
-from screwgauge.diagnosis.opened import Opened, UnpatchableError, move, opened
+from screwgauge.diagnosis.layout import Link, UnpatchableError
+from screwgauge.diagnosis.matter import Matter, changed, combined, displaced, relative, same
+from screwgauge.diagnosis.opened import Opened, move, opened
 from screwgauge.diagnosis.write_urdf import SAME
 from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.rotations import Array
@@ -81,7 +81,8 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
     for name, body in target.bodies.items():
         _fill(file, frames, name, body, plain)
         if body.gravcomp != reading.bodies[name].gravcomp:
-            file.writer.tell_body(file.xml, file.links[file.of(name)[0]].element, body.gravcomp)
+            for i in file.of(name):
+                file.writer.tell_body(file.xml, file.links[i].element, body.gravcomp)
     for name, joint in target.joints.items():
         for what in file.writer.JOINT:
             if getattr(joint, what) != getattr(reading.joints[name], what):
@@ -102,7 +103,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
     old = file.reading.bodies[name]
     before, after = Matter(old.mass, old.com, old.inertia), Matter(body.mass, body.com, body.inertia)
-    T = {i: np.linalg.solve(old.pose, file.links[i].frame) for i in file.of(name)}
+    T = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}
     parts = {i: displaced(m, T[i]) for i in T if (m := file.links[i].matter) is not None}
     if len(parts) < len(T):
         rest = reduce(lambda whole, part: combined(whole, part, -1.0), parts.values(), before)
@@ -112,9 +113,9 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
         chosen, matter = plainest(parts, before, after)
         parts[chosen] = matter
     for i, part in parts.items():
-        now = np.linalg.solve(body.pose, frames[i])
+        now = relative(body.pose, frames[i])
         if i == chosen or np.abs(now - T[i]).max() > SAME:
-            file.writer.fill(file.xml, file.links[i], displaced(part, np.linalg.inv(now)), plain=plain)
+            file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
 
 
 def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:

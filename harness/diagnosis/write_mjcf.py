@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.diagnosis.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
-from screwgauge.diagnosis.matter import Matter
+from screwgauge.diagnosis.matter import Matter, relative
 from screwgauge.diagnosis.write_urdf import SAME
 from screwgauge.diagnosis.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, quaternion, vector_text
@@ -41,7 +41,7 @@ links = mjcf_links
 
 def place(xml: XmlText, link: Link, T: Array) -> None:
     """Gives a body another placement on the one before it."""
-    new = np.linalg.solve(link.base, T)
+    new = relative(link.base, T)
     old = mjcf_pose(link.element, compilers(xml))
     if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
         xml.set(link.element, pos=vector_text(new[:3, 3]))
@@ -151,17 +151,21 @@ def drive(xml: XmlText, name: str, gear: float) -> None:
 
 
 def drop(xml: XmlText, gone: Collection[Link]) -> None:
-    """Takes bodies out, with all that refers to them."""
+    """Takes bodies out, with all that refers to them, and all that refers to that."""
     names = set()
     for link in gone:
         xml.replace(link.element)
         named = link.element.iter("body", "joint", "freejoint", "geom", "site", "camera")
-        names |= {element.get("name") for element in named}
-    names.discard("")
-    for room in (element for element in xml.root.children if element.tag in _REFERRING):
-        for part in room.children:
-            held = [
-                value for inner in (part, *part.children) for key, value in inner.attributes.items() if key != "name"
-            ]
-            if room.tag == "keyframe" or names & {*held}:
-                xml.replace(part)
+        names |= {element.get("name") for element in named} - {""}
+    parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
+    while lost := [part for room, part in parts if room.tag == "keyframe" or names & _referred(part)]:
+        parts = [(room, part) for room, part in parts if part not in lost]
+        for part in lost:
+            xml.replace(part)
+            names |= {part.get("name")} - {""}
+
+
+def _referred(part: Element) -> set[str]:
+    """Names in an element but its own."""
+    said = (item for inner in (part, *part.children) for item in inner.attributes.items())
+    return {value for key, value in said if key != "name"}

@@ -10,7 +10,7 @@ from screwgauge.diagnosis.layout import Link, UnpatchableError, origin, urdf_lin
 from screwgauge.diagnosis.matter import Matter
 from screwgauge.diagnosis.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, rpy, vector_text
-from screwgauge.models.readings.described import matrix
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 
