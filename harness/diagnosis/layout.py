@@ -31,6 +31,7 @@ class Link:
         mount: What holds its placement: the joint of a URDF, the body of an MJCF.
         frame: In the world, with all coordinates as the file has them at first. Shape (4, 4).
         matter: In its frame; None where the file leaves it to the geoms.
+        turn: Orientation in which its inertia is written. Shape (3, 3).
         base: Frame of `near` -> the frame that `mount` counts from, another one where MJCF bodies stand in ``<frame>``.
     """
 
@@ -41,6 +42,7 @@ class Link:
     mount: Element | None = None
     frame: Array = field(default_factory=lambda: np.eye(4))
     matter: Matter | None = NOTHING
+    turn: Array = field(default_factory=lambda: np.eye(3))
     base: Array = field(default_factory=lambda: np.eye(4))
 
 
@@ -73,7 +75,7 @@ def urdf_links(xml: XmlText) -> list[Link]:
         children.add(ends[1])
     links = [Link(name, elements[name]) for name in elements if name not in children][:1]
     for i, near in enumerate(links):  # grows
-        near.matter = _urdf_matter(near.element)
+        near.matter, near.turn = _urdf_matter(near.element)
         for joint in towards.get(near.name, []):
             name = child.get("link") if (child := joint.find("child")) else ""
             moves = {} if joint.get("type") == "fixed" else {joint.get("name"): joint}
@@ -91,16 +93,17 @@ def origin(element: Element) -> Array:
     return matrix(numbers(found.get("xyz")), R)
 
 
-def _urdf_matter(link: Element) -> Matter:
+def _urdf_matter(link: Element) -> tuple[Matter, Array]:
+    """Mass properties of a link, and the orientation in which they are written."""
     inertial = link.find("inertial")
     if inertial is None:
-        return NOTHING
+        return NOTHING, np.eye(3)
     T, mass, tensor = origin(inertial), inertial.find("mass"), inertial.find("inertia")
     R = T[:3, :3]
     J = np.zeros((3, 3))
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         J[i, j] = J[j, i] = float(tensor.get(f"i{'xyz'[i]}{'xyz'[j]}", "0")) if tensor else 0.0
-    return Matter(float(mass.get("value", "0")) if mass else 0.0, T[:3, 3], R @ J @ R.T)
+    return Matter(float(mass.get("value", "0")) if mass else 0.0, T[:3, 3], R @ J @ R.T), R
 
 
 def mjcf_links(xml: XmlText) -> list[Link]:
@@ -117,8 +120,8 @@ def mjcf_links(xml: XmlText) -> list[Link]:
         elif element.tag == "body":
             name = element.get("name") or f"body_{numbers_[element]}"
             frame = links[near].frame @ T @ mjcf_pose(element, compiler)
-            matter = _mjcf_matter(element, compiler)
-            links.append(Link(name, element, near, _mjcf_joints(name, element), element, frame, matter, T))
+            joints, said = _mjcf_joints(name, element), _mjcf_matter(element, compiler)
+            links.append(Link(name, element, near, joints, element, frame, *said, T))
             waiting += [(child, len(links) - 1, np.eye(4)) for child in element.children]
     return links
 
@@ -183,13 +186,11 @@ def _quaternion_rotation(q: Array) -> Array:
     return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
 
 
-def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> Matter | None:
-    """None where geoms have to tell it."""
-    inertial = body.find("inertial")
-    if inertial is None:
-        return NOTHING if compiler.get("inertiafromgeom") == "false" or body.find("geom") is None else None
-    if compiler.get("inertiafromgeom") == "true" and body.find("geom"):
-        return None
+def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
+    """Mass properties of a body, none where geoms have to tell them, and the orientation in which they are written."""
+    inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
+    if inertial is None or (setting == "true" and geoms is not None):
+        return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
     T = mjcf_pose(inertial, compiler)
     R = T[:3, :3]
     if full := inertial.get("fullinertia"):
@@ -197,4 +198,4 @@ def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> Matter | None:
         J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         J = np.diag(numbers(inertial.get("diaginertia")))
-    return Matter(float(inertial.get("mass", "0")), T[:3, 3], R @ J @ R.T)
+    return Matter(float(inertial.get("mass", "0")), T[:3, 3], R @ J @ R.T), R

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import BodyReading
 from screwgauge.reference.rotations import Array
 
 
@@ -26,6 +28,11 @@ class Matter:
 
 
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def of_body(body: BodyReading) -> Matter:
+    """That of a body."""
+    return Matter(body.mass, body.com, body.inertia)
 
 
 def steiner(r: Array) -> Array:
@@ -84,3 +91,48 @@ def changed(matter: Matter, before: Matter, after: Matter) -> Matter:
 def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
     m, c = matter.mass, matter.com
     return np.asarray(m), m * c, matter.inertia + m * steiner(c)
+
+
+def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
+    """The part of a body that has to change least for the body to change, and what it is then.
+
+    Args:
+        parts: By number, in the frame of the body; the first is chosen from equals.
+
+    Returns:
+        Number and the part changed. That of which the fewest of mass, centre of mass and inertia change.
+    """
+    if len(parts) == 1:
+        return next(iter(parts)), after
+    found = {i: changed(part, before, after) for i, part in parts.items()}
+    scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
+    steps = {i: np.array(list(steps_of(parts[i], matter, scale, size).values())) for i, matter in found.items()}
+    least = max(1e-14, 1e-6 * min(float(step.max()) for step in steps.values()))
+
+    def cost(i: int) -> tuple[bool, int, float]:
+        return not found[i].mass > 0.0, int((steps[i] > least).sum()), float(steps[i].sum())
+
+    chosen = min(found, key=cost)
+    return chosen, found[chosen]
+
+
+def _size(matter: Matter) -> float:
+    """A length: as far as the mass reaches from the origin [m]."""
+    reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass else 0.0
+    return float(np.abs(matter.com).max() + reach)
+
+
+def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> dict[str, float]:
+    """Changes of mass, centre of mass and inertia, each of the scale of the whole.
+
+    Args:
+        mass: That of the whole, if it is more than these [kg].
+        size: Its length [m].
+    """
+    m, L = max(mass, old.mass, new.mass, 1e-300), max(size, _size(old), _size(new), 1e-300)
+    com = float(np.abs(new.com - old.com).max())
+    return {
+        "mass": abs(new.mass - old.mass) / m,
+        "com": com / L,
+        "inertia": float(np.abs(new.inertia - old.inertia).max()) / (m * L**2),
+    }

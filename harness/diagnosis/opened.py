@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from types import ModuleType
 
 import numpy as np
 
 from screwgauge.diagnosis import write_mjcf, write_urdf
 from screwgauge.diagnosis.layout import Link, UnpatchableError
+from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.diagnosis.xml_text import XmlText
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import JointReading, Reading
@@ -45,6 +47,16 @@ class Opened:
         """The links that make up a body; the one that its joints lead to is the first."""
         return [i for i, owner in enumerate(self.owner) if owner == body]
 
+    def parts(self, body: str) -> dict[int, Matter]:
+        """What each of its links adds to a body, in the frame of the body."""
+        whole = self.reading.bodies[body]
+        said = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
+        parts = {i: displaced(matter, T) for i, (matter, T) in said.items() if matter is not None}
+        silent = [i for i in said if i not in parts]
+        if silent:  # the geoms of one of them are what is left
+            parts[silent[0]] = reduce(lambda left, part: combined(left, part, -1.0), parts.values(), of_body(whole))
+        return parts
+
 
 def opened(text: str, reading: Reading) -> Opened:
     """Puts a file beside its reading.
@@ -72,24 +84,31 @@ def opened(text: str, reading: Reading) -> Opened:
     return Opened(xml, writer, links, owner, reading)
 
 
+def frames_of(file: Opened, target: Reading) -> list[Array]:
+    """Frames of the links in the world, at home, if the machine were as in another reading of it. Shape (4, 4) each."""
+    D, frames = list[Array](), list[Array]()
+    for link, owner in zip(file.links, file.owner, strict=True):
+        D.append(_displacement(file.reading, target, link, owner, D))
+        F = D[-1] @ link.frame
+        if file.urdf and link.joints:  # in a URDF the axis goes through the origin of the link
+            F = F @ matrix(_off_axis(F, target.joints[next(iter(link.joints))]), np.eye(3))
+        frames.append(F)
+    return frames
+
+
 def move(file: Opened, target: Reading) -> list[Array]:
     """Writes placements and axes of another reading of the same machine.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
     """
-    D, frames = list[Array](), list[Array]()
-    for link, owner in zip(file.links, file.owner, strict=True):
-        D.append(_displacement(file.reading, target, link, owner, D))
-        frames.append(D[-1] @ link.frame)
-        if file.urdf and link.joints:  # in a URDF the axis goes through the origin of the link
-            frames[-1] = frames[-1] @ matrix(_off_axis(frames[-1], target.joints[next(iter(link.joints))]), np.eye(3))
+    frames = frames_of(file, target)
     for link, F in zip(file.links, frames, strict=True):
         if link.near >= 0:
-            old = np.linalg.solve(file.links[link.near].frame, link.frame)
-            new = np.linalg.solve(frames[link.near], F) @ (
-                _turned_back(file, target, link, F) if file.urdf else np.eye(4)
-            )
+            old = relative(file.links[link.near].frame, link.frame)
+            new = relative(frames[link.near], F)
+            if file.urdf:
+                new = new @ _turned_back(file, target, link, F)
             if not _same(old, new):
                 file.writer.place(file.xml, link, new)
         for name, element in link.joints.items():

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, applied
 from screwgauge.diagnosis.layout import Link, UnpatchableError
-from screwgauge.diagnosis.matter import Matter, changed, combined, displaced, relative, same
+from screwgauge.diagnosis.matter import displaced, of_body, plainest, relative, same
 from screwgauge.diagnosis.opened import Opened, move, opened
 from screwgauge.diagnosis.write_urdf import SAME
 from screwgauge.models.readings.reading import BodyReading, Reading
@@ -102,50 +101,15 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
     """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
     old = file.reading.bodies[name]
-    before, after = Matter(old.mass, old.com, old.inertia), Matter(body.mass, body.com, body.inertia)
-    T = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}
-    parts = {i: displaced(m, T[i]) for i in T if (m := file.links[i].matter) is not None}
-    if len(parts) < len(T):
-        rest = reduce(lambda whole, part: combined(whole, part, -1.0), parts.values(), before)
-        parts |= {i: rest for i in T if i not in parts}
+    T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     chosen = -1
-    if not same(before, after):
-        chosen, matter = plainest(parts, before, after)
+    if not same(of_body(old), of_body(body)):
+        chosen, matter = plainest(parts, of_body(old), of_body(body))
         parts[chosen] = matter
     for i, part in parts.items():
         now = relative(body.pose, frames[i])
         if i == chosen or np.abs(now - T[i]).max() > SAME:
             file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
-
-
-def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
-    """The part of a body that has to change least for the body to change, and what it is then.
-
-    Args:
-        parts: By number, in the frame of the body; the first is chosen from equals.
-
-    Returns:
-        Number and the part changed. That of which the fewest of mass, centre of mass and inertia change.
-    """
-    if len(parts) == 1:
-        return next(iter(parts)), after
-    found = {i: changed(part, before, after) for i, part in parts.items()}
-    scale = max(after.mass, before.mass)
-    size = max(np.sqrt(np.abs(m.inertia).max() / m.mass) + np.abs(m.com).max() for m in (before, after) if m.mass)
-    steps = {i: np.array(_steps(parts[i], matter, scale, size)) for i, matter in found.items()}
-    least = max(1e-14, 1e-7 * max(float(step.max()) for step in steps.values()))
-
-    def cost(i: int) -> tuple[bool, int, float]:
-        return not found[i].mass > 0.0, int((steps[i] > least).sum()), float(steps[i].sum())
-
-    chosen = min(found, key=cost)
-    return chosen, found[chosen]
-
-
-def _steps(old: Matter, new: Matter, mass: float, size: float) -> tuple[float, float, float]:
-    """Changes of mass, centre of mass and inertia, of the scale of the body."""
-    com = float(np.abs(new.com - old.com).max()) / size
-    return abs(new.mass - old.mass) / mass, com, float(np.abs(new.inertia - old.inertia).max()) / (mass * size**2)
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:
