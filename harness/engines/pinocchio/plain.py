@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.plain import Answers, JointStates, carried
-from screwgauge.models.readings.pinocchio import elementary, loaded
+from screwgauge.models.readings.pinocchio import elementary, loaded, start
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array
 
@@ -30,7 +30,7 @@ def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
     """Coordinates, velocities and accelerations of the reading, and its velocities -> Pinocchio's."""
     n = len(next(iter(joints.values())).q)
-    q = np.tile(pin.neutral(model), (n, 1))
+    q = np.tile(start(model), (n, 1))
     data = model.createData()
     pin.forwardKinematics(model, data, q[0])
     parts = {part.name: part for part in elementary(model, source)}
@@ -47,7 +47,8 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
             )
         else:
             motion = carried(states, data.oMi[part.joint].homogeneous)
-            q[:, part.q : part.q + part.n_q] = [_coordinates(T, width) for T in motion.pose]
+            begin = pin.XYZQUATToSE3(q[0, part.q : part.q + 7]).homogeneous if width == 6 else np.eye(4)
+            q[:, part.q : part.q + part.n_q] = [_coordinates(begin @ T, width) for T in motion.pose]
             # [linear; angular] of a free joint
             order = [3, 4, 5, 0, 1, 2] if width == 6 else [0, 1, 2]
             B[rows, column : column + width] = motion.velocity[order]
