@@ -22,6 +22,10 @@ TOLERANCE = 1e-14
 INERTIA_TOLERANCE = 5e-14
 
 
+Couplings = Mapping[str, tuple[str, str, Array]]
+"""Name -> coordinate, the one that it depends on or nothing, and coefficients."""
+
+
 @dataclass(frozen=True, slots=True)
 class CheckRow:
     """One comparison. `difference` is scaled as `tolerance` is; NaN where names are compared."""
@@ -88,6 +92,19 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
         out.names(name, "closure bodies", (body1, body2), (other1, other2))
         metres = np.array([1.0, 1.0, 1.0, length])
         out.numbers(name, "closure frames", np.array([p1, p2]) / metres, np.array([r1, r2]) / metres)
+    _compare_couplings(out, expected.couplings, found.couplings)
+
+
+def _compare_couplings(out: Comparison, expected: Couplings, found: Couplings) -> None:
+    if not (expected or found):
+        return
+    out.names("", "coupling names", sorted(expected), sorted(found))
+    for name in _common(expected, found):
+        (*pair, wanted), (*other, polynomial) = expected[name], found[name]
+        out.names(name, "coupling", pair, other)
+        size = max(len(wanted), len(polynomial))
+        values = [np.pad(one, (0, size - len(one))) for one in (wanted, polynomial)]
+        out.numbers(name, "coupling polynomial", *values, scale=float(np.abs(wanted).max()) or 1.0)
 
 
 def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float) -> None:
@@ -127,6 +144,8 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
             if want.kind == have.kind:
                 values = _joint_values(want, length), _joint_values(have, length)
                 out.numbers(want.name, "joint axes and frames", *values)
+    said = [{c.name: (c.coordinate, c.of, c.polynomial) for c in file.couplings} for file in (expected, found)]
+    _compare_couplings(out, said[0], said[1])
     closures = {closure.joint: closure for closure in found.closures}
     out.names("", "closure names", sorted(closure.joint for closure in expected.closures), sorted(closures))
     for shut in expected.closures:

@@ -34,7 +34,8 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     actuators = {name: joint.coordinates[0] for name, joint in driven}
     closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
-    return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))
+    couplings = {one.name: (one.coordinate, one.of, one.polynomial) for one in mechanism.couplings}
+    return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float), couplings)
 
 
 def home_poses(mechanism: Mechanism) -> dict[str, Array]:

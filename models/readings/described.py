@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
-from screwgauge.models.mjcf import LEAST
+from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
@@ -48,6 +49,7 @@ class Reading:
             (of a weld the frames) coincide. Frames have shape (4, 4).
         actuators: Name -> coordinate, of a file that has actuators.
         gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
+        couplings: Name -> (coordinate, the one it is a polynomial of or empty, coefficients of shape (m,)).
     """
 
     bodies: Mapping[str, BodyReading]
@@ -55,6 +57,7 @@ class Reading:
     closures: Mapping[str, tuple[str, Array, str, Array]] = field(default_factory=dict)
     actuators: Mapping[str, str] = field(default_factory=dict)
     gravity: Array | None = None
+    couplings: Mapping[str, tuple[str, str, Array]] = field(default_factory=dict)
 
 
 def matrix(p: Array, R: Array) -> Array:
@@ -200,7 +203,8 @@ def read_mujoco(path: Path, home: Mapping[str, float]) -> Reading:
         for name, i in joints.items()
     }
     actuators = {model.actuator(i).name: model.joint(model.actuator_trnid[i, 0]).name for i in range(model.nu)}
-    return Reading(bodies, screws, _mujoco_closures(model), actuators, model.opt.gravity.copy())
+    gravity, couplings = model.opt.gravity.copy(), mujoco_couplings(model)
+    return Reading(bodies, screws, _mujoco_closures(model), actuators, gravity, couplings)
 
 
 def _mujoco_rotation(quaternion: Array) -> Array:
@@ -225,6 +229,28 @@ def _mujoco_closures(model: Any) -> dict[str, tuple[str, Array, str, Array]]:
             body1, body2 = (model.body(model.site_bodyid[site]).name for site in (site1, site2))
             closures[model.equality(i).name] = (body1, frame(site1), body2, frame(site2))
     return closures
+
+
+def mujoco_couplings(model: Any) -> dict[str, tuple[str, str, Array]]:
+    """Joint equalities of a MuJoCo model: name -> joint, the one it depends on or nothing, and coefficients.
+
+    MuJoCo's polynomial is one of coordinates that count from qpos0, that which is returned one of coordinates.
+    """
+    import mujoco
+
+    def joint(i: int) -> tuple[str, float]:
+        return (model.joint(i).name, float(model.qpos0[model.jnt_qposadr[i]])) if i >= 0 else ("", 0.0)
+
+    couplings = {}
+    for i in range(model.neq):
+        if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT:
+            (name, zero), (of, of_zero) = joint(model.eq_obj1id[i]), joint(model.eq_obj2id[i])
+            polynomial = model.eq_data[i, : POWERS if of else 1].copy()
+            if of_zero:
+                polynomial = Polynomial(polynomial)(Polynomial([-of_zero, 1.0])).coef
+            polynomial[0] += zero
+            couplings[model.equality(i).name] = name, of, polynomial
+    return couplings
 
 
 #: Reader -> (suffix of its model file, function).
