@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.models.layout import Closure, Link, lay_out
 from screwgauge.models.readings.assemble import matrix, screw
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading, couplings_of
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
@@ -32,6 +32,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         bodies=bodies,
         joints=joints,
         closures=dict(entry for closure in tree.closures for entry in _closures(closure)),
+        couplings=couplings_of(mechanism.couplings),
         actuators={name: (joint.coordinates[0], 1.0) for name, joint in driven},
         gravity=np.asarray(gravity, dtype=float),
     )
