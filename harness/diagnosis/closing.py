@@ -11,7 +11,7 @@ from screwgauge.reference.rotations import Array, cross, vee
 
 
 def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:
-    """Second frame of each closure against the first, world axes: the rotation vector of a weld [rad], then the way [m].
+    """Second frame of each closure against the first, world axes: of a weld the rotation vector, then the way [rad, m].
 
     Returns:
         Closure -> shape (n, 3) of points, (n, 6) of welds.

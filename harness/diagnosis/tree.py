@@ -203,19 +203,29 @@ def rotations(quaternions: Array) -> Array:
 
 def move(tree: Tree, states: States) -> Motion:
     """Poses, twists and accelerations of all bodies."""
-    R, p = _steps(tree, states.q)
-    inner_R, inner_p = np.broadcast_to(np.eye(3), R.shape).copy(), np.zeros_like(p)
-    for here, prior in tree.levels:
-        if prior[0] >= 0:
-            inner_R[:, here], inner_p[:, here] = R[:, prior], p[:, prior]
-            p[:, here] = (inner_R[:, here] @ p[:, here, :, None])[..., 0] + inner_p[:, here]
-            R[:, here] = inner_R[:, here] @ R[:, here]
-    screws = _screws(tree, (inner_R, inner_p), (R, p))
+    inner, outer = displacements(tree, states.q)
+    screws = _screws(tree, inner, outer)
     rates = screws * states.qd[..., None]
     gained = screws * states.qdd[..., None] + lie_bracket(tree.before @ rates, rates)
-    R, p = R[:, tree.last], p[:, tree.last]
+    R, p = outer[0][:, tree.last], outer[1][:, tree.last]
     home_R, home_p = tree.pose[:, :3, :3], tree.pose[:, :3, 3]
     return Motion(R @ home_R, (R @ home_p[:, :, None])[..., 0] + p, screws, tree.moves @ rates, tree.moves @ gained)
+
+
+def displacements(tree: Tree, q: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """How what is before and what is behind each joint is displaced from home.
+
+    Returns:
+        Rotations and translations of both. Shapes (n, n_joint, 3, 3), (n, n_joint, 3).
+    """
+    R, p = _steps(tree, q)
+    inner_R, inner_p = np.broadcast_to(np.eye(3), R.shape).copy(), np.zeros_like(p)
+    for level, prior in tree.levels:
+        if prior[0] >= 0:
+            inner_R[:, level], inner_p[:, level] = R[:, prior], p[:, prior]
+            p[:, level] = (inner_R[:, level] @ p[:, level, :, None])[..., 0] + inner_p[:, level]
+            R[:, level] = inner_R[:, level] @ R[:, level]
+    return (inner_R, inner_p), (R, p)
 
 
 def _steps(tree: Tree, q: Array) -> tuple[Array, Array]:
