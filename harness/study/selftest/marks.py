@@ -15,7 +15,7 @@ ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 _ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Inertial:
     """The ``<inertial>`` of a link that moves.
 

@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
 from screwgauge.diagnosis.matter import steiner
 from screwgauge.diagnosis.xml_text import Element, XmlText
-from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
-from screwgauge.reference.rotations import Array, rotation
-from screwgauge.study.selftest.marks import Inertial, end, inertials, joints
+from screwgauge.models.placement import number_text
+from screwgauge.reference.rotations import Array
+from screwgauge.study.selftest.marks import Inertial, inertials, joints
 from screwgauge.study.selftest.mutant import CannotError, Expected
 
 Random = np.random.Generator

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
