@@ -143,6 +143,25 @@ def paper(options: argparse.Namespace) -> int:
     return 0 if _study(page, out, measure).complete else 1
 
 
+def diagnose(options: argparse.Namespace) -> int:
+    """Compares two models, says why they differ and proves it."""
+    from screwgauge.diagnosis.diagnose import diagnose
+    from screwgauge.environment import json_text
+    from screwgauge.report.pages import diagnosis as page
+    from screwgauge.study.loading import read_apart
+
+    more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
+    found = _study(
+        page,
+        options.out or OUT / "diagnosis",
+        lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
+        tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
+    )
+    if options.fix is not None:
+        say(f"fixed: {found.write_fix(options.fix)}")
+    return int(found.exit_status)
+
+
 def _study(
     page: ModuleType,
     out: Path,

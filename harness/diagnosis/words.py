@@ -75,7 +75,7 @@ def digits(value: float, other: float) -> str:
     if value == other or value == 0.0 or not (math.isfinite(value) and math.isfinite(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
-    shown = min(17, max(5, math.ceil(math.log10(near)) + 3))
+    shown = min(17, max(4, math.ceil(math.log10(near)) + 2))
     text = f"{value:#.{shown}g}"
     return text.rstrip(".") if "e" not in text else f"{value:.{shown}g}"
 
