@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Change, Difference
+from screwgauge.diagnosis.change import PROPERTIES, Change, Difference, Kind
 from screwgauge.diagnosis.closing import residual_at_home
 from screwgauge.diagnosis.common import Common, owned
 from screwgauge.diagnosis.dynamics import downwards
@@ -69,7 +69,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
         "axis": common.b.joints[item].screw[3:] if joint.kind == "slide" else common.b.joints[item].screw[:3],
         "centre": common.b.joints[item].centre,
     }[found.what]
-    kind = "convention" if found.what in ("sign", "zero") else "model"
+    kind: Kind = "convention" if found.what in ("sign", "zero") else "model"
     return Difference(
         item, found.change.item, found.what, a, b, unit_of(found.what, joint), relative, sentence, found.change, kind
     )
