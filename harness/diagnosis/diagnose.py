@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from screwgauge.diagnosis.attribution import Attribution, Torques, attribute
+from screwgauge.diagnosis.attribution import Attribution, Torques
 from screwgauge.diagnosis.backfill import Backfill, backfill
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Difference
@@ -14,17 +14,14 @@ from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
 from screwgauge.diagnosis.dynamics import not_modelled
-from screwgauge.diagnosis.hypotheses import Files, hypotheses
-from screwgauge.diagnosis.layout import UnpatchableError
+from screwgauge.diagnosis.explain import Explanation, explained
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
-from screwgauge.diagnosis.opened import Opened, opened
-from screwgauge.diagnosis.static import differences, sorted_by_size
+from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.verdict import SAME, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.files import read_file
+from screwgauge.models.readings.reading import Reading
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +31,7 @@ class Diagnosis:
     Attributes:
         verdict: In one sentence or two.
         same: Whether nothing differs.
-        pairing: Of joints and bodies; `differences`: static ones, the largest first.
+        pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
         witnesses: Each library's own torques beside the dynamics of what it has read.
@@ -70,6 +67,7 @@ def diagnose(
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
     matrix: bool = False,
+    loops: str | Path | None = None,
     load: Read = in_process,
 ) -> Diagnosis:
     """Compares two models.
@@ -79,25 +77,27 @@ def diagnose(
         map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
+        loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Raises:
         ScrewgaugeError: A file, or the map, cannot be read.
     """
     given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
-    one, two = alike(loaded(a, load), loaded(b, load), load)
+    beside = None if loops is None else Path(loops)
+    one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
     pairing = paired(one.reading, two.reading, given)
     grid = matrix_of(one, two, given, seed, load) if matrix else None
     if not pairing.alike:
         return Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, (), matrix=grid)
     common = brought(one.reading, two.reading, pairing)
     found = [*missing(one.reading, two.reading, pairing), *differences(common)[0]]
-    found = marked(sorted_by_size(_said(found, one, two)), (one.digits, two.digits))
+    found = marked(_said(found, one, two), (one.digits, two.digits))
     states = drawn(common, seed)
     rows = table(common, states)
     asked = torques(common, pairing, states)
-    why = attribute(asked, two.reading, found, hypotheses(found, two.reading, _files(one, two)))
-    proof = _proof(asked, why, found, two, load) if why.steps else None
+    explanation = _explained(asked, found, (one, two), load)
+    why, proof = explanation.attribution, explanation.proof
     seen = tuple(witnesses((one, two), seed))
     same = not found and why.before.scaled <= SAME
     return Diagnosis(
@@ -117,32 +117,26 @@ def diagnose(
     )
 
 
-def _proof(asked: Torques, why: Attribution, found: Sequence[Difference], b: Model, load: Read) -> Backfill:
-    """Backfill of what was attributed; of all differences where steps taken one by one do not get through."""
-    everything = tuple(each.change for each in found if each.change is not None)
-    changes = why.changes if why.complete else everything
-    file = None if b.library == "screwgauge" else b.file
-    return backfill(asked, b.reading, changes, file, lambda path: load(path, b.library, b.floating))
+def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
+    """Attribution and proof; backfill of all differences where steps taken one by one do not get through."""
+    a, b = models
+    paths = [None if model.library == "screwgauge" else model.file for model in models]
+
+    def read(file: Path) -> Reading:
+        return b.read_again(file, load)
+
+    why = explained(asked, (a.reading, b.reading), (paths[0], paths[1]), found, read)
+    if why.attribution.complete or why.attribution.before.scaled <= SAME:
+        return why
+    everything = [each.change for each in found if each.change is not None]
+    return replace(why, proof=backfill(asked, b.reading, everything, paths[1], read)) if everything else why
 
 
 def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
-    """Without what a description says nowhere or elsewhere."""
-    described = "screwgauge" in (a.library, b.library)
-    return [each for each in found if not (described and each.what == "limits")]
-
-
-def _files(a: Model, b: Model) -> Files:
-    return Files(*(_opened(model) for model in (a, b)))
-
-
-def _opened(model: Model) -> Opened | None:
-    """A file beside its reading, where that can be."""
-    if model.file is None or model.library == "screwgauge":
-        return None
-    try:
-        return opened(read_file(model.file), model.reading)
-    except (UnpatchableError, ScrewgaugeError):
-        return None
+    """Without what one of the formats cannot say: limits of a description, closures of a URDF."""
+    silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
+    silent |= set() if a.says_closures and b.says_closures else {"closure"}
+    return [each for each in found if each.what not in silent]
 
 
 def _notes(common: Common, a: Model, b: Model) -> tuple[str, ...]:
@@ -152,6 +146,8 @@ def _notes(common: Common, a: Model, b: Model) -> tuple[str, ...]:
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; 9.81 m/s^2 downwards is taken")
         said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
+        if not model.says_closures and (common.a.closures or common.b.closures):
+            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
     return tuple(said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -95,7 +96,8 @@ def _libraries(model: Model) -> Sequence[str]:
 
 def _read(model: Model, library: str, load: Read) -> Model:
     assert model.file is not None
-    return replace(model, library=library, reading=load(model.file, library, model.floating))
+    other = replace(model, library=library)
+    return replace(other, reading=other.read_again(model.file, load))
 
 
 def _cell(side: str, model: Model) -> Cell:
@@ -118,6 +120,9 @@ def _between(
         found = differences(brought(one, two, pairing))[0]
         said += [each.sentence for each in sorted_by_size(found)]
     kind = "loader" if first[0] == second[0] else "model" if first[1] == second[1] else "both"
+    if kind == "loader":
+        words = {"in A": f"as {first[1]} reads it", "in B": f"as {second[1]} reads it"}
+        said = [re.sub(r"\bin [AB]\b", lambda found: words[found.group()], sentence) for sentence in said]
     return Between(first, second, kind, tuple(said))
 
 

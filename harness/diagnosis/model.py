@@ -11,6 +11,7 @@ from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.digits import ALL, digits_of
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
+from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
@@ -32,6 +33,7 @@ class Model:
         floating: Whether the base of a URDF is read as moving freely.
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
+        loops: File beside a URDF that says what closes its loops.
     """
 
     label: str
@@ -41,6 +43,17 @@ class Model:
     floating: bool = False
     digits: int = ALL
     sha256: str = ""
+    loops: Path | None = None
+
+    @property
+    def says_closures(self) -> bool:
+        """A URDF cannot, without a file beside it."""
+        return self.library == "screwgauge" or self.reading.gravity is not None or bool(self.reading.closures)
+
+    def read_again(self, file: Path, load: Read) -> Reading:
+        """What its library reads from a file in its place."""
+        reading = load(file, self.library, self.floating)
+        return with_loops(reading, self.loops) if self.loops else reading
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:
@@ -48,8 +61,11 @@ def in_process(file: Path, library: str, floating: bool) -> Reading:
     return read(file, library, floating=floating)
 
 
-def loaded(given: str | Path, load: Read = in_process) -> Model:
+def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None) -> Model:
     """Loads one side: a file, ``FILE@library``, or a description.
+
+    Args:
+        loops: Says what closes the loops of a URDF.
 
     Raises:
         ScrewgaugeError: It cannot be read.
@@ -65,7 +81,10 @@ def loaded(given: str | Path, load: Read = in_process) -> Model:
     library = library or libraries_for(file)[0]
     content = read_file(file)
     sha256 = hashlib.sha256(content.encode()).hexdigest()
-    return Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
+    model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
+    if loops is None or model.says_closures:
+        return model
+    return replace(model, loops=loops, reading=with_loops(model.reading, loops))
 
 
 def _described(name: str) -> Model:
@@ -88,5 +107,6 @@ def _like(model: Model, other: Model, load: Read) -> Model:
         return replace(model, reading=best)
     free = [any(joint.kind == "free" for joint in each.reading.joints.values()) for each in (model, other)]
     if model.file is not None and free == [False, True] and model.reading.gravity is None:
-        return replace(model, floating=True, reading=load(model.file, model.library, True))
+        floating = replace(model, floating=True)
+        return replace(floating, reading=floating.read_again(model.file, load))
     return model

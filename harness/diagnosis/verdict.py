@@ -9,6 +9,7 @@ from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.static import sorted_by_size
 from screwgauge.diagnosis.witness import Witness
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
@@ -51,12 +52,12 @@ def _same(models: tuple[Model, Model], why: Attribution) -> str:
 
 def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None) -> str:
     if why.before.scaled <= SAME:
-        return f"{_listed([each.sentence for each in found])}; no torque shows it ({why.before.scaled:.1g})."
+        return f"{_listed(_largest_first(found))}; no torque shows it ({why.before.scaled:.1g})."
     if not why.steps:
-        rest = f" {_listed([each.sentence for each in found])}." if found else ""
+        rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
-    causes = _listed([found[number].sentence for number in numbers])
+    causes = _listed(_largest_first(found[number] for number in numbers))
     slips = [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
@@ -67,9 +68,13 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
     share = why.share
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
-        causes, share, numbers, slip, doubt = _listed([each.sentence for each in found]), 1.0, [0, 0], "", ""
+        causes, share, numbers, slip, doubt = _listed(_largest_first(found)), 1.0, [0, 0], "", ""
     verb = "explains" if len(numbers) == 1 else "together explain"
     return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
+
+
+def _largest_first(found: Iterable[Difference]) -> list[str]:
+    return [each.sentence for each in sorted_by_size(found)]
 
 
 def _left(why: Attribution, proof: Backfill | None) -> str:

@@ -46,7 +46,9 @@ def _asymmetric(mark: Inertial) -> bool:
     """Whether the three moments differ, and products are there."""
     I = mark.tensor
     moments = np.sort(np.linalg.eigvalsh(I))
-    return bool(np.diff(moments).min() > 1e-2 * moments[-1] and np.abs(I - np.diag(np.diag(I))).max() > 1e-3 * moments[-1])
+    return bool(
+        np.diff(moments).min() > 1e-2 * moments[-1] and np.abs(I - np.diag(np.diag(I))).max() > 1e-3 * moments[-1]
+    )
 
 
 def _three_moments(mark: Inertial) -> bool:

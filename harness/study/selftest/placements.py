@@ -132,7 +132,9 @@ def zero_offset(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     if _urdf(xml):
-        joint = _joint(xml, rng, lambda joint: joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is not None)
+        joint = _joint(
+            xml, rng, lambda joint: joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is not None
+        )
         limit = joint.find("limit")
         old = float(limit.get("upper", "0")) if limit else 0.0
         step = size * max(1.0, abs(old))
@@ -196,7 +198,16 @@ def gear_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """A joint that does not move any more."""
-    referred = set() if _urdf(xml) else {value for element in xml.root.iter("motor", "position", "joint", "jointpos", "actuator", "connect", "weld") if element.parent and element.parent.tag not in ("body",) for value in element.attributes.values()}
+    referred = (
+        set()
+        if _urdf(xml)
+        else {
+            value
+            for element in xml.root.iter("motor", "position", "joint", "jointpos", "actuator", "connect", "weld")
+            if element.parent and element.parent.tag not in ("body",)
+            for value in element.attributes.values()
+        }
+    )
     mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
     joint = _joint(xml, rng, lambda joint: joint.get("name") not in referred | mimicked)
     if _urdf(xml):
@@ -229,7 +240,22 @@ def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     tags = ("mass", "inertia", "origin", "inertial", "body")
     for element in xml.root.iter(*tags):
         values = {}
-        for name in ("value", "xyz", "rpy", "pos", "quat", "mass", "diaginertia", "fullinertia", "ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        for name in (
+            "value",
+            "xyz",
+            "rpy",
+            "pos",
+            "quat",
+            "mass",
+            "diaginertia",
+            "fullinertia",
+            "ixx",
+            "iyy",
+            "izz",
+            "ixy",
+            "ixz",
+            "iyz",
+        ):
             if text := element.get(name):
                 short = " ".join(f"{float(word):.{places}g}" for word in text.split())
                 if any(float(a) != float(b) for a, b in zip(short.split(), text.split(), strict=True)):
