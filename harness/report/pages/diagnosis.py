@@ -138,7 +138,8 @@ def _proof(found: Diagnosis) -> list[Block]:
     where = "file, read again" if proof.on == "file" else "reading"
     left = f"{number(proof.left.value, 2)} {proof.left.unit}, {size(proof.left.scaled)} of the largest"
     said = Paragraph(f"With the changes made in a copy of B's {where}, {left}, are left.")
-    return [said, *([Items(proof.why_not)] if proof.why_not else [])]
+    more: list[Block] = [Items(proof.why_not)] if proof.why_not else []
+    return [said, *more]
 
 
 def _witnesses(found: Diagnosis) -> list[Block]:

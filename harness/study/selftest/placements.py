@@ -13,7 +13,22 @@ from screwgauge.study.selftest.marks import end, joints
 from screwgauge.study.selftest.mutant import CannotError, Expected
 from screwgauge.study.selftest.mutations import Random, _joint, _set, _unit, _urdf
 
-_NUMBERS = ("value", "xyz", "rpy", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "pos", "quat", "mass", "diaginertia", "fullinertia")
+_NUMBERS = (
+    "value",
+    "xyz",
+    "rpy",
+    "ixx",
+    "iyy",
+    "izz",
+    "ixy",
+    "ixz",
+    "iyz",
+    "pos",
+    "quat",
+    "mass",
+    "diaginertia",
+    "fullinertia",
+)
 _ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 

@@ -50,7 +50,10 @@ def pools(folder: Path, quick: bool = False) -> list[Pool]:
         folder: Where those that are made here are written.
         quick: Fewer and small ones.
     """
-    made = [*_trees(folder, 2 if quick else 4), *_built_in(folder, ("arm7",) if quick else ("arm7", "3ups-upu-s", "stewart"))]
+    made = [
+        *_trees(folder, 2 if quick else 4),
+        *_built_in(folder, ("arm7",) if quick else ("arm7", "3ups-upu-s", "stewart")),
+    ]
     return made if quick else [*made, *public()]
 
 

@@ -107,7 +107,9 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
         (first, library_a), (second, library_b) = (pool.files[k] for k in rng.integers(len(pool.files), size=2))
         text = read_file(second)
         try:
-            text, expected = changed(item.kind, text, rng, size) if item.group == CHANGED else (REWRITES[item.kind](text, rng), [])
+            text, expected = (
+                changed(item.kind, text, rng, size) if item.group == CHANGED else (REWRITES[item.kind](text, rng), [])
+            )
         except CannotError as error:
             reason = str(error)
             continue
@@ -142,4 +144,9 @@ def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:
 def _alike(found: Diagnosis) -> dict[str, Any]:
     effect = found.attribution.before.scaled if found.attribution else np.inf
     first = "" if found.same else found.verdict
-    return {"effect": f"{effect:.3g}", "detected": not found.same, "first": first, "verdict": "ok" if found.same else "false alarm"}
+    return {
+        "effect": f"{effect:.3g}",
+        "detected": not found.same,
+        "first": first,
+        "verdict": "ok" if found.same else "false alarm",
+    }
