@@ -117,7 +117,7 @@ def diagnose(
     explanation = _explained(asked, found, (one, two), load)
     why, proof = explanation.attribution, explanation.proof
     seen = tuple(witnesses((one, two), seed))
-    same = not found and why.before.scaled <= SAME
+    same = not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen)
     return Diagnosis(
         one,
         two,

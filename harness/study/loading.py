@@ -88,7 +88,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
     name = f"{library}-reading-1"
     work = partial(_read, path, library, floating)
     with TemporaryDirectory() as folder:
-        found = apart({name: work}, LOADING, Path(folder), lambda names, share: None)[name]
+        found = apart.apart({name: work}, LOADING, Path(folder), lambda names, share: None)[name]
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
