@@ -36,7 +36,7 @@ FORMS = {
     "a site of the world": '<connect name="e" site1="w" site2="sk"/>',
     "weld": '<weld name="e" body1="b" body2="d"/>',
     "weld with anchor": '<weld name="e" body1="c" body2="b" anchor="0.2 0.1 0"/>',
-    "relpose and anchor": '<weld name="e" body1="b" body2="d" relpose="0.1 0.2 0.3 0.5 0.5 -0.5 0.5" anchor="0.1 0 0"/>',
+    "relpose and anchor": '<weld name="e" body1="b" body2="d" relpose="0.1 0.2 0.3 0.5 0.5 -0.5 0.5" anchor="1 0 0"/>',
     "welded sites": '<weld name="e" site1="sk" site2="sd"/>',
     "weld to the world": '<weld name="e" body1="a" relpose="0 1 0 0.6 0.8 0 0"/>',
 }

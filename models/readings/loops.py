@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -94,7 +95,12 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
         raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
     if not isinstance(data, Mapping):
         raise ModelFileError("has no entries", where, f"write {', '.join(_KEYS[:3])}")
-    pairs = tuple(tuple(_texts(pair, f"{where}, closed_loop")) for pair in data.get("closed_loop") or ())
+    loops = data.get("closed_loop") or []
+    if not isinstance(loops, list):
+        raise ModelFileError(
+            f"{reprlib.repr(loops)} is no list of pairs", f"{where}, closed_loop", "write pairs of names"
+        )
+    pairs = tuple(_texts(pair, f"{where}, closed_loop") for pair in loops)
     types = _texts(data.get("type"), f"{where}, type")
     if len(types) != len(pairs) or any(len(pair) != 2 for pair in pairs):
         what = f"{len(pairs)} closed loops, {len(types)} types"
@@ -125,7 +131,7 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise ModelFileError(f"{value!r} is no list of names", where, "write names in brackets")
+        raise ModelFileError(f"{reprlib.repr(value)} is no list of names", where, "write names in brackets")
     return tuple(value)
 
 
