@@ -118,7 +118,7 @@ class MujocoTree:
         found = mujoco_couplings(self.model)
         for coupling in file.couplings:
             if coupling.name not in found and len(coupling.polynomial) > POWERS:
-                what = f"it cannot have coupling '{coupling.name}': MuJoCo's equalities have no powers above {POWERS - 1}"
+                what = f"lacks coupling '{coupling.name}': MuJoCo has no powers above {POWERS - 1}"
                 raise ModelFileError(what, where, "run other engines")
         return tuple(Coupling(name, *said, f"{where}, joint equality '{name}'") for name, said in found.items())
 
