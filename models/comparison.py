@@ -103,8 +103,8 @@ def _compare_couplings(out: Comparison, expected: Couplings, found: Couplings) -
         (*pair, wanted), (*other, polynomial) = expected[name], found[name]
         out.names(name, "coupling", pair, other)
         size = max(len(wanted), len(polynomial))
-        values = [np.pad(one, (0, size - len(one))) for one in (wanted, polynomial)]
-        out.numbers(name, "coupling polynomial", *values, scale=float(np.abs(wanted).max()) or 1.0)
+        want, have = (np.pad(one, (0, size - len(one))) for one in (wanted, polynomial))
+        out.numbers(name, "coupling polynomial", want, have, float(np.abs(wanted).max()) or 1.0)
 
 
 def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float) -> None:

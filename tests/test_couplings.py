@@ -1,4 +1,4 @@
-"""Couplings: every engine and the truth agree on them, they move and pull as closed forms say, the judge looks at them."""
+"""Couplings: every engine and the truth agree on them, in motion, forces and simulations; the judge looks at them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from numpy.polynomial import Polynomial
 from planar import Bar, four_bar
-from tolerances import LINEAR
+from tolerances import LINEAR, ROUND_TRIP
 
 import screwgauge
 from screwgauge.judging.judge import judge
@@ -24,55 +24,6 @@ from screwgauge.reference.precision import in_precision
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.
 GEARS = {"right": [0.0, 0.5, 0.3, -0.2], "tip": [np.pi / 3, 0.5, -0.3]}
-
-
-def solved(name: str):
-    scene = screwgauge.load_scene(name)
-    results = screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=ENGINES)
-    motion = results.solutions["screw"].values
-    return results, {
-        kind: dict(zip(values.components, values.array.T, strict=True))
-        for kind, values in motion.items()
-        if kind.startswith("joint_") or kind in ("reaction", "actuator_force")
-    }
-
-
-def close(found, wanted):
-    return np.abs(found - wanted).max() <= LINEAR * np.abs(wanted).max()
-
-
-def test_a_planetary_gear_in_closed_form():
-    results, found = solved("planetary-gear")
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
-    q, s = found["joint_position"], found["joint_acceleration"]["sun"]
-    k, planet = 20 / (20 + 80), 1 - 80 / 30  # of the carrier by the sun, of a planet by the carrier
-    assert close(q["carrier"], k * q["sun"])
-    assert close(q["planet2"], -80 / 30 * k * q["sun"])
-    # Willis: seen from the carrier, sun and planet turn against each other by their teeth
-    assert close(20 * (q["sun"] - q["carrier"]), -30 * q["planet1"])
-    carrier = 1.1e-3 + 0.8 * 0.004**2 + 3 * 0.4 * 0.05**2
-    inertia = 6e-5 + k**2 * (carrier + 3 * 1.8e-4 * planet**2)
-    torque = inertia * s - 0.8 * 9.81 * 0.004 * k * np.cos(q["carrier"]) + 5 * k
-    assert close(found["actuator_force"]["sun"], torque)
-    assert close(found["reaction"]["planet3.coupling"], 1.8e-4 * planet * k * s)
-    assert close(found["reaction"]["carrier.coupling"], (torque - 6e-5 * s) / k)
-
-
-def test_a_screw_press_in_closed_form():
-    results, found = solved("screw-press")
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
-    q, p = found["joint_position"], 0.01 / (2 * np.pi)
-    x = 0.2 - p * q["screw"]
-    y = np.sqrt(0.25**2 - x**2)
-    assert close(q["nut.slide"], x)
-    assert close(q["guide"], -y)
-    rate, a = found["joint_velocity"]["screw"], found["joint_acceleration"]["screw"]
-    ram, rod = 4 + 0.9 / 4, 0.5 + 0.9 / 4  # what goes up and down, and what goes along the screw
-    M = 3e-4 + p**2 * (rod + ram * x**2 / y**2 + 5e-3 / y**2)
-    slope = -(p**3) * (ram * 2 * x * 0.25**2 + 5e-3 * 2 * x) / y**4
-    torque = M * a + 0.5 * slope * rate**2 + (2000 - 9.81 * (4 + 0.9 / 2)) * p * x / y
-    assert close(found["actuator_force"]["screw"], torque)
-    assert close(found["reaction"]["thread.coupling"], (3e-4 * a - torque) / p)
 
 
 @pytest.mark.parametrize("engines", [ENGINES, ["screw", "truth"]], ids=["engines", "truth"])
@@ -133,7 +84,7 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     forces = Forces(actuators=np.full(len(mechanism.actuators), 0.7))
     dense = forward_dense(lay, rate, forces)
     ydd = forward(lay, rate, forces).ydd
-    assert dense.qdd[:, mechanism.independent_columns] == pytest.approx(ydd, rel=1e-9)
+    assert dense.qdd[:, mechanism.independent_columns] == pytest.approx(ydd, rel=ROUND_TRIP, abs=0)
     assert (mechanism.coupling_rows.matrix(rate.pose.q) @ rate.w[..., None]) == pytest.approx(0.0, abs=1e-13)
 
 
@@ -144,9 +95,9 @@ def test_single_precision_stays_single(write):
     assert accelerations(lay, rate, np.ones((1, 2), np.float32))[0].dtype == rate.A.dtype == np.float32
 
 
-@pytest.mark.parametrize("component", ["tie.c.q2", "tie.s.q3", "tie.f.z", "tie.u.q1"])
-def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(component, write):
+def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):
     scene = moving(write, every_kind(), {"a": 0.3, "b": -0.2}, "G")
+    scene = scene.at(scene.t[1:3])
     solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
 
     def faults(quantity: str, name: str) -> set[str]:
@@ -157,10 +108,11 @@ def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(component, write):
         rows = judge(scene.mechanism, scene.problem(GIVEN), wrong)
         return {*rows["residual"][~rows["ok"]]}
 
-    assert faults("reaction", f"{component}.coupling") == {"newton_euler"}
-    assert "loop_closure" in faults("joint_position", component.removeprefix("tie."))
-    assert "loop_rate" in faults("joint_velocity", component.removeprefix("tie."))
-    assert "loop_acceleration" in faults("joint_acceleration", component.removeprefix("tie."))
+    assert faults("reaction", "tie.c.q2.coupling") == {"newton_euler"}
+    assert faults("reaction", "tie.s.q3.coupling") == {"newton_euler"}
+    assert "loop_closure" in faults("joint_position", "p")
+    assert "loop_rate" in faults("joint_velocity", "f.z")
+    assert "loop_acceleration" in faults("joint_acceleration", "u.q1")
 
 
 def test_gears_join_two_loops(write):
@@ -169,7 +121,9 @@ def test_gears_join_two_loops(write):
     names = ("crank", "coupler", "rocker", "joints.a", "joints.b", "joints.c", "joints.d")
     two = one
     for name in names:
-        two = two.replace(f".{name}]", f".{name}2]").replace(f'"{name}"', f'"{name}2"').replace(f"[{name}]", f"[{name}2]")
+        two = (
+            two.replace(f".{name}]", f".{name}2]").replace(f'"{name}"', f'"{name}2"').replace(f"[{name}]", f"[{name}2]")
+        )
     gear = '[couplings.mesh]\ncoordinate = "a2"\nof = "a"\npolynomial = ["1.2 + 1.5*1.2", -1.5]\n'
     text = f'name = "two"\nindependent = {{ a = "a" }}\n{one}{two.replace("actuated = true", "")}{gear}'
     results = screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES)

@@ -110,7 +110,9 @@ def serial(s: Sketch, kinds: str = "") -> int:
 def gear_train(s: Sketch) -> int:
     """An open chain or tree of which one or two coordinates move all others by couplings."""
     free = int(s.rng.integers(1, 3))
-    serial(s, "".join([*s.rng.choice(list("RRP"), size=free), *s.rng.choice(list("RRRPUC"), size=s.rng.integers(2, 6))]))
+    serial(
+        s, "".join([*s.rng.choice(list("RRP"), size=free), *s.rng.choice(list("RRRPUC"), size=s.rng.integers(2, 6))])
+    )
     for row in range(free, s.firsts[-1]):
         s.tie(row, int(s.rng.integers(row)))
     return free
