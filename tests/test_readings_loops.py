@@ -105,7 +105,9 @@ BAD = {
     "joint_name: [tip]\njoint_type: [SPHERICAL]": "unknown joint 'tip'",
     "joint_name: [knee]": "1 joint names, 0 joint types",
     "a: !!python/object/apply:os.getcwd []": "is no YAML (",
-    "[" * 5000: "is no YAML (",
+    "[" * 1000: "1000 nested brackets, more than 10",
+    "- " * 5000: "is no YAML (",
+    "a: 1\n" * 20_000: "100000 characters of YAML, more than 50000",
 }
 
 
