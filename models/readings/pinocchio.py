@@ -146,14 +146,16 @@ def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
     for i, frame in enumerate(model.frames):
         if frame.type != kinds.BODY:
             continue
-        joints, above = (), frame.parentFrame
+        joints: tuple[str, ...] = ()
+        above = frame.parentFrame
         while above and model.frames[above].type != kinds.BODY:
             if model.frames[above].type == kinds.JOINT:
                 joints = names[model.frames[above].parentJoint] + joints
             above = model.frames[above].parentFrame
         Y, near = inertias.get(i), model.frames[above].name if above else ""
-        moments = (float(Y.mass), np.array(Y.lever), np.array(Y.inertia)) if Y else (0.0, np.zeros(3), np.zeros((3, 3)))
-        yield Link(frame.name, near, joints, *moments, np.array(data.oMf[i].homogeneous))
+        com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
+        mass = float(Y.mass) if Y else 0.0
+        yield Link(frame.name, near, joints, mass, com, inertia, np.array(data.oMf[i].homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:
