@@ -61,6 +61,8 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     pinocchio.updateFramePlacements(model, data)
     assembly = assemble(_links(model, data, parts), str(source.path))
     J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
+    if source.form == "urdf":
+        ignored += _planar_axes(source)
     return Reading(
         name=source.name,
         library="pinocchio",
@@ -185,6 +187,15 @@ def _inertias(model: Any) -> dict[int, Any]:
         if Y.mass:
             inertias[i] = Y
     return inertias
+
+
+def _planar_axes(source: Source) -> Iterator[str]:
+    """Pinocchio lets every planar joint move in the plane of x and y; URDF's own default is that of y and z."""
+    for joint in source.root.iterfind("joint"):
+        axis = joint.find("axis")
+        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        if joint.get("type") == "planar" and [float(word) for word in xyz.split()][:2] != [0.0, 0.0]:
+            yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
 def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
