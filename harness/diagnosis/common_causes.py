@@ -36,7 +36,13 @@ def scaled(real: Real, b: Reading, file: Opened | None) -> Iterator[Hypothesis]:
             values = tuple(
                 Value(name, "mass", np.asarray(after[name].mass), np.asarray(b.bodies[name].mass)) for name in fits
             )
-            yield Hypothesis(f"{words} of {len(fits)} bodies, {ratio:.9g} times those of A", numbers, ("all scaled alike",), 1, values)
+            yield Hypothesis(
+                f"{words} of {len(fits)} bodies, {ratio:.9g} times those of A",
+                numbers,
+                ("all scaled alike",),
+                1,
+                values,
+            )
 
 
 def _of(change: Change, body: str) -> bool:
