@@ -179,9 +179,9 @@ def _steps(
         if best > (1.0 - LEAST) * now:
             return (*steps, *_rest(left, hypotheses, taken, before))
         equal = [i for i in tried if tried[i] <= max(best + ALIKE * now, ROUNDING)]
-        chosen = min(equal, key=lambda i: (hypotheses[i].numbers, tried[i]))
+        chosen = min(equal, key=lambda i: (hypotheses[i].numbers, -len(hypotheses[i].differences), tried[i]))
         own = {*hypotheses[chosen].differences}
-        alike = tuple(hypotheses[i] for i in equal if not own <= {*hypotheses[i].differences})
+        alike = tuple(hypotheses[i] for i in equal if _another(hypotheses[i], hypotheses[chosen]))
         share = _share(before, tried[chosen])
         steps.append(Step(hypotheses[chosen], _share(before, alone[chosen]), share, alike))
         gains |= {i: now - each for i, each in tried.items()}
@@ -199,3 +199,11 @@ def _rest(
     share, gone = _share(before, left(taken | numbers)), _share(before, left(taken))
     if share - gone > LEAST * (1.0 - gone):
         yield Step(rest, _share(before, left(numbers)), share)
+
+
+def _another(hypothesis: Hypothesis, chosen: Hypothesis) -> bool:
+    """Whether it is of something else, and not the chosen one with more beside it or in other words."""
+    if hypothesis is chosen or {*chosen.differences} < {*hypothesis.differences}:
+        return False
+    items = [{(value.item, value.what) for value in each.values} for each in (hypothesis, chosen)]
+    return not items[0] <= items[1]

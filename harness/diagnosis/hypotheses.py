@@ -15,8 +15,9 @@ from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypo
 from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.opened import Opened, frames_of
 from screwgauge.diagnosis.words import NAMES
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation
 
 
 def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | None = None) -> list[Hypothesis]:
@@ -34,6 +35,8 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
     for i, (difference, change) in real.items():
         if difference.what not in INERTIAL:
             found.append(_single(i, difference, change, b, files))
+        if difference.what == "gravity":
+            found += _base(i, change, b)
     return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences)]
 
 
@@ -139,6 +142,19 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
         COUNT.get(what, change.value.size),
         (Value(change.item, what, *values),) if values else (),
     )
+
+
+def _base(i: int, change: Change, b: Reading) -> Iterator[Hypothesis]:
+    """Gravity that only points elsewhere cannot be told from a base that stands turned."""
+    down, other = downwards(b), change.value
+    if gravity_slips(other, down) and abs(np.linalg.norm(down) - np.linalg.norm(other)) <= 1e-9 * np.linalg.norm(down):
+        axis = np.cross(other, down)
+        sine, cosine = float(np.linalg.norm(axis)), float(other @ down)
+        unit = axis / sine if sine > 0.0 else np.eye(3)[int(np.abs(down).argmin())]
+        T = matrix(np.zeros(3), rotation(unit, np.array(np.arctan2(sine, cosine))))
+        roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
+        values = tuple(Value(joint, "placement", T, np.eye(4)) for joint in roots)
+        yield Hypothesis(f"turn of the base, which carries {', '.join(roots)}", (i,), (), 3, values)
 
 
 def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array, Array]:

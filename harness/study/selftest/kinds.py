@@ -22,7 +22,7 @@ _SINGLE: tuple[Mutation, ...] = (
     *(placements.placement_shift, placements.placement_turn, placements.placement_turn_lost),
     *(placements.placement_in_millimetres, placements.gravity_value, placements.gravity_direction),
     *(placements.compensation, placements.gear_changed, placements.joint_fixed, placements.branch_missing),
-    placements.digits,
+    *(placements.digits, placements.anchor_moved, placements.coupling_changed),
 )
 _PASSIVE = {
     "armature": ("", "armature"),

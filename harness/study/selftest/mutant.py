@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
 #: Item of a change of all parts.
 EVERYWHERE = "*"
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
-from screwgauge.diagnosis.static import BOUNDLESS
 from screwgauge.diagnosis.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
 from screwgauge.reference.rotations import Array, rotation
@@ -13,22 +14,8 @@ from screwgauge.study.selftest.marks import end, joints
 from screwgauge.study.selftest.mutant import CannotError, Expected
 from screwgauge.study.selftest.mutations import Random, _joint, _set, _unit, _urdf
 
-_NUMBERS = (
-    "value",
-    "xyz",
-    "rpy",
-    "ixx",
-    "iyy",
-    "izz",
-    "ixy",
-    "ixz",
-    "iyz",
-    "pos",
-    "quat",
-    "mass",
-    "diaginertia",
-    "fullinertia",
-)
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBERS = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER})*\s*")
 _ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
@@ -261,34 +248,42 @@ def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    """All numbers of inertials and placements with six or seven digits."""
-    places, changed = 6 + int(rng.integers(2)), False
-    tags = ("mass", "inertia", "origin", "inertial", "body")
-    for element in xml.root.iter(*tags):
-        values = {}
-        for name in (
-            "value",
-            "xyz",
-            "rpy",
-            "pos",
-            "quat",
-            "mass",
-            "diaginertia",
-            "fullinertia",
-            "ixx",
-            "iyy",
-            "izz",
-            "ixy",
-            "ixz",
-            "iyz",
-        ):
-            if text := element.get(name):
-                short = " ".join(f"{float(word):.{places}g}" for word in text.split())
-                if any(float(a) != float(b) for a, b in zip(short.split(), text.split(), strict=True)):
-                    values[name] = short
-        if values:
-            changed = True
-            xml.set(element, **values)
+    """The file printed with six or seven digits."""
+    places, changed, waiting = 6 + int(rng.integers(2)), False, [xml.root]
+    while waiting:
+        element = waiting.pop()
+        waiting += element.children
+        for name, text in element.attributes.items():
+            short = " ".join(f"{float(word):.{places}g}" for word in text.split()) if NUMBERS.fullmatch(text) else text
+            if any(float(a) != float(b) for a, b in zip(short.split(), text.split(), strict=True) if short != text):
+                changed = True
+                xml.set(element, **{name: short})
     if not changed:
         raise CannotError("all numbers are short")
     return [Expected("", ("digits",))]
+
+
+def anchor_moved(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """Where a closure of an MJCF holds one of its bodies."""
+    step = 0.1 * size * _unit(rng)
+    sites = {element.get("name"): element for element in xml.root.iter("site")}
+    parts = [part for room in xml.root.iter("equality") for part in room.children if part.tag == "connect"]
+    parts = [part for part in parts if part.get("name") and part.get("site1") in sites]
+    if not parts:
+        raise CannotError("no closure of two sites")
+    part = parts[rng.integers(len(parts))]
+    site = sites[part.get("site1")]
+    xml.set(site, pos=vector_text(numbers(site.get("pos")) + step))
+    return [Expected(part.get("name"), ("first_frame", "second_frame"), float(np.linalg.norm(step)))]
+
+
+def coupling_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """By how much a joint follows another one."""
+    found = [joint for joint in xml.root.children if joint.find("mimic") is not None] if _urdf(xml) else []
+    if not found:
+        raise CannotError("no joint follows another one")
+    joint = found[rng.integers(len(found))]
+    mimic = joint.find("mimic")
+    old = float(mimic.get("multiplier", "1")) if mimic else 1.0
+    _set(xml, joint, "mimic", multiplier=number_text(old * (1.0 + size)))
+    return [Expected(joint.get("name"), ("polynomial",), abs(old * size))]

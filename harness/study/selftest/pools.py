@@ -21,6 +21,7 @@ PUBLIC = {
         "solo12": "solo_description/robots/solo12.urdf",
         "kinova": "kinova_description/robots/kinova.urdf",
         "anymal": "anymal_b_simple_description/robots/anymal.urdf",
+        "tiago": "tiago_description/robots/tiago.urdf",
         "allegro": "allegro_hand_description/urdf/allegro_right_hand.urdf",
     }.items()
 } | {
@@ -50,10 +51,8 @@ def pools(folder: Path, quick: bool = False) -> list[Pool]:
         folder: Where those that are made here are written.
         quick: Fewer and small ones.
     """
-    made = [
-        *_trees(folder, 2 if quick else 4),
-        *_built_in(folder, ("arm7",) if quick else ("arm7", "3ups-upu-s", "stewart")),
-    ]
+    names = ("arm7",) if quick else ("arm7", "3ups-upu-s", "stewart")
+    made = [*_trees(folder, 2 if quick else 4), *_built_in(folder, names)]
     return made if quick else [*made, *public()]
 
 

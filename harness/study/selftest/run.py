@@ -26,7 +26,6 @@ COUNT, PAIRS = 500, 200
 SMALLEST, LARGEST = 1e-6, 0.1  # relative size of a change
 #: A change of torques below it [of the largest torque] need not be found.
 VISIBLE = 1e-9
-TRIES = 40  # models that a kind of change is offered before it is skipped
 CHANGED, ALIKE = "changed", "alike"
 COLUMNS = (
     *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
@@ -102,14 +101,15 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
     size = float(10.0 ** rng.uniform(np.log10(SMALLEST), np.log10(LARGEST)))
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "group": item.group, "number": item.number, "kind": item.kind}
     reason = ""
-    for _ in range(TRIES):
-        pool = models[rng.integers(len(models))]
-        (first, library_a), (second, library_b) = (pool.files[k] for k in rng.integers(len(pool.files), size=2))
+    for i in rng.permutation(len(models)):
+        pool = models[int(i)]
+        (first, library_a), (second, library_b) = (pool.files[int(k)] for k in rng.integers(len(pool.files), size=2))
         text = read_file(second)
         try:
-            text, expected = (
-                changed(item.kind, text, rng, size) if item.group == CHANGED else (REWRITES[item.kind](text, rng), [])
-            )
+            if item.group == CHANGED:
+                text, expected = changed(item.kind, text, rng, size)
+            else:
+                text, expected = REWRITES[item.kind](text, rng), []
         except CannotError as error:
             reason = str(error)
             continue
@@ -143,10 +143,5 @@ def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:
 
 def _alike(found: Diagnosis) -> dict[str, Any]:
     effect = found.attribution.before.scaled if found.attribution else np.inf
-    first = "" if found.same else found.verdict
-    return {
-        "effect": f"{effect:.3g}",
-        "detected": not found.same,
-        "first": first,
-        "verdict": "ok" if found.same else "false alarm",
-    }
+    said = {"first": "", "verdict": "ok"} if found.same else {"first": found.verdict, "verdict": "false alarm"}
+    return {"effect": f"{effect:.3g}", "detected": not found.same, **said}
