@@ -78,8 +78,8 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
         out.numbers(name, "joint axis at home", want / scale, have / scale)
     if found.gravity is None or expected.gravity is None:
         return
-    scale = float(np.linalg.norm(expected.gravity)) or 9.81
-    out.numbers("", "gravity", expected.gravity, found.gravity, scale)
+    size = float(np.linalg.norm(expected.gravity)) or 9.81
+    out.numbers("", "gravity", expected.gravity, found.gravity, size)
     out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
     out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
     for name in _common(expected.closures, found.closures):

@@ -13,6 +13,8 @@ ARM = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}{LINK.replace(
 <dynamics damping="1" friction="2"/></joint>
 <joint name="k" type="revolute"><parent link="b"/><child link="c"/><limit lower="-1" upper="1" effort="5" velocity="4"/>
 <mimic joint="j"/></joint></robot>"""
+PLANAR = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}
+<joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>"""
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 JOINT = '<joint name="j" armature="0.1" damping="1" frictionloss="2" stiffness="3" range="-1 1"/>'
 BODY = f'<body name="a" gravcomp="0.5">{JOINT}{INERTIAL}</body>'
@@ -38,6 +40,10 @@ CASES = [
     ("pinocchio", mjcf(BODY, '<compiler settotalmass="3"/>'), ("compiler settotalmass",)),
     ("pinocchio", mjcf(f"{BODY}<frame><body name='b'/></frame>"), ("body b, which pinocchio drops", "frame")),
     ("pinocchio", mjcf(BODY + "<replicate count='2'><geom size='1'/></replicate>"), ("replicate",)),
+    ("mujoco", mjcf(BODY.replace('damping="1"', 'damping="1 2"')), ("damping of joint j by its higher powers",)),
+    ("mujoco", mjcf(BODY.replace(JOINT, '<joint type="ball" range="0 1" name="j"/>')), ("range of ball joint j",)),
+    ("pinocchio", PLANAR, ("axis 0 1 0 of planar joint j: Pinocchio takes 0 0 1",)),
+    ("pinocchio", PLANAR.replace('<axis xyz="0 1 0"/>', ""), ("axis 1 0 0 of planar joint j: Pinocchio takes 0 0 1",)),
     (
         "pinocchio",
         mjcf(BODY).replace("</mujoco>", "<actuator><motor name='m' joint='j'/></actuator></mujoco>"),

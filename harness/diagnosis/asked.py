@@ -45,6 +45,7 @@ def apart(said: Answers, tree: Tree, states: States, ours: Dynamics | None = Non
         Quantity -> largest difference and largest magnitude.
     """
     ours = ours or dynamics(tree, states)
+    force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
     parts = passive_parts(tree, states)
     pairs: dict[str, tuple[Array, Array]] = {
         "tau": (said.tau, ours.tau - sum(force for name, force in parts.items() if name not in said.covers)),
@@ -54,4 +55,10 @@ def apart(said: Answers, tree: Tree, states: States, ours: Dynamics | None = Non
         "velocity": (said.velocity, ours.velocity),
         "acceleration": (said.acceleration, ours.acceleration),
     }
-    return {name: (float(np.abs(x - y).max()), float(np.abs(y).max())) for name, (x, y) in pairs.items()}
+    if tree.reading.medium != (0.0, 0.0) and "medium" in said.covers:
+        del pairs["tau"], pairs["bias"]  # own dynamics know no medium
+    least = dict.fromkeys(("tau", "bias", "gravity"), force)
+    return {
+        name: (float(np.abs(x - y).max()), max(float(np.abs(y).max()), least.get(name, 0.0)))
+        for name, (x, y) in pairs.items()
+    }

@@ -45,8 +45,10 @@ class Pairing:
 
     @property
     def alike(self) -> bool:
-        """Whether enough has a partner for the two to be models of one machine."""
-        return len(self.joints) >= ALIKE * (len(self.joints) + max(len(self.only_a), len(self.only_b)))
+        """Whether enough has a partner for the two to be models of one machine: of one by name, or of both."""
+        named, alone = sum(how != "geometry" for how in self.how.values()), (len(self.only_a), len(self.only_b))
+        by_name = named >= ALIKE * (len(self.joints) + min(alone))
+        return bool(self.joints) and (by_name or len(self.joints) >= ALIKE * (len(self.joints) + max(alone)))
 
 
 def read_map(path: Path) -> dict[str, str]:

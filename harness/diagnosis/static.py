@@ -12,7 +12,7 @@ from screwgauge.diagnosis.closing import residual_at_home
 from screwgauge.diagnosis.common import Common, owned
 from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.geometry import ROUNDING, Deviation, deviations
-from screwgauge.diagnosis.lines import size
+from screwgauge.diagnosis.lines import CLOSE, size
 from screwgauge.diagnosis.tree import plant
 from screwgauge.diagnosis.words import compared, place, unit_of
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading
@@ -80,10 +80,20 @@ def _deviation(common: Common, found: Deviation) -> Difference:
 def _model(common: Common) -> Iterator[Difference]:
     a, b = downwards(common.a), downwards(common.b)
     if np.linalg.norm(a - b) > ROUNDING * max(float(np.linalg.norm(a)), float(np.linalg.norm(b))):
-        yield _difference(common, "", "gravity", a, b)
+        size_, sentence = compared("", "gravity", a, b, PROPERTIES["gravity"].unit)
+        yield _difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
     first, second = np.array(common.a.medium), np.array(common.b.medium)
     if np.any(np.abs(first - second) > ROUNDING * np.maximum(first, second)):
         yield _difference(common, "", "medium", first, second)
+
+
+def _stands(common: Common, a: Array, b: Array) -> str:
+    """What is to be said of gravity that differs because one of the models stands turned."""
+    R = common.placement[:3, :3]
+    if np.linalg.norm(a - R.T @ b) > CLOSE * float(np.linalg.norm(a)):
+        return ""
+    angle = math.degrees(math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(R)) - 1.0)))))
+    return f", because B as a whole stands turned by {angle:.4g} deg against A"
 
 
 def _differ(a: float, b: float) -> bool:

@@ -54,10 +54,13 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str
             else:
                 named.append((_KINDS[row.tag], row.get("name", "")))
                 row.set("name", f"{len(named):06}")
-    if not named:
+    build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
+    if build is None:  # before Pinocchio 4
+        ignored += [f"closure {name}" for _, name in named]
+    if build is None or not named:
         return {}
     with as_file(root) as path:
-        model, constraints = pinocchio.buildModelAndLegacyConstraintsFromMJCF(path)
+        model, constraints = build(path)
     found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
     # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
     named.sort(key=lambda entry: entry[0])

@@ -61,6 +61,8 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     pinocchio.updateFramePlacements(model, data)
     assembly = assemble(_links(model, data, parts), str(source.path))
     J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
+    if source.form == "urdf":
+        ignored += _planar_axes(source)
     return Reading(
         name=source.name,
         library="pinocchio",
@@ -146,14 +148,16 @@ def _links(model: Any, data: Any, parts: list[Part]) -> Iterator[Link]:
     for i, frame in enumerate(model.frames):
         if frame.type != kinds.BODY:
             continue
-        joints, above = (), frame.parentFrame
+        joints: tuple[str, ...] = ()
+        above = frame.parentFrame
         while above and model.frames[above].type != kinds.BODY:
             if model.frames[above].type == kinds.JOINT:
                 joints = names[model.frames[above].parentJoint] + joints
             above = model.frames[above].parentFrame
         Y, near = inertias.get(i), model.frames[above].name if above else ""
-        moments = (float(Y.mass), np.array(Y.lever), np.array(Y.inertia)) if Y else (0.0, np.zeros(3), np.zeros((3, 3)))
-        yield Link(frame.name, near, joints, *moments, np.array(data.oMf[i].homogeneous))
+        com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
+        mass = float(Y.mass) if Y else 0.0
+        yield Link(frame.name, near, joints, mass, com, inertia, np.array(data.oMf[i].homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:
@@ -183,6 +187,15 @@ def _inertias(model: Any) -> dict[int, Any]:
         if Y.mass:
             inertias[i] = Y
     return inertias
+
+
+def _planar_axes(source: Source) -> Iterator[str]:
+    """Pinocchio lets every planar joint move in the plane of x and y; URDF's own default is that of y and z."""
+    for joint in source.root.iterfind("joint"):
+        axis = joint.find("axis")
+        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        if joint.get("type") == "planar" and [float(word) for word in xyz.split()][:2] != [0.0, 0.0]:
+            yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
 def _joint(model: Any, data: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
