@@ -18,6 +18,8 @@ ROUNDING = 1e-12
 ALIKE = 1e-6
 #: A step that takes away less than this share of what is left is none.
 LEAST = 1e-3
+#: Combinations that are tried; models that differ everywhere have no cause that could be told in a sentence.
+MOST = 150
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,15 +168,18 @@ def _steps(
 
     What each took away when it was last tried tells which to try first, and when none of the rest can be better.
     """
-    taken, steps, now = set[int](), list[Step](), before
+    taken, steps, now, asked = set[int](), list[Step](), before, 0
     gains = {i: before - each for i, each in enumerate(alone)}
     while now > ROUNDING and gains:
+        if asked > MOST:
+            return (*steps, *_rest(left, hypotheses, taken, before))
         tried = dict[int, float]()
         for i in sorted(gains, key=lambda i: -gains[i]):
             gain = now - min(tried.values(), default=now)
             if gain > LEAST * now and gains[i] < gain * (1.0 - ALIKE):
                 break
             tried[i] = left(taken | {*hypotheses[i].differences}) if steps else alone[i]
+            asked += len(steps) > 0
         best = min(tried.values())
         if best > (1.0 - LEAST) * now:
             return (*steps, *_rest(left, hypotheses, taken, before))

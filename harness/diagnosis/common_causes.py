@@ -10,13 +10,17 @@ from itertools import combinations
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.hypothesis import COMMON, INERTIAL, Hypothesis, Value
+from screwgauge.diagnosis.digits import longest
+from screwgauge.diagnosis.hypothesis import COMMON, INERTIAL, Files, Hypothesis, Value
 from screwgauge.diagnosis.matter import Matter, combined, of_body, steps_of
 from screwgauge.diagnosis.opened import Opened
 from screwgauge.models.readings.reading import Reading
 
 #: A common cause has to give each difference but this share of it.
 LEFT = 1e-6
+
+#: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
+FEWEST, MOST, SEVERAL = 5, 12, 4
 
 Real = Mapping[int, tuple[Difference, Change]]
 
@@ -59,11 +63,20 @@ def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: floa
     return left <= LEFT * step
 
 
-def printed(differences: Sequence[Difference]) -> Iterator[Hypothesis]:
+def printed(differences: Sequence[Difference], files: Files) -> Iterator[Hypothesis]:
     """All that is rounding of a file."""
     numbers = tuple(i for i, d in enumerate(differences) if d.kind == "digits" and d.change is not None)
+    if not numbers and files.a and files.b:
+        numbers = _rounded(differences, *(longest(file.xml.text()) for file in (files.a, files.b)))
     if numbers:
         yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 1)
+
+
+def _rounded(differences: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:
+    """All differences, if one file has no number with more than a few digits and none of them is larger than these."""
+    digits, real = min(a, b), [i for i, d in enumerate(differences) if d.change is not None]
+    small = all(differences[i].size <= 5.0 * 10.0 ** (1 - digits) for i in real)
+    return tuple(real) if a != b and FEWEST <= digits <= MOST and len(real) >= SEVERAL and small else ()
 
 
 def swapped(found: Sequence[Hypothesis]) -> Iterator[Hypothesis]:

@@ -24,16 +24,27 @@ def digits_of(text: str) -> int:
 
     A program that cuts leaves many numbers of the same length and none that is longer; people do not.
     """
-    counts = Counter(
-        _significant(match.group(0))
-        for value in re.findall(r"=\s*[\"']([^\"']*)[\"']", text)
-        for match in _NUMBER.finditer(value)
-    )
+    counts = _counts(text)
     long = {n: count for n, count in counts.items() if n > 3}
     if not long or max(long) >= ALL:
         return ALL
     most = max(long)
     return most if long[most] >= CUT * sum(long.values()) else ALL
+
+
+def longest(text: str) -> int:
+    """Digits of the longest number in the attributes of a file."""
+    return max(_counts(text), default=0)
+
+
+def _counts(text: str) -> Counter[int]:
+    """How many numbers have how many digits; those of comments do not count."""
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    return Counter(
+        _significant(match.group(0))
+        for value in re.findall(r"=\s*[\"']([^\"']*)[\"']", text)
+        for match in _NUMBER.finditer(value)
+    )
 
 
 def _significant(number: str) -> int:

@@ -37,7 +37,7 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
             found.append(_single(i, difference, change, b, files))
         if difference.what == "gravity":
             found += _base(i, change, b)
-    return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences)]
+    return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences, files)]
 
 
 def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Hypothesis]:
