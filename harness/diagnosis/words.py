@@ -15,6 +15,7 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     from screwgauge.diagnosis.common import Common
 
+_AXES = "xyz"
 #: Property -> how it is called in a sentence.
 NAMES = {
     "com": "centre of mass",
@@ -78,7 +79,7 @@ def with_sides(sentence: str, a: str, b: str) -> str:
 
 def digits(value: float, other: float) -> str:
     """A number with as many digits as tell it from another one, and two more; 4 at least."""
-    if value in (other, 0.0) or other == 0.0 or not (math.isfinite(value) and math.isfinite(other)):
+    if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
     shown = min(17, max(4, math.ceil(math.log10(near)) + 2))
@@ -105,7 +106,13 @@ def _change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Principal moments and how the axes are turned, where that says more than the entries."""
+    """The entry that differs, if it is one; else principal moments, and whether the axes are others."""
+    apart = np.triu(np.abs(a - b))
+    entries = np.argwhere(apart > 1e-6 * apart.max())
+    if len(entries) == 1:
+        ((i, j),) = entries
+        x, y = float(a[i, j]), float(b[i, j])
+        return f"{_AXES[i]}{_AXES[j]} {digits(y, x)} kg m^2 in B, {digits(x, y)} kg m^2 in A ({_change(x, y)})"
     with np.errstate(invalid="ignore"):
         first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
     scale = max(_finite(a), _finite(b)) or 1.0
