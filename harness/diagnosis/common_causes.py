@@ -69,7 +69,7 @@ def printed(differences: Sequence[Difference], files: Files) -> Iterator[Hypothe
     if not numbers and files.a and files.b:
         numbers = _rounded(differences, *(longest(file.xml.text()) for file in (files.a, files.b)))
     if numbers:
-        yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 1)
+        yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 0)
 
 
 def _rounded(differences: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:

@@ -36,7 +36,7 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         if difference.what not in INERTIAL:
             found.append(_single(i, difference, change, b, files))
         if difference.what == "gravity":
-            found += _base(i, change, b)
+            found += _base(i, change, b, files)
     return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences, files)]
 
 
@@ -144,7 +144,7 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     )
 
 
-def _base(i: int, change: Change, b: Reading) -> Iterator[Hypothesis]:
+def _base(i: int, change: Change, b: Reading, files: Files) -> Iterator[Hypothesis]:
     """Gravity that only points elsewhere cannot be told from a base that stands turned."""
     down, other = downwards(b), change.value
     if gravity_slips(other, down) and abs(np.linalg.norm(down) - np.linalg.norm(other)) <= 1e-9 * np.linalg.norm(down):
@@ -154,7 +154,10 @@ def _base(i: int, change: Change, b: Reading) -> Iterator[Hypothesis]:
         T = matrix(np.zeros(3), rotation(unit, np.array(np.arctan2(sine, cosine))))
         roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
         values = tuple(Value(joint, "placement", T, np.eye(4)) for joint in roots)
-        yield Hypothesis(f"turn of the base, which carries {', '.join(roots)}", (i,), (), 3, values)
+        frames = [link.frame for link in files.b.links if {*roots} & {*link.joints}] if files.b else []
+        turns = [matrix(np.zeros(3), F[:3, :3]) for F in frames]
+        said = tuple(f"placement {slip}" for F in turns for slip in placement_slips(T @ F, F))
+        yield Hypothesis(f"turn of the base, which carries {', '.join(roots)}", (i,), said, 3, values)
 
 
 def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array, Array]:
