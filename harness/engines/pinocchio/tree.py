@@ -6,9 +6,6 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-import os
-import sys
-import tempfile
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from screwgauge.engines.pinocchio.heard import heard
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.errors import ModelFileError
@@ -29,20 +27,12 @@ _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
-    text = read_model(urdf)
-    sys.stderr.flush()
-    stderr, reason = os.dup(2), ""
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
+    text, reason = read_model(urdf), ""
+    with heard() as lines:
         try:
             model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:
             reason = str(error)
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        said.seek(0)
-        lines = said.read().decode(errors="replace").splitlines()
     reason = next((line for line in lines if line.startswith("Error:")), reason)
     if reason:
         reason = reason.removeprefix("Error:").strip().rstrip(".")
