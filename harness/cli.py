@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
         add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
 
     add = command(commands.list_, "what there is to choose from")
-    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
+    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
     add("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
@@ -111,6 +111,9 @@ def _parser() -> argparse.ArgumentParser:
     add("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     add("--severity", metavar="A,B", help="these rungs of the one case named")
+
+    add = command(commands.diagnose, "show a named discrepancy of the engines, with its cause and its remedy")
+    add("--case", required=True, metavar="ID", help="one of 'list discrepancies'")
 
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser

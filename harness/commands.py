@@ -143,6 +143,17 @@ def paper(options: argparse.Namespace) -> int:
     return 0 if _study(page, out, measure).complete else 1
 
 
+def diagnose(options: argparse.Namespace) -> int:
+    """Shows a named discrepancy with the installed engines."""
+    from screwgauge.casebook.book import reproduce
+    from screwgauge.report.casebook import blocks
+    from screwgauge.report.terminal import terminal
+
+    result = reproduce(options.case)
+    say(terminal(blocks(result)))
+    return 0 if result.ok else 3
+
+
 def _study(
     page: ModuleType,
     out: Path,

@@ -35,7 +35,7 @@ def armature() -> Shown:
 
 
 def damping() -> Shown:
-    """Torque at 1 rad/s against a damper in a URDF, which MuJoCo reads and applies, and Pinocchio reads and does not."""
+    """Torque at 1 rad/s against a damper in a URDF, which both engines read and MuJoCo alone applies."""
     text = robot(link("a"), joint("a", inside='<dynamics damping="2"/>'))
     model = pinocchio.load_urdf(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])

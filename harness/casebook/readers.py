@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from screwgauge.engines.mujoco.discrepancies import probe as mujoco
 from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
 from screwgauge.engines.samples import ARM, INERTIAL, WEIGHT, FourBar, body, mjcf
@@ -95,17 +93,13 @@ def spring_and_damper() -> Shown:
 
 
 def site_on_world() -> Shown:
-    """Distance of the ends of a closed loop at home, one end being a site of the world, and by body and anchor."""
+    """How far the ends of a loop are apart that is closed at home, one end being a site of the world, and by body and
+    anchor."""
     tip = '<site name="tip" pos="0.3 0 0"/>'
     bars = f'<site name="ground" pos="0.3 0 0"/>{body("a", tip)}'
-
-    def gap(ends: str) -> float:
-        text = mjcf(bars, after=f"<equality><connect {ends}/></equality>")
-        (constraint,) = pinocchio.load_closed(text)[1]
-        apart = constraint.joint1_placement.translation - constraint.joint2_placement.translation
-        return float(np.linalg.norm(apart))  # the frames of the bar and of the ground agree at home
-
-    return Shown(gap('site1="tip" site2="ground"'), 0.0, gap('body1="a" anchor="0.3 0 0"'), "m")
+    ends = ('body1="a" anchor="0.3 0 0"', 'site1="tip" site2="ground"')
+    by_body, by_site = pinocchio.gaps(*(mjcf(bars, after=f"<equality><connect {pair}/></equality>") for pair in ends))
+    return Shown(by_site, 0.0, by_body, "m")
 
 
 def closures_dropped() -> Shown:

@@ -85,7 +85,7 @@ def massless_link() -> Shown:
 
 
 def impossible_tensor() -> Shown:
-    """Moment of inertia about y of a thin plate in a URDF: with moments that no mass distribution has, and set right."""
+    """Moment of inertia about y of a thin plate in a URDF: with moments that no body has, and set right."""
     found = [
         measured(robot(link("a", com="0 0 0", tensor=tensor), joint("a")), moment)
         for tensor in ((0.01, 0.01, 0.05), (0.025, 0.025, 0.05))

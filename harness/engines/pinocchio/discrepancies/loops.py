@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,18 @@ def default_settings() -> Shown:
     """Largest error of the accelerations of a planar four-bar closed by a point, one of whose rows is empty."""
     closed = _Closed()
     return Shown(closed.error(), 0.0, closed.error(*_SAFE), "rad/s^2")
+
+
+def two_arguments() -> Shown:
+    """The same with constraints initialised as Pinocchio 3 wants it, without their data, and with them."""
+    closed, said = _Closed(), ""
+    value = math.nan
+    try:
+        pin.initConstraintDynamics(closed.model, closed.data, closed.contacts)
+        value = closed.error(*_SAFE)
+    except Exception as error:  # Boost's ArgumentError, which has no name to import
+        said = f"{type(error).__name__} of {pin.initConstraintDynamics.__name__}"
+    return Shown(value, 0.0, closed.error(*_SAFE), "rad/s^2", said)
 
 
 def one_iteration() -> Shown:
