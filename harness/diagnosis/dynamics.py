@@ -38,14 +38,14 @@ class Dynamics:
 def dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Dynamics:
     """Everything at once. Where the reading has no gravity there is none."""
     motion = motion or move(tree, states)
-    M = mass_matrix(tree, motion)
+    M = mass_matrix(tree, motion) + np.diag(_of_joints(tree, "armature"))
     weights = _along(tree, motion, _wrenches(tree, motion, still=True))
     inertial = _along(tree, motion, _wrenches(tree, motion))
     armature, passive = armature_force(tree, states), passive_force(tree, states)
     return Dynamics(
         inertial + armature + passive,
-        M + np.diag(_of_joints(tree, "armature")),
-        inertial - (M @ states.qdd[..., None])[..., 0],
+        M,
+        inertial + armature - (M @ states.qdd[..., None])[..., 0],
         weights,
         passive,
         np.concatenate([motion.twist[..., :3], velocity_at(motion.twist, motion.p)], axis=-1),
@@ -165,6 +165,14 @@ def armature_force(tree: Tree, states: States) -> Array:
 
 def passive_force(tree: Tree, states: States) -> Array:
     """That motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
-    against = _of_joints(tree, "damping") * states.qd + _of_joints(tree, "friction") * np.sign(states.qd)
+    return np.asarray(sum(passive_parts(tree, states).values()))
+
+
+def passive_parts(tree: Tree, states: States) -> dict[str, Array]:
+    """Of what `passive_force` is made."""
     stiffness = _of_joints(tree, "stiffness")
-    return against + stiffness * deflection(tree, states) if stiffness.any() else against
+    return {
+        "damping": _of_joints(tree, "damping") * states.qd,
+        "friction": _of_joints(tree, "friction") * np.sign(states.qd),
+        "stiffness": stiffness * deflection(tree, states) if stiffness.any() else np.zeros_like(states.qd),
+    }

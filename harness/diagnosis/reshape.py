@@ -15,33 +15,34 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 
-def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str, Array]]:
+def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
     """A reading with its home at other coordinates.
 
     Args:
         q: Coordinates of hinges and slides; the others stay.
 
     Returns:
-        The reading, and how what is before each joint is displaced from the home before. Shape (4, 4) each.
+        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
     """
+    if not q:
+        still = np.eye(4)
+        return reading, dict.fromkeys(reading.joints, still), dict.fromkeys(reading.bodies, still)
     tree = plant(reading)
     there = home(reading).q
     for name, value in q.items():
         there[0, tree.places[name]] = value
     (inner_R, inner_p), (outer_R, outer_p) = displacements(tree, there)
     before = {name: placement(inner_R[0, i], inner_p[0, i]) for i, name in enumerate(reading.joints)}
-    behind = [placement(outer_R[0, i], outer_p[0, i]) for i in tree.last]
-    return replace(
+    behind = {name: placement(outer_R[0, i], outer_p[0, i]) for name, i in zip(reading.bodies, tree.last, strict=True)}
+    new = replace(
         reading,
         joints={
             name: replace(moved(joint, before[name]), home=float(q.get(name, joint.home)))
             for name, joint in reading.joints.items()
         },
-        bodies={
-            name: replace(body, pose=T @ body.pose)
-            for T, (name, body) in zip(behind, reading.bodies.items(), strict=True)
-        },
-    ), before
+        bodies={name: replace(body, pose=behind[name] @ body.pose) for name, body in reading.bodies.items()},
+    )
+    return new, before, behind
 
 
 def placement(R: Array, p: Array) -> Array:
@@ -116,7 +117,7 @@ def held(reading: Reading, joints: Collection[str]) -> Reading:
     into: dict[str, tuple[str, Array]] = {}  # body that is part of another one -> that, its frame there
     fixed = dict(reading.fixed)
     for name, body in reading.bodies.items():
-        near, T = into.get(body.near, (body.near, np.eye(4)))
+        near, _ = into.get(body.near, (body.near, np.eye(4)))
         moving = tuple(joint for joint in body.joints if joint not in joints)
         if moving:
             bodies[name] = replace(body, near=near, joints=moving)
@@ -171,14 +172,14 @@ def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
     )
 
 
-def collapsed(reading: Reading) -> Reading:
-    """A reading without the massless links between joints that carry one body each: crosses of universal joints."""
+def collapsed(reading: Reading, names: Collection[str]) -> Reading:
+    """A reading without some of its massless links that carry one body each: crosses of universal joints."""
     bodies = dict(reading.bodies)
     tied = {body for c in reading.closures.values() for body in (c.first, c.second)}
     for name in reversed(list(reading.bodies)):
         body = bodies[name]
         carried = [other for other, candidate in bodies.items() if candidate.near == name]
-        if body.mass == 0.0 and not body.inertia.any() and len(carried) == 1 and name not in tied:
+        if name in names and body.mass == 0.0 and not body.inertia.any() and len(carried) == 1 and name not in tied:
             outer = bodies[carried[0]]
             bodies[carried[0]] = replace(outer, near=body.near, joints=body.joints + outer.joints)
             del bodies[name]

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.heard import heard
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
+from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
@@ -28,15 +28,14 @@ _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
     text, reason = read_model(urdf), ""
-    with heard() as lines:
+    with overheard() as said:
         try:
             model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:
             reason = str(error)
-    reason = next((line for line in lines if line.startswith("Error:")), reason)
+    reason = next(iter(said), reason)
     if reason:
-        reason = reason.removeprefix("Error:").strip().rstrip(".")
-        raise ModelFileError(f"Pinocchio cannot load it ({reason})", str(urdf), "correct the URDF")
+        raise ModelFileError(f"Pinocchio cannot load it ({reason.rstrip('.')})", str(urdf), "correct the URDF")
     return model
 
 

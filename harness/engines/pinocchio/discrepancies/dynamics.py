@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import inverse, load_urdf, mass
-from screwgauge.engines.pinocchio.heard import heard
 from screwgauge.engines.samples import ARM, INERTIA, MASS, WEIGHT, joint, link, robot
 from screwgauge.engines.shown import Shown
+from screwgauge.models.readings.overheard import overheard
 
 _BAR = robot(link("a"), joint("a"))
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -95,7 +95,6 @@ def spatial_acceleration() -> Shown:
 
 def error_goes_on() -> Shown:
     """Torque of the weight of a bar in a URDF with a misprint, which Pinocchio loads, and corrected."""
-    with heard() as lines:
+    with overheard() as said:
         value = float(inverse(load_urdf(_BAR.replace(f'xyz="{ARM} 0 0"', f'xyz="{ARM} 0 O"')))[0])
-    said = next((line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")), "")
-    return Shown(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", said)
+    return Shown(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(said), ""))

@@ -1,0 +1,187 @@
+"""Which differences between two models make their torques differ, and by what share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.diagnosis.change import Change, Difference, applied
+from screwgauge.diagnosis.hypotheses import Hypothesis
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.rotations import Array
+
+#: Scaled torques that differ by less are the same: own dynamics of two readings leave 1e-14, MuJoCo's tensors 5e-14.
+ROUNDING = 1e-12
+#: A hypothesis explains as much as another one if it leaves no more than this share of the difference beside it.
+ALIKE = 1e-6
+#: A step that takes away less than this share of what is left is none.
+LEAST = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Torques:
+    """What is to be explained, and how to ask.
+
+    Attributes:
+        a: Torques of A at the states. Shape (n, m).
+        of: Torques of B, or of B after changes, at the same states, in the counting of A. Shape (n, m).
+        names: Of the components, m of them.
+        unit: Of each, m of them.
+    """
+
+    a: Array
+    of: Callable[[Reading], Array]
+    names: tuple[str, ...]
+    unit: tuple[str, ...]
+
+    @property
+    def scale(self) -> Array:
+        """Of each component: its largest magnitude, at least a thousandth of that of any of the same unit. (m,)."""
+        most = np.abs(self.a).max(axis=0, initial=0.0)
+        units = np.array(self.unit)
+        floor = np.array([most[units == unit].max() for unit in self.unit])
+        return np.asarray(np.maximum(np.maximum(most, 1e-3 * floor), 1e-300))
+
+    def left(self, b: Reading) -> Array:
+        """Difference to A, scaled; infinite where there is no number. Shape (n, m)."""
+        left = (self.of(b) - self.a) / self.scale
+        return np.asarray(np.where(np.isfinite(left), left, np.inf))
+
+
+@dataclass(frozen=True, slots=True)
+class Largest:
+    """The largest difference: scaled, and as it is, with component and unit."""
+
+    scaled: float
+    value: float
+    component: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """A hypothesis that was taken.
+
+    Attributes:
+        alone: Share of the torque difference that it explains by itself.
+        share: Share explained by it and all before it.
+        alike: Others that explain as much and cannot be told from it by torques.
+    """
+
+    hypothesis: Hypothesis
+    alone: float
+    share: float
+    alike: tuple[Hypothesis, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attribution:
+    """What was found.
+
+    Attributes:
+        before: Largest torque difference, scaled, then where and how large: component, value and its unit.
+        ranking: All hypotheses with the share that each explains alone, the best first.
+        steps: Those that together explain the most, in the order in which they were taken.
+        left: As `before`, after all steps.
+        unseen: Differences that no torque shows.
+    """
+
+    before: Largest
+    ranking: tuple[tuple[Hypothesis, float], ...]
+    steps: tuple[Step, ...]
+    left: Largest
+    unseen: tuple[Difference, ...]
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """Of all steps."""
+        return tuple(change for step in self.steps for change in step.hypothesis.changes)
+
+    @property
+    def share(self) -> float:
+        """Of the torque difference that all steps explain."""
+        return self.steps[-1].share if self.steps else 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing but rounding is left."""
+        return self.left.scaled <= ROUNDING
+
+
+def largest(torques: Torques, left: Array) -> Largest:
+    """The largest of scaled differences, shape (n, m)."""
+    if not left.size:
+        return Largest(0.0, 0.0, "", "")
+    i, j = np.unravel_index(int(np.abs(left).argmax()), left.shape)
+    scaled = float(np.abs(left[i, j]))
+    return Largest(scaled, float(scaled * torques.scale[j]), torques.names[j], torques.unit[j])
+
+
+def attribute(
+    torques: Torques, b: Reading, differences: Sequence[Difference], hypotheses: Sequence[Hypothesis]
+) -> Attribution:
+    """Takes hypotheses one by one, each time the one that then explains most, until rounding is left.
+
+    Args:
+        b: The reading that changes are made in.
+        differences: All of them; `Hypothesis.differences` are numbers in it.
+    """
+    start = torques.left(b)
+    before = size(start)
+
+    def left(changes: Sequence[Change]) -> float:
+        return size(torques.left(applied(b, changes)))
+
+    alone = [left(hypothesis.changes) for hypothesis in hypotheses]
+    shares = [_share(before, each) for each in alone]
+    order = sorted(range(len(shares)), key=lambda i: (-round(shares[i], 9), hypotheses[i].numbers))
+    steps = _steps(left, hypotheses, alone, before)
+    after = torques.left(applied(b, [change for step in steps for change in step.hypothesis.changes]))
+    used = {number for step in steps for number in step.hypothesis.differences}
+    unseen = tuple(difference for i, difference in enumerate(differences) if i not in used)
+    ranking = tuple((hypotheses[i], shares[i]) for i in order)
+    return Attribution(largest(torques, start), ranking, steps, largest(torques, after), unseen)
+
+
+def size(left: Array) -> float:
+    """Root of the mean square over samples and components; squares must not overflow."""
+    most = float(np.abs(left).max(initial=0.0))
+    return most * float(np.sqrt(np.mean((left / most) ** 2))) if 0.0 < most < np.inf else most
+
+
+def _share(before: float, left: float) -> float:
+    return 1.0 - left / before if before > 0.0 else 0.0
+
+
+def _steps(
+    left: Callable[[Sequence[Change]], float], hypotheses: Sequence[Hypothesis], alone: Sequence[float], before: float
+) -> tuple[Step, ...]:
+    """The greedy combination.
+
+    What each took away when it was last tried tells which to try first, and when none of the rest can be better.
+    """
+    taken, steps, now = list[Change](), list[Step](), before
+    gains = {i: before - each for i, each in enumerate(alone)}
+    while now > ROUNDING and gains:
+        tried = dict[int, float]()
+        for i in sorted(gains, key=lambda i: -gains[i]):
+            if tried and gains[i] < (now - min(tried.values())) * (1.0 - ALIKE):
+                break
+            tried[i] = left([*taken, *hypotheses[i].changes]) if steps else alone[i]
+        best = min(tried.values())
+        if best > (1.0 - LEAST) * now:
+            break
+        equal = [i for i in tried if tried[i] <= max(best + ALIKE * now, ROUNDING)]
+        chosen = min(equal, key=lambda i: (hypotheses[i].numbers, tried[i]))
+        alike = tuple(
+            hypotheses[i] for i in equal if not {*hypotheses[chosen].differences} <= {*hypotheses[i].differences}
+        )
+        share = _share(before, tried[chosen])
+        steps.append(Step(hypotheses[chosen], _share(before, alone[chosen]), share, alike))
+        taken += hypotheses[chosen].changes
+        gains |= {i: now - each for i, each in tried.items()}
+        now, done = tried[chosen], {number for step in steps for number in step.hypothesis.differences}
+        gains = {i: gain for i, gain in gains.items() if not {*hypotheses[i].differences} <= done}
+    return tuple(steps)

@@ -1,0 +1,197 @@
+"""Which joint and which body of one model is which of another."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.change import moved, outwards
+from screwgauge.diagnosis.lines import apart, fitting, size
+from screwgauge.diagnosis.reshape import rehomed
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import read_file
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Below this share of joints with a partner, two models are of different machines.
+ALIKE = 0.5
+#: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
+NEAR = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairing:
+    """Joints and bodies of A with those of B.
+
+    Attributes:
+        joints, bodies: Name in A -> name in B.
+        how: Joint of A -> ``given``, ``name``, ``similar name`` or ``geometry``.
+        only_a, only_b: Joints without a partner.
+        placement: Of B's world in A's. Shape (4, 4).
+    """
+
+    joints: Mapping[str, str]
+    bodies: Mapping[str, str]
+    how: Mapping[str, str]
+    only_a: tuple[str, ...]
+    only_b: tuple[str, ...]
+    placement: Array
+
+    @property
+    def alike(self) -> bool:
+        """Whether enough has a partner for the two to be models of one machine."""
+        return len(self.joints) >= ALIKE * (len(self.joints) + max(len(self.only_a), len(self.only_b)))
+
+
+def read_map(path: Path) -> dict[str, str]:
+    """Names of A and of B from a TOML file.
+
+    Raises:
+        DescriptionError: It is no table of names.
+    """
+    try:
+        given = tomllib.loads(read_file(path))
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(
+            f"is no TOML ({error})", str(path), 'write lines such as "joint of A" = "joint of B"'
+        ) from None
+    for name, other in given.items():
+        if not isinstance(other, str):
+            raise DescriptionError(f"'{name}' is no name", str(path), 'write lines such as "joint of A" = "joint of B"')
+    return given
+
+
+def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pairing:
+    """Finds partners: as given, by name, by similar name, then by the tree and the geometry.
+
+    Args:
+        given: Joints or bodies of A -> those of B.
+
+    Raises:
+        UnknownNameError: A given name is of neither.
+    """
+    given = given or {}
+    for name, other in given.items():
+        if name not in a.joints and name not in a.bodies:
+            raise UnknownNameError("joint or body of A", name, [*a.joints, *a.bodies], "map")
+        if other not in b.joints and other not in b.bodies:
+            raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
+    joints, how = _by_name(a, b, given)
+    alike = counted_as(a, b, joints)
+    for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
+        joints[name], how[name] = other, "geometry"
+    T = _placement(a, counted_as(a, b, joints), joints)
+    bodies = _bodies(a, b, joints, given)
+    return Pairing(
+        {name: joints[name] for name in a.joints if name in joints},
+        bodies,
+        how,
+        tuple(name for name in a.joints if name not in joints),
+        tuple(name for name in b.joints if name not in joints.values()),
+        T,
+    )
+
+
+def counted_as(a: Reading, b: Reading, joints: Mapping[str, str]) -> Reading:
+    """B where its joints have the coordinates that their partners in A have at home."""
+    there = {other: a.joints[name].home for name, other in joints.items() if name in a.joints}
+    return rehomed(b, {name: q for name, q in there.items() if b.joints[name].home != q})[0]
+
+
+def _by_name(a: Reading, b: Reading, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    joints = {name: other for name, other in given.items() if name in a.joints and other in b.joints}
+    how = dict.fromkeys(joints, "given")
+    for similar, word in ((lambda name: name, "name"), (_plain, "similar name")):
+        left = [name for name in b.joints if name not in joints.values()]
+        keys = [similar(name) for name in left]
+        own = [similar(name) for name in a.joints if name not in joints]
+        for name in a.joints:
+            key = similar(name)
+            if name in joints or keys.count(key) != 1 or own.count(key) != 1:
+                continue
+            other = left[keys.index(key)]
+            if a.joints[name].kind == b.joints[other].kind:
+                joints[name], how[name] = other, word
+    return joints, how
+
+
+def _plain(name: str) -> str:
+    """A name without what files add to it: case, separators, the words joint and link, a robot's name before it."""
+    return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
+
+
+def _placement(a: Reading, b: Reading, joints: Mapping[str, str]) -> Array:
+    bodies = [(name, name) for name in a.bodies if name in b.bodies]
+    pairs = list(joints.items())
+    if pairs:
+        return fitting(a, b, pairs, bodies)
+    # nothing is called alike: the order of files is what there is
+    by_order = [(i, j) for i, j in zip(a.joints, b.joints, strict=False) if a.joints[i].kind == b.joints[j].kind]
+    return fitting(a, b, by_order, bodies) if by_order else np.eye(4)
+
+
+def _before(reading: Reading) -> dict[str, str]:
+    """Joint -> the one before it; empty of one at the ground."""
+    last: dict[str, str] = {}
+    before = {}
+    for name, body in reading.bodies.items():
+        prior = last.get(body.near, "")
+        for joint in body.joints:
+            before[joint], prior = prior, joint
+        last[name] = prior
+    return before
+
+
+def _by_geometry(a: Reading, b: Reading, joints: Mapping[str, str], T: Array) -> Iterator[tuple[str, str]]:
+    """Partners among the joints behind partners, the nearest first; what they carry decides between equals."""
+    before_a, before_b, length = _before(a), _before(b), size(a)
+    found = {"": "", **joints}
+    placed = {name: moved(joint, T) for name, joint in b.joints.items()}
+    for name in _outwards(before_a):
+        prior = before_a[name]
+        if name in found or prior not in found:
+            continue
+        free = [other for other, at in before_b.items() if at == found[prior] and other not in found.values()]
+        costs = {other: apart(a.joints[name], placed[other], length) + _unlike(a, name, b, other) for other in free}
+        best = min(costs, key=lambda other: costs[other], default=None)
+        if best is not None and costs[best] < NEAR + 1.0:
+            found[name] = best
+            yield name, best
+
+
+def _outwards(before: Mapping[str, str]) -> list[str]:
+    """Joints, each after the one before it."""
+
+    def depth(name: str) -> int:
+        return 1 + depth(before[name]) if before[name] else 0
+
+    return sorted(before, key=depth)
+
+
+def _unlike(a: Reading, name: str, b: Reading, other: str) -> float:
+    """How unlike the trees are that two joints carry, from 0 to 1: by number of joints and by mass."""
+    carried = [outwards(reading, joint) for reading, joint in ((a, name), (b, other))]
+    n, m = (len(joints) for _, joints in carried)
+    first, second = (sum(r.bodies[body].mass for body in c[0]) for r, c in zip((a, b), carried, strict=True))
+    mass = abs(first - second) / max(first, second, 1e-300)
+    return 0.5 * abs(n - m) / max(n, m) + 0.5 * mass
+
+
+def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Bodies behind the same last joint, then those that are called alike."""
+    behind = {body.joints[-1]: name for name, body in b.bodies.items()}
+    bodies = {name: other for name, other in given.items() if name in a.bodies and other in b.bodies}
+    for name, body in a.bodies.items():
+        partner = behind.get(joints.get(body.joints[-1], ""))
+        if name not in bodies and partner is not None and partner not in bodies.values():
+            bodies[name] = partner
+    for name in a.bodies:
+        if name not in bodies and name in b.bodies and name not in bodies.values() and name != GROUND:
+            bodies[name] = name
+    return {name: bodies[name] for name in a.bodies if name in bodies}

@@ -1,0 +1,138 @@
+"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart; poses in poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import BodyReading
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matter:
+    """Something rigid, in some frame.
+
+    Attributes:
+        mass: [kg].
+        com: Centre of mass [m]. Shape (3,).
+        inertia: About it [kg m^2]. Shape (3, 3).
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def of_body(body: BodyReading) -> Matter:
+    """That of a body."""
+    return Matter(body.mass, body.com, body.inertia)
+
+
+def steiner(r: Array) -> Array:
+    """Inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
+    return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
+
+
+def relative(near: Array, far: Array) -> Array:
+    """One pose in another. Shape (4, 4)."""
+    R = near[:3, :3].T
+    return matrix(R @ (far[:3, 3] - near[:3, 3]), R @ far[:3, :3])
+
+
+def displaced(matter: Matter, T: Array) -> Matter:
+    """The same in another frame, or displaced in its own.
+
+    Args:
+        T: From the frame of `matter` to the other. Shape (4, 4).
+    """
+    R = T[:3, :3]
+    return Matter(matter.mass, R @ matter.com + T[:3, 3], R @ matter.inertia @ R.T)
+
+
+def same(first: Matter, second: Matter) -> bool:
+    """Whether two are the same to the last bit."""
+    pairs = ((first.com, second.com), (first.inertia, second.inertia))
+    return first.mass == second.mass and all(np.array_equal(a, b) for a, b in pairs)
+
+
+def combined(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
+    """Two as one; with `sign` -1 the first without the second.
+
+    Where nothing but a dipole is left, its mass is zero and the centre of mass stays where the first has it.
+    """
+    mass = first.mass + sign * second.mass
+    if mass == 0.0:
+        return Matter(0.0, first.com, first.inertia + sign * second.inertia)
+    # about the centre of the first: what is small stays small
+    step = sign * second.mass / mass * (second.com - first.com)
+    com = first.com + step
+    parts = first.mass * steiner(first.com - com) + sign * second.mass * steiner(second.com - com)
+    return Matter(mass, com, first.inertia + sign * second.inertia + parts)
+
+
+def changed(matter: Matter, before: Matter, after: Matter) -> Matter:
+    """A part of a body, changed by what the whole changes from `before` to `after`; all in one frame."""
+    # (part - before) + after, in the ten parameters, in which bodies add: (m, m c, inertia about the origin)
+    old, new = _parameters(before), _parameters(after)
+    mass, first, second = (x + (b - a) for x, a, b in zip(_parameters(matter), old, new, strict=True))
+    if not mass > 0.0:
+        return Matter(float(mass), np.zeros(3), second)
+    com = first / mass
+    return Matter(float(mass), com, second - mass * steiner(com))
+
+
+def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
+    m, c = matter.mass, matter.com
+    return np.asarray(m), m * c, matter.inertia + m * steiner(c)
+
+
+def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
+    """The part of a body that has to change least for the body to change, and what it is then.
+
+    Args:
+        parts: By number, in the frame of the body; the first is chosen from equals.
+
+    Returns:
+        Number and the part changed. That of which the fewest of mass, centre of mass and inertia change.
+    """
+    if len(parts) == 1:
+        return next(iter(parts)), after
+    found = {i: changed(part, before, after) for i, part in parts.items()}
+    scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
+    steps = {i: np.array(list(steps_of(parts[i], matter, scale, size).values())) for i, matter in found.items()}
+    least = max(1e-14, 1e-6 * min(float(step.max()) for step in steps.values()))
+
+    def cost(i: int) -> tuple[bool, int, float]:
+        return not found[i].mass > 0.0, int((steps[i] > least).sum()), float(steps[i].sum())
+
+    chosen = min(found, key=cost)
+    return chosen, found[chosen]
+
+
+def _size(matter: Matter) -> float:
+    """A length: as far as the mass reaches from the origin [m]."""
+    reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass else 0.0
+    return float(np.abs(matter.com).max() + reach)
+
+
+def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> dict[str, float]:
+    """Changes of mass, centre of mass and inertia, each of the scale of the whole.
+
+    Args:
+        mass: That of the whole, if it is more than these [kg].
+        size: Its length [m].
+    """
+    m, L = max(mass, old.mass, new.mass, 1e-300), max(size, _size(old), _size(new), 1e-300)
+    com = float(np.abs(new.com - old.com).max())
+    return {
+        "mass": abs(new.mass - old.mass) / m,
+        "com": com / L,
+        "inertia": float(np.abs(new.inertia - old.inertia).max()) / (m * L**2),
+    }

@@ -1,0 +1,121 @@
+"""Writes changes of a reading into the text of the file that it was read from, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.diagnosis.change import Change, applied
+from screwgauge.diagnosis.layout import Link, UnpatchableError
+from screwgauge.diagnosis.matter import displaced, of_body, plainest, relative, same
+from screwgauge.diagnosis.opened import Opened, move, opened
+from screwgauge.diagnosis.write_urdf import SAME
+from screwgauge.models.readings.reading import BodyReading, Reading
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patch:
+    """A changed text.
+
+    Attributes:
+        text: Of the whole file.
+        left: Each change that could not be written into it, and why.
+    """
+
+    text: str
+    left: tuple[tuple[Change, str], ...] = ()
+
+
+def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bool = False) -> Patch:
+    """A model file with changes made.
+
+    Args:
+        text: Of the file.
+        reading: What was read from it; the changes are those of it.
+        plain: Whole inertials in the axes of their links instead of the least change.
+
+    Raises:
+        DescriptionError: The file is no XML.
+    """
+    try:
+        file = opened(text, reading)
+    except UnpatchableError as error:
+        return Patch(text, tuple((change, str(error)) for change in changes))
+    left = list[tuple[Change, str]]()
+    done = list[Change]()
+    for change in changes:
+        try:
+            _check(file, change)
+            done.append(change)
+        except UnpatchableError as error:
+            left.append((change, str(error)))
+    _write(file, applied(reading, [change for change in done if change.what != "branch"]), plain)
+    for change in done:
+        if change.what == "branch":
+            file.writer.drop(file.xml, _carried(file, change.item))
+    return Patch(file.xml.text(), tuple(left))
+
+
+def _check(file: Opened, change: Change) -> None:
+    """Whether the file can say it.
+
+    Raises:
+        UnpatchableError: It cannot.
+    """
+    if change.what not in file.writer.SAYS:
+        raise UnpatchableError(f"a {'URDF' if file.urdf else 'MJCF'} cannot say {change.what}")
+    if change.what in ("mass", "com", "inertia"):
+        file.writer.check_matter(file.xml)
+        links = file.of(change.item)
+        if len(links) > 1 and all(file.links[i].matter is None for i in links):
+            raise UnpatchableError(f"the mass of '{change.item}' is that of the geoms of several bodies")
+
+
+def _write(file: Opened, target: Reading, plain: bool) -> None:
+    frames, reading = move(file, target), file.reading
+    elements = {name: element for link in file.links for name, element in link.joints.items()}
+    for name, body in target.bodies.items():
+        _fill(file, frames, name, body, plain)
+        if body.gravcomp != reading.bodies[name].gravcomp:
+            for i in file.of(name):
+                file.writer.tell_body(file.xml, file.links[i].element, body.gravcomp)
+    for name, joint in target.joints.items():
+        for what in file.writer.JOINT:
+            if getattr(joint, what) != getattr(reading.joints[name], what):
+                file.writer.tell(file.xml, elements[name], what, np.array(getattr(joint, what)))
+    for name, coupling in target.couplings.items():
+        if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
+            file.writer.couple(file.xml, elements[coupling.joint], coupling)
+    for name, (_, gear) in target.actuators.items():
+        if gear != reading.actuators[name][1]:
+            file.writer.drive(file.xml, name, gear)
+    if target.gravity is not None and np.any(target.gravity != reading.gravity):
+        file.writer.tell_model(file.xml, gravity=target.gravity)
+    if target.medium != reading.medium:
+        file.writer.tell_model(file.xml, density=target.medium[0], viscosity=target.medium[1])
+
+
+def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
+    """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
+    old = file.reading.bodies[name]
+    T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
+    chosen = -1
+    if not same(of_body(old), of_body(body)):
+        chosen, matter = plainest(parts, of_body(old), of_body(body))
+        parts[chosen] = matter
+    for i, part in parts.items():
+        now = relative(body.pose, frames[i])
+        if i == chosen or np.abs(now - T[i]).max() > SAME:
+            file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
+
+
+def _carried(file: Opened, joint: str) -> list[Link]:
+    """The links behind a joint."""
+    gone = set[int]()
+    for i, link in enumerate(file.links):
+        if joint in link.joints or link.near in gone:
+            gone.add(i)
+    return [file.links[i] for i in gone]

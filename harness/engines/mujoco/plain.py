@@ -1,0 +1,97 @@
+"""What MuJoCo says of any model at given states, constraints and contacts off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from screwgauge.engines.plain import Answers, Carried, JointStates, carried
+from screwgauge.models.readings.mujoco import heard, loaded
+from screwgauge.models.readings.source import prepare
+from screwgauge.reference.rotations import Array, cross
+
+COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
+
+
+def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
+    """See `plain.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
+    with heard():
+        model = loaded(prepare(path, floating=floating))
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
+        numbers = [model.body(name).id for name in bodies]
+        n = len(next(iter(joints.values())).q)
+        found = [_sample(model, data, numbers, _state(model, joints, motions, k)) for k in range(n)]
+    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
+    return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
+
+
+def _carried(model: Any, data: Any, name: str, states: JointStates) -> Carried:
+    body, frame = model.jnt_bodyid[model.joint(name).id], np.eye(4)
+    frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    motion = carried(states, frame)
+    return Carried(frame @ motion.pose, motion.velocity) if states.kind == "free" else motion
+
+
+def _state(
+    model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, Carried], k: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Coordinates, velocities, accelerations; the velocities of the reading -> MuJoCo's, their derivatives."""
+    q, a, column = model.qpos0.copy(), np.zeros(model.nv), 0
+    B = np.zeros((model.nv, sum(each.qd.shape[1] for each in joints.values())))
+    qd, qdd = (np.concatenate([getattr(each, rate)[k] for each in joints.values()]) for rate in ("qd", "qdd"))
+    for name, states in joints.items():
+        i, width = model.joint(name).id, states.qd.shape[1]
+        at, dof = model.jnt_qposadr[i], model.jnt_dofadr[i]
+        columns = slice(column, column + width)
+        if width == 1:
+            q[at], B[dof, column] = states.q[k, 0], 1.0
+        else:
+            T, V = motions[name].pose[k], motions[name].velocity
+            R, quaternion = T[:3, :3], np.zeros(4)
+            mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
+            q[at + width - 3 : at + width + 1] = quaternion
+            if width == 3:
+                B[dof : dof + 3, columns] = V
+            else:  # velocity of the origin in the world, then the angular one in the body
+                q[at : at + 3] = T[:3, 3]
+                B[dof : dof + 3, columns], B[dof + 3 : dof + 6, columns] = R @ V[3:], V[:3]
+                rates = V @ qd[columns]
+                a[dof : dof + 3] = R @ cross(rates[:3], rates[3:])
+        column += width
+    return q, B @ qd, B @ qdd + a, B, qdd
+
+
+def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) -> tuple[Array, ...]:
+    q, v, a, B, qdd = state
+    zero, M = np.zeros(model.nv), np.empty((model.nv, model.nv))
+    gravity = _inverse(model, data, (q, zero, zero)) - _passive(data)
+    # what the axes of a free joint's velocities gain by turning is of the velocities
+    bias = _inverse(model, data, (q, v, a - B @ qdd)) - _passive(data)
+    tau = _inverse(model, data, (q, v, a))
+    for unit, column in zip(np.eye(model.nv), M, strict=True):  # `mj_fullM` takes other arguments since 4.0
+        mujoco.mj_mulM(model, data, column, unit)
+    mujoco.mj_rnePostConstraint(model, data)
+    velocity, acceleration = np.zeros((len(bodies), 6)), np.zeros((len(bodies), 6))
+    for k, i in enumerate(bodies):
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, velocity[k], 0)
+        mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, acceleration[k], 0)
+    acceleration[:, 3:] += model.opt.gravity  # it counts its own fall
+    return tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration
+
+
+def _inverse(model: Any, data: Any, state: tuple[Array, Array, Array]) -> Array:
+    data.qpos[:], data.qvel[:], data.qacc[:] = state
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy()
+
+
+def _passive(data: Any) -> Array:
+    """What springs, dampers and the medium need, not what bears weight."""
+    return data.qfrc_gravcomp - data.qfrc_passive

@@ -1,0 +1,80 @@
+"""What Pinocchio says of any model at given states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from screwgauge.engines.plain import Answers, JointStates, carried
+from screwgauge.models.readings.pinocchio import elementary, loaded, start
+from screwgauge.models.readings.source import prepare
+from screwgauge.reference.rotations import Array
+
+
+def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
+    """See `plain.Ask`. RNEA knows armature, and neither damping, friction nor springs."""
+    source = prepare(path, floating=floating)
+    model = loaded(source)[0]
+    data = model.createData()
+    q, v, a, B = _states(model, source, joints)
+    frames = [model.getFrameId(name, pin.FrameType.BODY) for name in bodies]
+    found = [_sample(model, data, frames, (q[k], B @ v[k], B @ a[k])) for k in range(len(q))]
+    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
+    return Answers(frozenset({"armature"}), tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration)
+
+
+def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
+    """Coordinates, velocities and accelerations of the reading, and its velocities -> Pinocchio's."""
+    n = len(next(iter(joints.values())).q)
+    q = np.tile(start(model), (n, 1))
+    data = model.createData()
+    pin.forwardKinematics(model, data, q[0])
+    parts = {part.name: part for part in elementary(model, source)}
+    B = np.zeros((model.nv, sum(each.qd.shape[1] for each in joints.values())))
+    column = 0
+    for name, states in joints.items():
+        part, width = parts[name], states.qd.shape[1]
+        rows = slice(part.v, part.v + width)
+        if width == 1:
+            B[part.v, column] = 1.0
+            angle = states.q[:, 0]
+            q[:, part.q : part.q + part.n_q] = (
+                states.q if part.n_q == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            )
+        else:
+            motion = carried(states, data.oMi[part.joint].homogeneous)
+            begin = pin.XYZQUATToSE3(q[0, part.q : part.q + 7]).homogeneous if width == 6 else np.eye(4)
+            q[:, part.q : part.q + part.n_q] = [_coordinates(begin @ T, width) for T in motion.pose]
+            # [linear; angular] of a free joint
+            order = [3, 4, 5, 0, 1, 2] if width == 6 else [0, 1, 2]
+            B[rows, column : column + width] = motion.velocity[order]
+        column += width
+    return q, np.hstack([each.qd for each in joints.values()]), np.hstack([each.qdd for each in joints.values()]), B
+
+
+def _coordinates(T: Array, width: int) -> Array:
+    """Of a ball or free joint, quaternion last, real part at the end."""
+    quaternion = pin.Quaternion(T[:3, :3]).coeffs()
+    return np.concatenate([T[:3, 3], quaternion]) if width == 6 else np.asarray(quaternion)
+
+
+def _sample(model: Any, data: Any, frames: list[int], state: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+    q, v, a = state
+    M = np.array(pin.crba(model, data, q))
+    M = np.triu(M) + np.triu(M, 1).T
+    bias = pin.nonLinearEffects(model, data, q, v).copy()
+    gravity = pin.computeGeneralizedGravity(model, data, q).copy()
+    tau = pin.rnea(model, data, q, v, a).copy()
+    pin.forwardKinematics(model, data, q, v, a)
+    pin.updateFramePlacements(model, data)
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    twists = [pin.getFrameVelocity(model, data, i, axes) for i in frames]
+    changes = [pin.getFrameClassicalAcceleration(model, data, i, axes) for i in frames]
+    velocity, acceleration = (
+        np.array([[*each.angular, *each.linear] for each in of]).reshape(-1, 6) for of in (twists, changes)
+    )
+    return tau, M, bias, gravity, velocity, acceleration

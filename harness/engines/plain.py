@@ -1,0 +1,91 @@
+"""What a library itself says of any model at given states, in the terms of its reading: no problem, no closure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.models.readings.reading import FREEDOMS
+from screwgauge.reference.rotations import Array, skew
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointStates:
+    """Samples of one joint's motion, as a reading has them.
+
+    Attributes:
+        kind: One of `reading.FREEDOMS`.
+        frame: That a ball or free joint carries, in the world at home. Shape (4, 4).
+        q: Of a hinge or slide as the file counts; of a ball or free joint of its frame, in that frame at home:
+            of a free one the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
+        qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
+    """
+
+    kind: str
+    frame: Array
+    q: Array
+    qd: Array
+    qdd: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """What the library says, along the velocities of the reading.
+
+    Attributes:
+        covers: What `tau` contains beside inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
+        tau: Inverse dynamics. Shape (n, n_freedom).
+        mass_matrix: Shape (n, n_freedom, n_freedom).
+        bias: At zero accelerations. Shape (n, n_freedom).
+        gravity: Shape (n, n_freedom).
+        velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
+        acceleration: Their derivatives. Shape (n, n_body, 6).
+    """
+
+    covers: frozenset[str]
+    tau: Array
+    mass_matrix: Array
+    bias: Array
+    gravity: Array
+    velocity: Array
+    acceleration: Array
+
+
+#: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats.
+Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool], Answers]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carried:
+    """Motion of the frame that the library's own ball or free joint carries.
+
+    Attributes:
+        pose: In that frame at home. Shape (n, 4, 4).
+        velocity: Of that frame, along its axes, from the velocities of the reading. Shape (3 or 6, 3 or 6).
+    """
+
+    pose: Array
+    velocity: Array
+
+
+def carried(states: JointStates, frame: Array) -> Carried:
+    """Motion of a frame of the library's in place of the reading's.
+
+    Args:
+        frame: Of the library's joint in the world at home. Shape (4, 4).
+    """
+    C = np.linalg.inv(frame) @ states.frame
+    if states.kind == "ball":
+        C[:3, 3] = 0.0
+    X = np.broadcast_to(np.eye(4), (len(states.q), 4, 4)).copy()
+    w, K = states.q[:, -4, None, None], skew(states.q[:, -3:])
+    X[:, :3, :3] += 2.0 * (w * K + K @ K)
+    X[:, : states.q.shape[1] - 4, 3] = states.q[:, :-4]
+    adjoint = np.zeros((6, 6))
+    adjoint[:3, :3] = adjoint[3:, 3:] = C[:3, :3]
+    adjoint[3:, :3] = skew(C[:3, 3]) @ C[:3, :3]
+    n = FREEDOMS[states.kind]
+    return Carried(C @ X @ np.linalg.inv(C), adjoint[:n, :n])
