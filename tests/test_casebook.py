@@ -165,6 +165,11 @@ def test_readme_has_the_table_as_measured(results) -> None:
     assert readme_table(results.values()) in README
 
 
+def test_main_readme_counts_the_cases() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"[{len(CASES) - 1} more](harness/casebook/README.md)" in text
+
+
 def test_links_are_reports_of_users() -> None:
     links = [link for case in CASES.values() for link in case.links]
     assert len(links) == len(set(links)) >= 7

@@ -101,7 +101,7 @@ def _on_coupler(bar: FourBar) -> Array:
     for name, end in zip(("b", "d"), bar.ends, strict=True):
         J = pin.getFrameJacobian(model, data, model.getJointId(name), pin.SE3(np.eye(3), end), pin.LOCAL_WORLD_ALIGNED)
         columns.append(J[:3])
-    return np.linalg.lstsq((columns[0] - columns[1]).T, tau, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq((columns[0] - columns[1]).T, tau, rcond=None)[0])
 
 
 def force_sign() -> Shown:
