@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
+from typing import Any
 
 from screwgauge.engines.mujoco.discrepancies import probe as mujoco
 from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
@@ -51,13 +54,30 @@ def defaults_first() -> Shown:
     classes = '<default><default class="geared"><joint armature="0.5"/></default></default>'
     bar = body("a", joint='class="geared"')
     text = mjcf(bar, after=classes)
-    said = ""
-    try:
-        value = float(pinocchio.load_mjcf(text).armature[0])
-    except (IndexError, ValueError, RuntimeError) as error:
-        value, said = math.nan, str(error).splitlines()[0]
+    value, said = _outcome(text, lambda model: float(model.armature[0]))
     mended = pinocchio.load_mjcf(mjcf(bar, before=classes)).armature[0]
     return Shown(value, float(mujoco.load(text).dof_armature[0]), float(mended), "kg m^2", said)
+
+
+def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
+    """A number of what Pinocchio reads; or, where it refuses the file, NaN and what it says."""
+    try:
+        model = pinocchio.load_mjcf(text)
+    except (
+        IndexError,
+        ValueError,
+        RuntimeError,
+    ) as error:  # an exception of Boost begins with its place in the sources
+        return math.nan, " ".join(str(error).rpartition("message:")[2].split())
+    return measure(model), ""
+
+
+def bare_body() -> Shown:
+    """Degrees of freedom of a bar whose body has no attribute, and with a name."""
+    named = mjcf(body("a"))
+    bare = re.sub(r"<body [^>]*>", "<body>", named)
+    value, said = _outcome(bare, lambda model: float(model.nv))
+    return Shown(value, mujoco.load(bare).nv, pinocchio.load_mjcf(named).nv, "", said)
 
 
 def frame_element() -> Shown:

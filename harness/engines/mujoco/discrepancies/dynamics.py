@@ -76,6 +76,31 @@ def gravity_in_acceleration() -> Shown:
     return Shown(reading, 0.0, reading + float(model.opt.gravity[2]), "m/s^2")
 
 
+def moment_about_centre() -> Shown:
+    """Moment about y by which the ground holds a level bar: of cfrc_int, and about the hinge."""
+    model = load(mjcf(body("a")))
+    data = state(model)
+    mujoco.mj_inverse(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    moment, force = np.split(data.cfrc_int[1], 2)
+    arm = data.subtree_com[model.body_rootid[1]] - data.xanchor[0]
+    return Shown(float(moment[1]), WEIGHT, float((moment + np.cross(arm, force))[1]), "N m")
+
+
+def gear() -> Shown:
+    """Torque of a motor with a gear whose control is the torque that is wanted, and that over its gear."""
+    wanted, ratio = 2.0, 50.0
+    motor = f'<actuator><motor joint="a" gear="{ratio}"/></actuator>'
+    model = load(mjcf(body("a"), after=motor))
+    found = []
+    for control in (wanted, wanted / model.actuator_gear[0, 0]):
+        data = state(model)
+        data.ctrl[0] = control
+        mujoco.mj_forward(model, data)
+        found.append(float(data.qfrc_actuator[0]))
+    return Shown(found[0], wanted, found[1], "N m")
+
+
 def inverse_of_a_step() -> Shown:
     """Torque that `mj_inverse` gives back of a step of 10 ms with damping in which there was none."""
     model = load(mjcf(body("a", joint='damping="5"')), timestep=0.01)

@@ -24,6 +24,20 @@ def damping_ignored() -> Shown:
     return Shown(raw, WEIGHT + 2.0 + 0.5, float(mended), "N m")
 
 
+def rotor_ignored() -> Shown:
+    """Moment of inertia at a hinge with a rotor behind a gear: rotor and gear told, and their armature."""
+    rotor, ratio = 1e-4, 50.0
+    model = load_urdf(_BAR)
+
+    def moment() -> float:
+        return float(inverse(model, a=1.0)[0] - inverse(model)[0])
+
+    model.rotorInertia[:], model.rotorGearRatio[:] = rotor, ratio
+    raw = moment()
+    model.armature[:] = model.rotorInertia * model.rotorGearRatio**2
+    return Shown(raw, INERTIA + rotor * ratio**2, moment(), "kg m^2")
+
+
 def mimic_ignored() -> Shown:
     """Degrees of freedom of two joints of which one mimics the other, and asked to be read so."""
     follower = joint("b", inside='<mimic joint="a" multiplier="2" offset="0"/>')

@@ -84,7 +84,7 @@ def frame_locks_hinge() -> Shown:
 
 
 def _force(**how: Any) -> tuple[Array, Array]:
-    """Force on the coupler at the cut [N], as Pinocchio has it and as Newton's equations of the rocker have it."""
+    """Force on the coupler at the cut [N], as Pinocchio has it and as the equations of the open tree have it."""
     closed = _Closed(**how)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     return closed.force[:3], _on_coupler(closed.bar)
@@ -106,7 +106,7 @@ def _on_coupler(bar: FourBar) -> Array:
 
 def force_sign() -> Shown:
     """Force along x on the coupler, of a constraint that names the rocker first; and turned round."""
-    (found, expected) = _force(swapped=True)
+    found, expected = _force(swapped=True)
     return Shown(float(found[0]), float(expected[0]), float(-found[0]), "N")
 
 
