@@ -76,7 +76,7 @@ def joint(
     return f'<joint name="{child}" type="{kind}">{ends}{limit}{inside}</joint>'
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Links:
     """Lengths [m], masses [kg] and moments about their centres [kg m^2] of uniform crank, coupler and rocker."""
 
