@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.models.layout import Closure, length_scale
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.reading import ClosureReading, Reading
+from screwgauge.models.readings.reading import ClosureReading, CouplingReading, Reading, couplings_of
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -84,6 +84,21 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
     out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
     for name in _common(expected.closures, found.closures):
         _compare_closures(out, name, expected.closures[name], found.closures[name], length)
+    _compare_couplings(out, expected.couplings, found.couplings)
+
+
+def _compare_couplings(
+    out: Comparison, expected: Mapping[str, CouplingReading], found: Mapping[str, CouplingReading]
+) -> None:
+    if not (expected or found):
+        return
+    out.names("", "coupling names", sorted(expected), sorted(found))
+    for name in _common(expected, found):
+        want, have = expected[name], found[name]
+        out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
+        size = max(len(want.polynomial), len(have.polynomial))
+        values = [np.pad(one, (0, size - len(one))) for one in (want.polynomial, have.polynomial)]
+        out.numbers(name, "coupling polynomial", *values, scale=float(np.abs(want.polynomial).max()) or 1.0)
 
 
 def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
@@ -134,6 +149,8 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
             if want.kind == have.kind:
                 values = _joint_values(want, length), _joint_values(have, length)
                 out.numbers(want.name, "joint axes and frames", *values)
+    said = [couplings_of(file.couplings) for file in (expected, found)]
+    _compare_couplings(out, said[0], said[1])
     closures = {closure.joint: closure for closure in found.closures}
     out.names("", "closure names", sorted(closure.joint for closure in expected.closures), sorted(closures))
     for shut in expected.closures:

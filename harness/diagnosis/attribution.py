@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.hypotheses import Hypothesis
+from screwgauge.diagnosis.hypothesis import Hypothesis
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
 
@@ -84,6 +84,7 @@ class Attribution:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
         ranking: All hypotheses with the share that each explains alone, the best first.
         steps: Those that together explain the most, in the order in which they were taken.
+        changes: Of all steps, in the order in which they are to be made.
         left: As `before`, after all steps.
         unseen: Differences that no torque shows.
     """
@@ -91,13 +92,9 @@ class Attribution:
     before: Largest
     ranking: tuple[tuple[Hypothesis, float], ...]
     steps: tuple[Step, ...]
+    changes: tuple[Change, ...]
     left: Largest
     unseen: tuple[Difference, ...]
-
-    @property
-    def changes(self) -> tuple[Change, ...]:
-        """Of all steps."""
-        return tuple(change for step in self.steps for change in step.hypothesis.changes)
 
     @property
     def share(self) -> float:
@@ -126,23 +123,30 @@ def attribute(
 
     Args:
         b: The reading that changes are made in.
-        differences: All of them; `Hypothesis.differences` are numbers in it.
+        differences: All of them, in the order in which their changes are to be made; `Hypothesis.differences` are
+            numbers in it.
     """
     start = torques.left(b)
     before = size(start)
 
-    def left(changes: Sequence[Change]) -> float:
-        return size(torques.left(applied(b, changes)))
+    def left(numbers: Collection[int]) -> Array:
+        return torques.left(applied(b, changes_of(differences, numbers)))
 
-    alone = [left(hypothesis.changes) for hypothesis in hypotheses]
+    alone = [size(left(hypothesis.differences)) for hypothesis in hypotheses]
     shares = [_share(before, each) for each in alone]
     order = sorted(range(len(shares)), key=lambda i: (-round(shares[i], 9), hypotheses[i].numbers))
-    steps = _steps(left, hypotheses, alone, before)
-    after = torques.left(applied(b, [change for step in steps for change in step.hypothesis.changes]))
+    steps = _steps(lambda numbers: size(left(numbers)), hypotheses, alone, before)
     used = {number for step in steps for number in step.hypothesis.differences}
+    after = largest(torques, left(used))
     unseen = tuple(difference for i, difference in enumerate(differences) if i not in used)
     ranking = tuple((hypotheses[i], shares[i]) for i in order)
-    return Attribution(largest(torques, start), ranking, steps, largest(torques, after), unseen)
+    changes = changes_of(differences, used)
+    return Attribution(largest(torques, start), ranking, steps, changes, after, unseen)
+
+
+def changes_of(differences: Sequence[Difference], numbers: Collection[int]) -> tuple[Change, ...]:
+    """Of some differences, in the order in which they are to be made."""
+    return tuple(change for i in sorted(numbers) if (change := differences[i].change) is not None)
 
 
 def size(left: Array) -> float:
@@ -156,32 +160,31 @@ def _share(before: float, left: float) -> float:
 
 
 def _steps(
-    left: Callable[[Sequence[Change]], float], hypotheses: Sequence[Hypothesis], alone: Sequence[float], before: float
+    left: Callable[[Collection[int]], float], hypotheses: Sequence[Hypothesis], alone: Sequence[float], before: float
 ) -> tuple[Step, ...]:
     """The greedy combination.
 
     What each took away when it was last tried tells which to try first, and when none of the rest can be better.
     """
-    taken, steps, now = list[Change](), list[Step](), before
+    taken, steps, now = set[int](), list[Step](), before
     gains = {i: before - each for i, each in enumerate(alone)}
     while now > ROUNDING and gains:
         tried = dict[int, float]()
         for i in sorted(gains, key=lambda i: -gains[i]):
-            if tried and gains[i] < (now - min(tried.values())) * (1.0 - ALIKE):
+            gain = now - min(tried.values(), default=now)
+            if gain > LEAST * now and gains[i] < gain * (1.0 - ALIKE):
                 break
-            tried[i] = left([*taken, *hypotheses[i].changes]) if steps else alone[i]
+            tried[i] = left(taken | {*hypotheses[i].differences}) if steps else alone[i]
         best = min(tried.values())
         if best > (1.0 - LEAST) * now:
             break
         equal = [i for i in tried if tried[i] <= max(best + ALIKE * now, ROUNDING)]
         chosen = min(equal, key=lambda i: (hypotheses[i].numbers, tried[i]))
-        alike = tuple(
-            hypotheses[i] for i in equal if not {*hypotheses[chosen].differences} <= {*hypotheses[i].differences}
-        )
+        own = {*hypotheses[chosen].differences}
+        alike = tuple(hypotheses[i] for i in equal if not own <= {*hypotheses[i].differences})
         share = _share(before, tried[chosen])
         steps.append(Step(hypotheses[chosen], _share(before, alone[chosen]), share, alike))
-        taken += hypotheses[chosen].changes
         gains |= {i: now - each for i, each in tried.items()}
-        now, done = tried[chosen], {number for step in steps for number in step.hypothesis.differences}
-        gains = {i: gain for i, gain in gains.items() if not {*hypotheses[i].differences} <= done}
+        now, taken = tried[chosen], taken | own
+        gains = {i: gain for i, gain in gains.items() if not {*hypotheses[i].differences} <= taken}
     return tuple(steps)

@@ -14,6 +14,7 @@ from screwgauge.reference.rotations import Array, cross, skew
 
 T = TypeVar("T")
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
+Kind = Literal["model", "digits", "convention"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,7 @@ class Difference:
     size: float
     sentence: str
     change: Change | None = None
-    kind: Literal["model", "digits", "convention"] = "model"
+    kind: Kind = "model"
 
 
 def applied(reading: Reading, changes: Iterable[Change]) -> Reading:

@@ -9,8 +9,9 @@ import numpy as np
 
 from screwgauge.diagnosis.change import PROPERTIES, Change, applied, outwards
 from screwgauge.diagnosis.mapping import Pairing
-from screwgauge.diagnosis.reshape import collapsed, held, ordered, placed, rehomed, renamed
+from screwgauge.diagnosis.reshape import held, ordered, placed, rehomed, renamed
 from screwgauge.diagnosis.tree import States, Tree, rotations
+from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, skew
 
@@ -51,10 +52,9 @@ class Common:
 
 def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     """Brings both to common terms."""
-    crosses = {name for name in a.bodies if name not in pairing.bodies}
     a, b = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in (a, b))
-    a = held(collapsed(a, crosses), pairing.only_a)
-    b = held(collapsed(b, {name for name in b.bodies if name not in pairing.bodies.values()}), pairing.only_b)
+    a = held(collapsed(a, pairing.bodies), pairing.only_a)
+    b = held(collapsed(b, {*pairing.bodies.values()}), pairing.only_b)
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},
@@ -155,23 +155,20 @@ def owned(common: Common, change: Change) -> Change:
 
 def states_of_b(a: Tree, b: Tree, states: States) -> States:
     """The same states, where the frames that ball and free joints carry differ."""
-    q, qd, qdd = states.q.copy(), states.qd.copy(), states.qdd.copy()
-    for i, C in _reframed(a, b):
-        place, part = list(a.places.values())[i], list(a.freedoms.values())[i]
-        q[:, place] = _conjugated(states.q[:, place], C)
-        Ad = _adjoint(_inverse(C))[: part.stop - part.start, : part.stop - part.start]
-        qd[:, part], qdd[:, part] = states.qd[:, part] @ Ad.T, states.qdd[:, part] @ Ad.T
-    return States(q, qd, qdd)
+    q, C = states.q.copy(), velocity_map(a, b)
+    for i, frame in _reframed(a, b):
+        place = list(a.places.values())[i]
+        q[:, place] = _conjugated(states.q[:, place], frame)
+    return States(q, states.qd @ C.T, states.qdd @ C.T)
 
 
-def forces_as_a(a: Tree, b: Tree, forces: Array) -> Array:
-    """Forces along the velocities of B as those along A's. Shape (n, n_freedom)."""
-    out = forces.copy()
-    for i, C in _reframed(a, b):
+def velocity_map(a: Tree, b: Tree) -> Array:
+    """Velocities of A -> those of B, where frames of ball and free joints differ. Shape (n_freedom, n_freedom)."""
+    C = np.eye(len(a.before))
+    for i, frame in _reframed(a, b):
         part = list(a.freedoms.values())[i]
-        Ad = _adjoint(_inverse(C))[: part.stop - part.start, : part.stop - part.start]
-        out[:, part] = forces[:, part] @ Ad
-    return out
+        C[part, part] = _adjoint(_inverse(frame))[: part.stop - part.start, : part.stop - part.start]
+    return C
 
 
 def _reframed(a: Tree, b: Tree) -> list[tuple[int, Array]]:

@@ -3,51 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
+from screwgauge.diagnosis.common_causes import printed, scaled
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
 from screwgauge.diagnosis.dynamics import downwards
+from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypothesis, Value
 from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.opened import Opened, frames_of
+from screwgauge.diagnosis.words import NAMES
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
-
-_INERTIAL = ("mass", "com", "inertia")
-#: Property -> what it is called where its name does not say it, and how many numbers it is.
-_WORDS = {"com": "centre of mass", "centre": "point on the axis", "zero": "zero", "rest": "rest of the spring"}
-_COUNT = {"mass": 1, "com": 3, "inertia": 6, "placement": 6, "axis": 2, "centre": 2, "pose": 6}
-#: Slips and ratios are common to a model if so many parts have them.
-_COMMON = 2
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
-    """A cause that would explain differences.
-
-    Attributes:
-        name: In words: what of which part.
-        differences: Numbers of those that it accounts for.
-        changes: What makes B as A in this.
-        slips: What B's value would be made from A's by, if it is a slip of convention or unit; any of them.
-        numbers: How many numbers it changes.
-    """
-
-    name: str
-    differences: tuple[int, ...]
-    changes: tuple[Change, ...]
-    slips: tuple[str, ...] = ()
-    numbers: int = 1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Files:
-    """The files of two models, where they are known and can be put beside their readings."""
-
-    a: Opened | None = None
-    b: Opened | None = None
 
 
 def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | None = None) -> list[Hypothesis]:
@@ -58,58 +26,46 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         b: The reading that their changes are of.
     """
     found, files = list[Hypothesis](), files or Files()
-    real = {i: d for i, d in enumerate(differences) if d.change is not None and d.kind != "digits"}
-    bodies = dict.fromkeys(d.change.item for d in real.values() if d.change and d.what in _INERTIAL)
-    for body in bodies:
-        own = {i: d for i, d in real.items() if d.change and d.change.item == body and d.what in _INERTIAL}
+    real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and d.kind != "digits"}
+    for body in dict.fromkeys(change.item for d, change in real.values() if d.what in INERTIAL):
+        own = {i: change for i, (d, change) in real.items() if change.item == body and d.what in INERTIAL}
         found += _of_body(own, b, body, files)
-    found += [each for i, d in real.items() if d.what not in _INERTIAL for each in _single(i, d, b, files)]
-    found += _everywhere(found)
-    printed = {i: d for i, d in enumerate(differences) if d.change is not None and d.kind == "digits"}
-    if printed:
-        found.append(_together("digits of the numbers that are printed", printed, len(printed)))
-    return found
+    for i, (difference, change) in real.items():
+        if difference.what not in INERTIAL:
+            found.append(_single(i, difference, change, b, files))
+    return [*found, *_same_slip(found), *scaled(real, b, files.b), *printed(differences)]
 
 
-def _together(name: str, own: Mapping[int, Difference], numbers: int, slips: tuple[str, ...] = ()) -> Hypothesis:
-    """Several differences with one cause."""
-    return Hypothesis(name, tuple(own), tuple(d.change for d in own.values() if d.change), slips, numbers)
-
-
-def _of_body(own: Mapping[int, Difference], b: Reading, body: str, files: Files) -> Iterator[Hypothesis]:
+def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Hypothesis]:
     """Of a body: each of its mass properties alone, or, where it is several links, those of one link."""
-    after = of_body(applied(b, [d.change for d in own.values() if d.change]).bodies[body])
-    parts = files.b.parts(body) if files.b else {}
-    if files.b is None or not parts:
-        rotations = {"B": np.eye(3)}
-        old, new = of_body(b.bodies[body]), after
-    else:
-        chosen, matter = plainest(parts, of_body(b.bodies[body]), after)
+    old, new = of_body(b.bodies[body]), of_body(applied(b, own.values()).bodies[body])
+    rotations, parts, name = {"B": np.eye(3)}, files.b.parts(body) if files.b else {}, body
+    if files.b and parts:
+        chosen, matter = plainest(parts, old, new)
         link = files.b.links[chosen]
-        back = relative(relative(b.bodies[body].pose, link.frame), np.eye(4))
+        back, name = relative(relative(b.bodies[body].pose, link.frame), np.eye(4)), link.name
         old, new = displaced(parts[chosen], back), displaced(matter, back)
         rotations = {"B": link.turn}
         if files.a and (twins := [other for other in files.a.links if other.name == link.name]):
             rotations["A"] = twins[0].turn
-        if len(parts) > 1:
-            yield _of_link(own, link.name, body, old, new, rotations)
-            return
     slips = _slips(old, new, rotations)
-    for i, difference in own.items():
-        what = difference.what
-        yield _together(f"{_WORDS.get(what, what)} of {body}", {i: difference}, _COUNT[what], slips[what])
+    values = {what: Value(name, what, *(np.asarray(getattr(m, what)) for m in (new, old))) for what in INERTIAL}
+    if len(parts) > 1:
+        step = steps_of(old, new)
+        which = [what for what in INERTIAL if step[what] > max(1e-13, 1e-6 * max(step.values()))]
+        fixed = "" if name == body else f", fixed to {body}"
+        said = tuple(slip for what in which for slip in slips[what])
+        numbers, all_ = sum(COUNT[what] for what in which), tuple(values[what] for what in which)
+        yield Hypothesis(f"{', '.join(word(what) for what in which)} of {name}{fixed}", tuple(own), said, numbers, all_)
+        return
+    for i, change in own.items():
+        what = change.what
+        yield Hypothesis(f"{word(what)} of {body}", (i,), slips[what], COUNT[what], (values[what],))
 
 
-def _of_link(
-    own: Mapping[int, Difference], link: str, body: str, old: Matter, new: Matter, rotations: Mapping[str, Array]
-) -> Hypothesis:
-    """A link that is one of several of a body."""
-    slips, step = _slips(old, new, rotations), steps_of(old, new)
-    which = [what for what in _INERTIAL if step[what] > max(1e-13, 1e-6 * max(step.values()))]
-    name = f"{', '.join(_WORDS.get(what, what) for what in which)} of {link}"
-    fixed = "" if link == body else f", fixed to {body}"
-    said = tuple(slip for what in which for slip in slips[what])
-    return _together(f"{name}{fixed}", own, sum(_COUNT[what] for what in which), said)
+def word(what: str) -> str:
+    """What a property is called."""
+    return NAMES.get(what, what)
 
 
 def _slips(old: Matter, new: Matter, rotations: Mapping[str, Array]) -> dict[str, tuple[str, ...]]:
@@ -125,20 +81,24 @@ def _slips(old: Matter, new: Matter, rotations: Mapping[str, Array]) -> dict[str
     }
 
 
-def _single(i: int, difference: Difference, b: Reading, files: Files) -> Iterator[Hypothesis]:
+def _single(i: int, difference: Difference, change: Change, b: Reading, files: Files) -> Hypothesis:
     """A difference of anything else than mass properties."""
-    change, what, slips = difference.change, difference.what, list[str]()
-    if change is None:
-        return
+    what, slips = difference.what, list[str]()
     if what == "gravity":
         slips = gravity_slips(change.value, downwards(b))
     elif what == "placement":
         slips = placement_slips(*_placements(change, b, files.b))
     elif what in ("limits", "rest", "zero") and difference.a is not None and difference.b is not None:
         slips = [f"is {said}" for said in [unit_slip("angle", difference.a, difference.b)] if said]
-    name = f"{_WORDS.get(what, what)}{f' of {change.item}' if change.item else ''}"
-    said = tuple(f"{_WORDS.get(what, what)} {slip}" for slip in slips)
-    yield Hypothesis(name, (i,), (change,), said, _COUNT.get(what, change.value.size))
+    name = f"{word(what)}{f' of {change.item}' if change.item else ''}"
+    values = () if difference.a is None or difference.b is None else (difference.a, difference.b)
+    return Hypothesis(
+        name,
+        (i,),
+        tuple(f"{word(what)} {slip}" for slip in slips),
+        COUNT.get(what, change.value.size),
+        (Value(change.item, what, *values),) if values else (),
+    )
 
 
 def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array, Array]:
@@ -155,12 +115,11 @@ def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array,
     return a, old
 
 
-def _everywhere(found: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
-    """What several have in common: the same slip."""
-    slips = dict.fromkeys(slip for hypothesis in found for slip in hypothesis.slips)
-    for slip in slips:
+def _same_slip(found: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
+    """Several that are made by the same slip."""
+    for slip in dict.fromkeys(slip for hypothesis in found for slip in hypothesis.slips):
         own = [hypothesis for hypothesis in found if slip in hypothesis.slips]
-        if len(own) >= _COMMON:
+        if len(own) >= COMMON:
             numbers = tuple(dict.fromkeys(i for hypothesis in own for i in hypothesis.differences))
-            changes = tuple(change for hypothesis in own for change in hypothesis.changes)
-            yield Hypothesis(f"{slip} in {len(own)} places", numbers, changes, (slip,))
+            values = tuple(value for hypothesis in own for value in hypothesis.values)
+            yield Hypothesis(f"{slip} in {len(own)} places", numbers, (slip,), 1, values)

@@ -32,7 +32,9 @@ def apart(a: JointReading, b: JointReading, length: float) -> float:
     """How far two joints are from turning or sliding alike, whichever way they count: angle plus way over a length."""
     if a.kind != b.kind:
         return float("inf")
-    if a.kind in ("ball", "free"):
+    if a.kind == "free":
+        return 0.0  # wherever its coordinates say
+    if a.kind == "ball":
         return float(np.linalg.norm(a.centre - b.centre)) / length
     sign = 1.0 if axis(a) @ axis(b) >= 0.0 else -1.0
     off = float(np.linalg.norm(axis(a) - sign * axis(b)))
@@ -54,11 +56,11 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
         Shape (4, 4).
     """
     length, best, most = size(a), np.eye(4), -1.0
+    pairs = [(i, j) for i, j in pairs if a.joints[i].kind != "free"]
     ground = {body.joints[0] for body in a.bodies.values() if body.near not in a.bodies}
     stands = [a.fixed[name] @ np.linalg.inv(b.fixed[name]) for name in a.fixed if name in b.fixed]
-    if any(np.abs(T - best).max() < CLOSE for T in stands) or all(
-        apart(a.joints[i], b.joints[j], length) < CLOSE for i, j in pairs if i in ground
-    ):
+    rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
+    if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):
         return best
     for T in [*_candidates(a, b, pairs, bodies), *stands]:
         off = [apart(a.joints[i], moved(b.joints[j], T), length) for i, j in pairs]

@@ -136,7 +136,7 @@ def _placement(a: Reading, b: Reading, joints: Mapping[str, str]) -> Array:
     return fitting(a, b, by_order, bodies) if by_order else np.eye(4)
 
 
-def _before(reading: Reading) -> dict[str, str]:
+def joints_before(reading: Reading) -> dict[str, str]:
     """Joint -> the one before it; empty of one at the ground."""
     last: dict[str, str] = {}
     before = {}
@@ -150,7 +150,7 @@ def _before(reading: Reading) -> dict[str, str]:
 
 def _by_geometry(a: Reading, b: Reading, joints: Mapping[str, str], T: Array) -> Iterator[tuple[str, str]]:
     """Partners among the joints behind partners, the nearest first; what they carry decides between equals."""
-    before_a, before_b, length = _before(a), _before(b), size(a)
+    before_a, before_b, length = joints_before(a), joints_before(b), size(a)
     found = {"": "", **joints}
     placed = {name: moved(joint, T) for name, joint in b.joints.items()}
     for name in _outwards(before_a):

@@ -170,17 +170,3 @@ def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
         gravcomp=weight / float(mass) if mass else 0.0,
         fixed={**body.fixed, **links},
     )
-
-
-def collapsed(reading: Reading, names: Collection[str]) -> Reading:
-    """A reading without some of its massless links that carry one body each: crosses of universal joints."""
-    bodies = dict(reading.bodies)
-    tied = {body for c in reading.closures.values() for body in (c.first, c.second)}
-    for name in reversed(list(reading.bodies)):
-        body = bodies[name]
-        carried = [other for other, candidate in bodies.items() if candidate.near == name]
-        if name in names and body.mass == 0.0 and not body.inertia.any() and len(carried) == 1 and name not in tied:
-            outer = bodies[carried[0]]
-            bodies[carried[0]] = replace(outer, near=body.near, joints=body.joints + outer.joints)
-            del bodies[name]
-    return replace(reading, bodies=bodies)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Change, Difference
+from screwgauge.diagnosis.change import PROPERTIES, Change, Difference, Kind
 from screwgauge.diagnosis.closing import residual_at_home
 from screwgauge.diagnosis.common import Common, owned
 from screwgauge.diagnosis.dynamics import downwards
@@ -20,6 +20,8 @@ from screwgauge.reference.rotations import Array
 
 #: Entries of a joint that are one number each.
 ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
+#: A limit beyond so many rad or m is none.
+BOUNDLESS = 100.0
 
 
 def differences(common: Common) -> tuple[list[Difference], Common]:
@@ -69,7 +71,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
         "axis": common.b.joints[item].screw[3:] if joint.kind == "slide" else common.b.joints[item].screw[:3],
         "centre": common.b.joints[item].centre,
     }[found.what]
-    kind = "convention" if found.what in ("sign", "zero") else "model"
+    kind: Kind = "convention" if found.what in ("sign", "zero") else "model"
     return Difference(
         item, found.change.item, found.what, a, b, unit_of(found.what, joint), relative, sentence, found.change, kind
     )
@@ -103,8 +105,13 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
         yield _difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
 
 
+def _limits(joint: JointReading) -> list[float]:
+    """Limits; those that nothing reaches are none: URDF demands some of every hinge."""
+    return [limit if abs(limit) < BOUNDLESS else math.copysign(math.inf, limit) for limit in joint.limits]
+
+
 def _same_limits(a: JointReading, b: JointReading) -> bool:
-    pairs = list(zip(a.limits, b.limits, strict=True))
+    pairs = list(zip(_limits(a), _limits(b), strict=True))
     return all(
         x == y or (math.isfinite(x) and math.isfinite(y) and not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0))
         for x, y in pairs

@@ -101,7 +101,7 @@ def _change(a: float, b: float) -> str:
 def _tensors(a: Array, b: Array) -> str:
     """Principal moments and how the axes are turned, where that says more than the entries."""
     with np.errstate(invalid="ignore"):
-        first, second = np.linalg.eigvalsh(a), np.linalg.eigvalsh(b)
+        first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
     scale = max(_finite(a), _finite(b)) or 1.0
     share = float(np.abs(a - b).max()) / scale
     same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())

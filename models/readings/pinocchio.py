@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -88,13 +90,21 @@ def loaded(source: Source) -> tuple[Any, Any, list[str]]:
             else:
                 with tempfile.TemporaryDirectory() as folder:
                     path = Path(folder) / "model.xml"
-                    path.write_text(source.text, encoding="utf-8")
+                    path.write_text(_without_keyframes(source), encoding="utf-8")
                     model, constraints = pinocchio.buildModelAndLegacyConstraintsFromMJCF(str(path))
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
         # an exception of Boost begins with its place in the sources
         reason = "; ".join(said) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
     return model, constraints, [f"what Pinocchio complains of: {sentence}" for sentence in said]
+
+
+def _without_keyframes(source: Source) -> str:
+    """The file without its keyframes: of a model of which it drops a part Pinocchio would refuse those of the whole."""
+    root = copy(source.root)
+    for keyframe in root.findall("keyframe"):
+        root.remove(keyframe)
+    return ET.tostring(root, encoding="unicode")
 
 
 def start(model: Any) -> Array:

@@ -89,9 +89,9 @@ def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) 
 def _inverse(model: Any, data: Any, state: tuple[Array, Array, Array]) -> Array:
     data.qpos[:], data.qvel[:], data.qacc[:] = state
     mujoco.mj_inverse(model, data)
-    return data.qfrc_inverse.copy()
+    return np.array(data.qfrc_inverse)
 
 
 def _passive(data: Any) -> Array:
     """What springs, dampers and the medium need, not what bears weight."""
-    return data.qfrc_gravcomp - data.qfrc_passive
+    return np.asarray(data.qfrc_gravcomp - data.qfrc_passive)

@@ -1,0 +1,59 @@
+"""One cause of many differences: everything scaled, numbers printed with few digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from screwgauge.diagnosis.change import Change, Difference, applied
+from screwgauge.diagnosis.hypothesis import COMMON, INERTIAL, Hypothesis, Value
+from screwgauge.diagnosis.matter import Matter, combined, of_body, steps_of
+from screwgauge.diagnosis.opened import Opened
+from screwgauge.models.readings.reading import Reading
+
+#: A common cause has to give each difference but this share of it.
+LEFT = 1e-6
+
+Real = Mapping[int, tuple[Difference, Change]]
+
+
+def scaled(real: Real, b: Reading, file: Opened | None) -> Iterator[Hypothesis]:
+    """Masses, or masses and inertias, of several bodies are those of A times one number."""
+    bodies = dict.fromkeys(change.item for d, change in real.values() if d.what == "mass")
+    if len(bodies) < COMMON:
+        return
+    own = {name: {i: change for i, (d, change) in real.items() if _of(change, name)} for name in bodies}
+    after = {name: of_body(applied(b, own[name].values()).bodies[name]) for name in bodies}
+    ratio = float(np.median([b.bodies[name].mass / after[name].mass for name in bodies if after[name].mass]))
+    for words, both in (("masses", False), ("masses and inertias", True)):
+        fits = [name for name in bodies if _fits(b, file, name, after[name], ratio, both)]
+        if len(fits) >= COMMON:
+            numbers = tuple(i for name in fits for i in own[name])
+            values = tuple(
+                Value(name, "mass", np.asarray(after[name].mass), np.asarray(b.bodies[name].mass)) for name in fits
+            )
+            yield Hypothesis(f"{words} of {len(fits)} bodies, {ratio:.7g} times those of A", numbers, (), 1, values)
+
+
+def _of(change: Change, body: str) -> bool:
+    return change.what in INERTIAL and change.item == body
+
+
+def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: float, both: bool) -> bool:
+    """Whether a body of A is that of B, each of its links divided by the ratio."""
+    before = of_body(b.bodies[name])
+    parts = [*file.parts(name).values()] if file else [before]
+    smaller = [replace(p, mass=p.mass / ratio, inertia=p.inertia / (ratio if both else 1.0)) for p in parts if p.mass]
+    whole = reduce(combined, smaller)
+    left, step = (max(steps_of(matter, after).values()) for matter in (whole, before))
+    return left <= LEFT * step
+
+
+def printed(differences: Sequence[Difference]) -> Iterator[Hypothesis]:
+    """All that is rounding of a file."""
+    numbers = tuple(i for i, d in enumerate(differences) if d.kind == "digits" and d.change is not None)
+    if numbers:
+        yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 1)

@@ -1,0 +1,153 @@
+"""Why two models of a machine differ: the whole way from two files to one sentence and its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from screwgauge.diagnosis.attribution import Attribution, Torques
+from screwgauge.diagnosis.backfill import Backfill, backfill
+from screwgauge.diagnosis.branches import missing
+from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.common import Common, brought
+from screwgauge.diagnosis.compare import Row, drawn, table, torques
+from screwgauge.diagnosis.digits import marked
+from screwgauge.diagnosis.dynamics import not_modelled
+from screwgauge.diagnosis.explain import Explanation, explained
+from screwgauge.diagnosis.mapping import Pairing, paired, read_map
+from screwgauge.diagnosis.matrix import Matrix, matrix_of
+from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
+from screwgauge.diagnosis.static import differences
+from screwgauge.diagnosis.verdict import SAME, strange, verdict
+from screwgauge.diagnosis.witness import Witness, witnesses
+from screwgauge.models.readings.reading import Reading
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """What was found.
+
+    Attributes:
+        verdict: In one sentence or two.
+        same: Whether nothing differs.
+        pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
+        rows: Differences at `seed`'s random states by quantity; none between different machines.
+        attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
+        witnesses: Each library's own torques beside the dynamics of what it has read.
+        matrix: All readings of both files, if asked for.
+    """
+
+    a: Model
+    b: Model
+    seed: int
+    verdict: str
+    same: bool
+    pairing: Pairing
+    differences: tuple[Difference, ...]
+    rows: tuple[Row, ...] = ()
+    attribution: Attribution | None = None
+    proof: Backfill | None = None
+    witnesses: tuple[Witness, ...] = ()
+    matrix: Matrix | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def exit_status(self) -> int:
+        """Of the command: 0 the same, 1 different, 3 a library failed."""
+        if any(witness.failed for witness in self.witnesses):
+            return 3
+        return 0 if self.same else 1
+
+
+def diagnose(
+    a: str | Path,
+    b: str | Path,
+    *,
+    map: str | Path | Mapping[str, str] | None = None,
+    seed: int = 0,
+    matrix: bool = False,
+    loops: str | Path | None = None,
+    load: Read = in_process,
+) -> Diagnosis:
+    """Compares two models.
+
+    Args:
+        a, b: URDF, MJCF or description, or ``FILE@library``.
+        map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
+        seed: Of the random states.
+        matrix: Read both files by all libraries, too.
+        loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
+        load: Reads a file; by default in this process, where a library that crashes takes it along.
+
+    Raises:
+        ScrewgaugeError: A file, or the map, cannot be read.
+    """
+    given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
+    beside = None if loops is None else Path(loops)
+    one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
+    pairing = paired(one.reading, two.reading, given)
+    grid = matrix_of(one, two, given, seed, load) if matrix else None
+    if not pairing.alike:
+        return Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, (), matrix=grid)
+    common = brought(one.reading, two.reading, pairing)
+    found = [*missing(one.reading, two.reading, pairing), *differences(common)[0]]
+    found = marked(_said(found, one, two), (one.digits, two.digits))
+    states = drawn(common, seed)
+    rows = table(common, states)
+    asked = torques(common, pairing, states)
+    explanation = _explained(asked, found, (one, two), load)
+    why, proof = explanation.attribution, explanation.proof
+    seen = tuple(witnesses((one, two), seed))
+    same = not found and why.before.scaled <= SAME
+    return Diagnosis(
+        one,
+        two,
+        seed,
+        verdict((one, two), found, why, proof, seen),
+        same,
+        pairing,
+        tuple(found),
+        tuple(rows),
+        why,
+        proof,
+        seen,
+        grid,
+        _notes(common, one, two),
+    )
+
+
+def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
+    """Attribution and proof; backfill of all differences where steps taken one by one do not get through."""
+    a, b = models
+    paths = [None if model.library == "screwgauge" else model.file for model in models]
+
+    def read(file: Path) -> Reading:
+        return b.read_again(file, load)
+
+    why = explained(asked, (a.reading, b.reading), (paths[0], paths[1]), found, read)
+    if why.attribution.complete or why.attribution.before.scaled <= SAME:
+        return why
+    everything = [each.change for each in found if each.change is not None]
+    return replace(why, proof=backfill(asked, b.reading, everything, paths[1], read)) if everything else why
+
+
+def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
+    """Without what one of the formats cannot say: limits of a description, closures of a URDF."""
+    silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
+    silent |= set() if a.says_closures and b.says_closures else {"closure"}
+    return [each for each in found if each.what not in silent]
+
+
+def _notes(common: Common, a: Model, b: Model) -> tuple[str, ...]:
+    """What is taken for granted, and what is not compared."""
+    said = []
+    for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
+        if model.reading.gravity is None:
+            said.append(f"{side} says no gravity; 9.81 m/s^2 downwards is taken")
+        said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
+        if not model.says_closures and (common.a.closures or common.b.closures):
+            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
+        if model.floating:
+            said.append(f"the base of {side} is read as floating, as that of the other one does")
+    return tuple(said)

@@ -1,0 +1,60 @@
+"""From two readings and their differences to a cause and its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from screwgauge.diagnosis.attribution import Attribution, Torques, attribute
+from screwgauge.diagnosis.backfill import Backfill, backfill
+from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.hypotheses import hypotheses
+from screwgauge.diagnosis.hypothesis import Files
+from screwgauge.diagnosis.layout import UnpatchableError
+from screwgauge.diagnosis.opened import Opened, opened
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.files import read_file
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """Why the torques of two models differ.
+
+    Attributes:
+        proof: None where the torques do not differ, or nothing explains it.
+    """
+
+    attribution: Attribution
+    proof: Backfill | None
+
+
+def explained(
+    torques: Torques,
+    readings: tuple[Reading, Reading],
+    paths: tuple[Path | None, Path | None],
+    differences: Sequence[Difference],
+    read: Callable[[Path], Reading],
+) -> Explanation:
+    """Attributes the torque difference of B to its static differences and proves it.
+
+    Args:
+        readings, paths: Of A and B, as they were read.
+        differences: Of B to A, in the order in which their changes are to be made.
+        read: Reads a copy of B's file by B's library.
+    """
+    a, b = readings
+    files = Files(_beside(paths[0], a), _beside(paths[1], b))
+    attribution = attribute(torques, b, differences, hypotheses(differences, b, files))
+    if not attribution.steps:
+        return Explanation(attribution, None)
+    return Explanation(attribution, backfill(torques, b, attribution.changes, paths[1], read))
+
+
+def _beside(path: Path | None, reading: Reading) -> Opened | None:
+    """A model file beside its reading; None where the two do not fit, or there is none."""
+    try:
+        return opened(read_file(path), reading) if path else None
+    except (ScrewgaugeError, UnpatchableError):
+        return None

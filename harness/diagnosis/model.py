@@ -1,0 +1,112 @@
+"""A side of a diagnosis: a model file, by the library that is to read it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.digits import ALL, digits_of
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.expected import expected_reading
+from screwgauge.models.readings.loops import with_loops
+from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.files import read_file
+
+#: Reads a file by a library: (file, library, floating).
+Read = Callable[[Path, str, bool], Reading]
+CUTS = ("minimal", "full")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A model as one library reads it.
+
+    Attributes:
+        label: As it was given.
+        file: None of a mechanism built in.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` of a description.
+        floating: Whether the base of a URDF is read as moving freely.
+        digits: That its numbers are cut to.
+        sha256: Of the file; empty without one.
+        loops: File beside a URDF that says what closes its loops.
+    """
+
+    label: str
+    file: Path | None
+    library: str
+    reading: Reading
+    floating: bool = False
+    digits: int = ALL
+    sha256: str = ""
+    loops: Path | None = None
+
+    @property
+    def says_closures(self) -> bool:
+        """A URDF cannot, without a file beside it."""
+        return self.library == "screwgauge" or self.reading.gravity is not None or bool(self.reading.closures)
+
+    def read_again(self, file: Path, load: Read) -> Reading:
+        """What its library reads from a file in its place."""
+        reading = load(file, self.library, self.floating)
+        return with_loops(reading, self.loops) if self.loops else reading
+
+
+def in_process(file: Path, library: str, floating: bool) -> Reading:
+    """Reads in this process."""
+    return read(file, library, floating=floating)
+
+
+def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None) -> Model:
+    """Loads one side: a file, ``FILE@library``, or a description.
+
+    Args:
+        loops: Says what closes the loops of a URDF.
+
+    Raises:
+        ScrewgaugeError: It cannot be read.
+    """
+    text, library = str(given), ""
+    if "@" in text and not Path(text).exists():
+        text, _, library = text.rpartition("@")
+        if library not in LIBRARIES:
+            raise UnknownNameError("library", library, LIBRARIES, str(given))
+    file = Path(text)
+    if not library and (file.suffix == ".toml" or (not file.suffix and not file.exists())):
+        return _described(text)
+    library = library or libraries_for(file)[0]
+    content = read_file(file)
+    sha256 = hashlib.sha256(content.encode()).hexdigest()
+    model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
+    if loops is None or model.says_closures:
+        return model
+    return replace(model, loops=loops, reading=with_loops(model.reading, loops))
+
+
+def _described(name: str) -> Model:
+    mechanism = load_mechanism(name)
+    file = Path(name) if Path(name).is_file() else None
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
+    return Model(name, file, "screwgauge", expected_reading(mechanism, "full", STANDARD), sha256=sha256)
+
+
+def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
+    """Both, a description cut as the other one's file is, and a URDF's base floating where the other one's does."""
+    return _like(a, b, load), _like(b, a, load)
+
+
+def _like(model: Model, other: Model, load: Read) -> Model:
+    if model.library == "screwgauge":
+        mechanism = load_mechanism(model.label)
+        cuts = [expected_reading(mechanism, cut, STANDARD) for cut in CUTS]
+        best = max(cuts, key=lambda cut: (len({*cut.joints} & {*other.reading.joints}), -len(cut.joints)))
+        return replace(model, reading=best)
+    free = [any(joint.kind == "free" for joint in each.reading.joints.values()) for each in (model, other)]
+    if model.file is not None and free == [False, True] and model.reading.gravity is None:
+        floating = replace(model, floating=True)
+        return replace(floating, reading=floating.read_again(model.file, load))
+    return model

@@ -1,0 +1,114 @@
+"""The verdict of a diagnosis in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from screwgauge.diagnosis.attribution import Attribution, Largest
+from screwgauge.diagnosis.backfill import Backfill
+from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.mapping import Pairing
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.static import sorted_by_size
+from screwgauge.diagnosis.witness import Witness
+
+#: Scaled torques that differ by no more are the same, whatever the readers' rounding.
+SAME = 1e-11
+_NAMED = 3
+
+
+def verdict(
+    models: tuple[Model, Model],
+    found: Sequence[Difference],
+    why: Attribution,
+    proof: Backfill | None,
+    seen: Iterable[Witness],
+) -> str:
+    """What differs, what it explains, and what is left."""
+    said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
+    first, second = models
+    if first.file is not None and first.file == second.file and found:
+        said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
+    said += [_witness(witness) for witness in seen if not witness.agrees]
+    return " ".join(said)
+
+
+def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
+    """Of two models that are not of one machine."""
+    a, b = (len(model.reading.joints) for model in models)
+    pairs = ", ".join(f"{name} = {other}" for name, other in list(pairing.joints.items())[:_NAMED])
+    more = f" ({pairs}{', ...' if len(pairing.joints) > _NAMED else ''})" if pairs else ""
+    return (
+        f"A and B are models of different machines: of {a} joints of A and {b} of B, {len(pairing.joints)} have a "
+        f"partner{more}. If they are the same machine, name the partners with --map."
+    )
+
+
+def _same(models: tuple[Model, Model], why: Attribution) -> str:
+    reading = models[0].reading
+    count = f"{len(reading.joints)} joints and {len(reading.bodies)} bodies"
+    return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
+
+
+def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None) -> str:
+    if why.before.scaled <= SAME:
+        return f"{_listed(_largest_first(found))}; no torque shows it ({why.before.scaled:.1g})."
+    if not why.steps:
+        rest = f" {_listed(_largest_first(found))}." if found else ""
+        return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
+    numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
+    causes = _listed(_largest_first(found[number] for number in numbers))
+    slips = [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
+    slip = f" ({_listed(slips)})" if slips else ""
+    alike = [other.name for step in why.steps for other in step.alike]
+    doubt = f", as would {_listed(alike)}" if alike else ""
+    others, more = len(found) - len(numbers), ""
+    if others and why.complete:
+        more = f" {others} other difference{'s' if others > 1 else ''} no torque shows."
+    share = why.share
+    if not why.complete and proof is not None and proof.agrees:
+        # one by one they do not get there, all at once they do
+        causes, share, numbers, slip, doubt = _listed(_largest_first(found)), 1.0, [0, 0], "", ""
+    verb = "explains" if len(numbers) == 1 else "together explain"
+    return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
+
+
+def _largest_first(found: Iterable[Difference]) -> list[str]:
+    return [each.sentence for each in sorted_by_size(found)]
+
+
+def _left(why: Attribution, proof: Backfill | None) -> str:
+    """What backfill leaves."""
+    left = why.left if proof is None else proof.left
+    if left.scaled == float("inf"):
+        return "after backfill there are no torques to compare"
+    where = "" if proof is None or proof.on == "file" else " of the reading"
+    return f"after backfill{where} {_largest(left)} are left"
+
+
+def _largest(found: Largest) -> str:
+    return (
+        f"{found.value:.1g} {found.unit}"
+        if found.scaled < 1e-9
+        else f"{found.value:.4g} {found.unit} ({found.component})"
+    )
+
+
+def _percent(share: float) -> str:
+    """Four decimals, and never all of it where something is left."""
+    return "100.0000 %" if share > 1.0 - 5e-7 else f"{min(share * 100.0, 99.9999):.4f} %"
+
+
+def _listed(sentences: Sequence[str]) -> str:
+    more = len(sentences) - _NAMED
+    return "; ".join(sentences[:_NAMED]) + (f"; and {more} more" if more > 0 else "")
+
+
+def _witness(witness: Witness) -> str:
+    if witness.failed:
+        return f"{witness.library} fails on {witness.side} ({witness.failed})."
+    name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
+    return (
+        f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
+        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model."
+    )

@@ -1,0 +1,64 @@
+"""Whether a library's own dynamics are those of what it has read, or an engine differs and not a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from screwgauge.diagnosis.asked import ASKED, answers, apart
+from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.dynamics import not_modelled
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.reference.errors import ScrewgaugeError
+
+#: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
+ROUNDING = 1e-11
+#: States at which a library is asked.
+STATES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A library on the model that it has read.
+
+    Attributes:
+        side: ``A`` or ``B``.
+        scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
+        omits: What its inverse dynamics do not contain.
+        failed: Why it could not say; empty if it did.
+    """
+
+    side: str
+    library: str
+    scaled: dict[str, float]
+    omits: tuple[str, ...] = ()
+    failed: str = ""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the engine computes what its reading says."""
+        return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
+
+
+def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
+    """Each library that has dynamics, on what it has read."""
+    for side, model in zip("AB", models, strict=False):
+        if model.library not in ASKED or model.file is None:
+            continue
+        reading = model.reading
+        tree = plant(replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity))
+        states = draw(reading, STATES, seed)
+        try:
+            said = answers(model.file, model.library, tree, states, floating=model.floating)
+        except (ScrewgaugeError, ValueError, LookupError) as error:
+            yield Witness(side, model.library, {}, failed=str(error))
+            continue
+        found = {name: off / scale if scale else off for name, (off, scale) in apart(said, tree, states).items()}
+        acts = {"armature", "damping", "friction", "stiffness"} & {
+            entry
+            for joint in reading.joints.values()
+            for entry in ("armature", "damping", "friction", "stiffness")
+            if getattr(joint, entry)
+        }
+        yield Witness(side, model.library, found, (*sorted(acts - said.covers), *not_modelled(reading)))

@@ -1,0 +1,268 @@
+"""Kinds of change of axes, placements, limits, gravity, printed digits and of what is there at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.xml_text import Element, XmlText
+from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
+from screwgauge.reference.rotations import Array, rotation
+from screwgauge.study.selftest.marks import end, joints
+from screwgauge.study.selftest.mutant import CannotError, Expected
+from screwgauge.study.selftest.mutations import Random, _joint, _set, _unit, _urdf
+
+_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+
+
+def _axis(xml: XmlText, joint: Element) -> Array:
+    if _urdf(xml):
+        found = joint.find("axis")
+        axis = numbers(found.get("xyz") if found else "", "1 0 0")
+    else:
+        axis = numbers(joint.get("axis"), "0 0 1")
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def _set_axis(xml: XmlText, joint: Element, axis: Array) -> None:
+    if _urdf(xml):
+        _set(xml, joint, "axis", xyz=vector_text(axis))
+    else:
+        xml.set(joint, axis=vector_text(axis))
+
+
+def _written(xml: XmlText, joint: Element) -> bool:
+    """Whether the axis stands at the joint itself and not in a default."""
+    return _urdf(xml) or bool(joint.get("axis"))
+
+
+def axis_reversed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    joint = _joint(xml, rng, lambda joint: _written(xml, joint))
+    _set_axis(xml, joint, -_axis(xml, joint))
+    return [Expected(joint.get("name"), ("sign",))]
+
+
+def axis_tilted(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    joint = _joint(xml, rng, lambda joint: _written(xml, joint))
+    axis = _axis(xml, joint)
+    across = np.cross(axis, _unit(rng))
+    tilted = axis + np.tan(size) * across / np.linalg.norm(across)
+    _set_axis(xml, joint, tilted / np.linalg.norm(tilted))
+    return [Expected(joint.get("name"), ("axis",), 2.0 * np.sin(0.5 * size))]
+
+
+def _mount(xml: XmlText, joint: Element) -> Element:
+    """What holds the placement of what a joint carries."""
+    body = joint if _urdf(xml) else joint.parent
+    if body is None or (not _urdf(xml) and sum(child.tag in ("joint", "freejoint") for child in body.children) > 1):
+        raise CannotError("several joints share the placement")
+    return body
+
+
+def _pose(xml: XmlText, mount: Element) -> Array:
+    return origin(mount) if _urdf(xml) else mjcf_pose(mount, compilers(xml))
+
+
+def _replace(xml: XmlText, mount: Element, T: Array) -> None:
+    if _urdf(xml):
+        _set(xml, mount, "origin", xyz=vector_text(T[:3, 3]), rpy=vector_text(rpy(T[:3, :3])))
+        return
+    xml.set(mount, **dict.fromkeys(name for name in _ORIENTATIONS if name in mount.attributes))
+    xml.set(mount, pos=vector_text(T[:3, 3]), quat=vector_text(quaternion(T[:3, :3])))
+
+
+def placement_shift(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    joint = _joint(xml, rng)
+    mount = _mount(xml, joint)
+    T, step = _pose(xml, mount), 0.1 * size
+    T[:3, 3] += step * _unit(rng)
+    _replace(xml, mount, T)
+    return [Expected(joint.get("name"), ("placement",), step)]
+
+
+def placement_turn(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    joint = _joint(xml, rng)
+    mount = _mount(xml, joint)
+    T = _pose(xml, mount)
+    across = np.cross(_axis(xml, joint), _unit(rng))  # about its axis it would be another zero
+    T[:3, :3] = T[:3, :3] @ rotation(across / np.linalg.norm(across), np.array(size))
+    _replace(xml, mount, T)
+    return [Expected(joint.get("name"), ("placement", "axis"), size)]
+
+
+def placement_in_millimetres(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    joint = _joint(xml, rng, lambda joint: bool(np.linalg.norm(_pose(xml, _mount_of(xml, joint))[:3, 3]) > 1e-3))
+    mount = _mount(xml, joint)
+    T = _pose(xml, mount)
+    step = 999.0 * float(np.linalg.norm(T[:3, 3]))
+    T[:3, 3] *= 1000.0
+    _replace(xml, mount, T)
+    return [Expected(joint.get("name"), ("placement",), step, "in mm")]
+
+
+def _mount_of(xml: XmlText, joint: Element) -> Element:
+    return joint if _urdf(xml) or joint.parent is None else joint.parent
+
+
+def placement_turn_lost(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    def turned(joint: Element) -> bool:
+        R = _pose(xml, _mount_of(xml, joint))[:3, :3]
+        axis = _axis(xml, joint)
+        return bool(np.abs(R @ axis - axis).max() > 1e-2)
+
+    joint = _joint(xml, rng, turned)
+    mount = _mount(xml, joint)
+    T = _pose(xml, mount)
+    T[:3, :3] = np.eye(3)
+    _replace(xml, mount, T)
+    return [Expected(joint.get("name"), ("placement", "axis"), np.nan, "no rotation")]
+
+
+def zero_offset(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """What a hinge carries is turned about it, so that its zero is elsewhere."""
+    joint = _joint(xml, rng, lambda joint: (joint.get("type") or "hinge") in ("revolute", "continuous", "hinge"))
+    mount = _mount(xml, joint)
+    if not _urdf(xml) and np.any(numbers(joint.get("pos"))):
+        raise CannotError("the axis does not go through the origin of the body")
+    T = _pose(xml, mount)
+    T[:3, :3] = T[:3, :3] @ rotation(_axis(xml, joint), np.array(size))
+    _replace(xml, mount, T)
+    return [Expected(joint.get("name"), ("zero", "placement"), size)]
+
+
+def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    if _urdf(xml):
+        joint = _joint(
+            xml, rng, lambda joint: joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is not None
+        )
+        limit = joint.find("limit")
+        old = float(limit.get("upper", "0")) if limit else 0.0
+        step = size * max(1.0, abs(old))
+        _set(xml, joint, "limit", upper=number_text(old + step))
+    else:
+        joint = _joint(xml, rng, lambda joint: bool(joint.get("range")))
+        low, high = numbers(joint.get("range"))
+        degrees = compilers(xml).get("angle") != "radian" and joint.get("type", "hinge") == "hinge"
+        step = size * max(1.0, abs(high))
+        xml.set(joint, range=vector_text([low, high + step]))
+        step *= np.pi / 180.0 if degrees else 1.0
+    return [Expected(joint.get("name"), ("limits",), step)]
+
+
+def _option(xml: XmlText) -> Element | None:
+    if _urdf(xml):
+        raise CannotError("a URDF has no gravity")
+    return next((element for element in xml.root.children if element.tag == "option"), None)
+
+
+def _gravity(xml: XmlText, change: Array) -> list[Expected]:
+    option = _option(xml)
+    old = numbers(option.get("gravity") if option else "", "0 0 -9.81")
+    if option is None:
+        xml.add(xml.root, "option", gravity=vector_text(old + change))
+    else:
+        xml.set(option, gravity=vector_text(old + change))
+    return [Expected("", ("gravity",), float(np.linalg.norm(change)))]
+
+
+def gravity_value(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    return _gravity(xml, np.array([0.0, 0.0, 9.81 * size]))
+
+
+def gravity_direction(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    return _gravity(xml, 9.81 * size * np.array([1.0, 0.0, 0.0]))
+
+
+def compensation(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    if _urdf(xml):
+        raise CannotError("a URDF has no gravcomp")
+    bodies = [joint.parent for joint in joints(xml) if joint.parent and joint.parent.find("inertial")]
+    if not bodies:
+        raise CannotError("no body with an inertial")
+    body = bodies[rng.integers(len(bodies))]
+    old = float(body.get("gravcomp", "0"))
+    xml.set(body, gravcomp=number_text(old + size))
+    return [Expected(body.get("name"), ("gravcomp",), size)]
+
+
+def gear_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    rooms = [] if _urdf(xml) else [element for element in xml.root.children if element.tag == "actuator"]
+    motors = [motor for room in rooms for motor in room.children if motor.tag == "motor" and motor.get("joint")]
+    if not motors:
+        raise CannotError("no motor of a joint")
+    motor = motors[rng.integers(len(motors))]
+    old = float(motor.get("gear", "1").split()[0])
+    xml.set(motor, gear=number_text(old * (1.0 + size)))
+    return [Expected(motor.get("name"), ("gear",), old * size)]
+
+
+def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """A joint that does not move any more."""
+    referred = (
+        set()
+        if _urdf(xml)
+        else {
+            value
+            for element in xml.root.iter("motor", "position", "joint", "jointpos", "actuator", "connect", "weld")
+            if element.parent and element.parent.tag not in ("body",)
+            for value in element.attributes.values()
+        }
+    )
+    mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
+    joint = _joint(xml, rng, lambda joint: joint.get("name") not in referred | mimicked)
+    if _urdf(xml):
+        xml.set(joint, type="fixed")
+    else:
+        xml.replace(joint)
+    return [Expected(joint.get("name"), ("branch", "joint"))]
+
+
+def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """A last link that is not there, with its joint."""
+    if not _urdf(xml):
+        raise CannotError("only of a URDF")
+    all_joints = [element for element in xml.root.children if element.tag == "joint"]
+    mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
+    near = {end(joint, "parent") for joint in all_joints}
+    last = [j for j in joints(xml) if end(j, "child") not in near and j.get("name") not in mimicked]
+    if not last or len(joints(xml)) < 2:
+        raise CannotError("no last link behind a joint")
+    joint = last[rng.integers(len(last))]
+    for element in xml.root.children:
+        if element is joint or (element.tag == "link" and element.get("name") == end(joint, "child")):
+            xml.replace(element)
+    return [Expected(joint.get("name"), ("branch", "joint"))]
+
+
+def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
+    """All numbers of inertials and placements with six or seven digits."""
+    places, changed = 6 + int(rng.integers(2)), False
+    tags = ("mass", "inertia", "origin", "inertial", "body")
+    for element in xml.root.iter(*tags):
+        values = {}
+        for name in (
+            "value",
+            "xyz",
+            "rpy",
+            "pos",
+            "quat",
+            "mass",
+            "diaginertia",
+            "fullinertia",
+            "ixx",
+            "iyy",
+            "izz",
+            "ixy",
+            "ixz",
+            "iyz",
+        ):
+            if text := element.get(name):
+                short = " ".join(f"{float(word):.{places}g}" for word in text.split())
+                if any(float(a) != float(b) for a, b in zip(short.split(), text.split(), strict=True)):
+                    values[name] = short
+        if values:
+            changed = True
+            xml.set(element, **values)
+    if not changed:
+        raise CannotError("all numbers are short")
+    return [Expected("", ("digits",))]
