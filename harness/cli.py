@@ -19,6 +19,8 @@ EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance o
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
+DIAGNOSE_STATUS = """exit status: 0 the same; 1 different; 2 bad input; 3 a library failed"""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command.
@@ -112,8 +114,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     add("--severity", metavar="A,B", help="these rungs of the one case named")
 
-    add = command(commands.diagnose, "show a named discrepancy of the engines, with its cause and its remedy")
-    add("--case", required=True, metavar="ID", help="one of 'list discrepancies'")
+    add = command(
+        commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
+    )
+    which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
+    add("a", nargs="?", metavar="A", help=which)
+    add("b", nargs="?", metavar="B", help="the same")
+    add("--case", metavar="ID", help="instead, a discrepancy of the engines ('list discrepancies'), shown on a small model")
+    add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
+    add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
+    add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
+    add("--seed", type=int, default=0, metavar="N", help="of the random states (0)")
+    add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
+    add("--json", action="store_true", help="print the summary as JSON")
 
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser

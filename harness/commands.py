@@ -28,6 +28,7 @@ def models(options: argparse.Namespace) -> int:
     """Writes the model files of a mechanism, and compares what programs read, if asked to."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import write_models
+    from screwgauge.models.mjcf import left_out
     from screwgauge.scene.preflight import check_home
 
     mechanism = load_mechanism(options.mechanism)
@@ -35,6 +36,8 @@ def models(options: argparse.Namespace) -> int:
     out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
         say(str(path))
+    for sentence in left_out(mechanism):
+        say(sentence)
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table
@@ -144,12 +147,37 @@ def paper(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
+    """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
+    from screwgauge.diagnosis.diagnose import diagnose
+    from screwgauge.environment import json_text
+    from screwgauge.reference.errors import DescriptionError
+    from screwgauge.report.pages import diagnosis as page
+    from screwgauge.study.loading import read_apart
+
+    given = [each for each in (options.a, options.b) if each is not None]
+    if len(given) != (2 if options.case is None else 0):
+        raise DescriptionError("needs two models, or a case and none", "diagnose", "write A B, or --case ID")
+    if options.case is not None:
+        return _case(options.case)
+    more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
+    found = _study(
+        page,
+        options.out or OUT / "diagnosis",
+        lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
+        tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
+    )
+    if options.fix is not None:
+        say(f"fixed: {found.write_fix(options.fix)}")
+    return int(found.exit_status)
+
+
+def _case(name: str) -> int:
     """Shows a named discrepancy with the installed engines."""
     from screwgauge.casebook.book import reproduce
     from screwgauge.report.casebook import blocks
     from screwgauge.report.terminal import terminal
 
-    result = reproduce(options.case)
+    result = reproduce(name)
     say(terminal(blocks(result)))
     return 0 if result.ok else 3
 

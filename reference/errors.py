@@ -85,6 +85,12 @@ class ModelFileError(ScrewgaugeError):
     """A URDF, MJCF or loops file that an engine cannot use."""
 
 
+class LoaderError(ScrewgaugeError):
+    """A library that a model file makes crash, hang or take all memory."""
+
+    exit_status = 3
+
+
 class OutputError(ScrewgaugeError):
     """A folder or stream that cannot be written."""
 

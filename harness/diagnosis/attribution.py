@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,7 +177,7 @@ def _steps(
             tried[i] = left(taken | {*hypotheses[i].differences}) if steps else alone[i]
         best = min(tried.values())
         if best > (1.0 - LEAST) * now:
-            break
+            return (*steps, *_rest(left, hypotheses, taken, before))
         equal = [i for i in tried if tried[i] <= max(best + ALIKE * now, ROUNDING)]
         chosen = min(equal, key=lambda i: (hypotheses[i].numbers, tried[i]))
         own = {*hypotheses[chosen].differences}
@@ -188,3 +188,14 @@ def _steps(
         now, taken = tried[chosen], taken | own
         gains = {i: gain for i, gain in gains.items() if not {*hypotheses[i].differences} <= taken}
     return tuple(steps)
+
+
+def _rest(
+    left: Callable[[Collection[int]], float], hypotheses: Sequence[Hypothesis], taken: set[int], before: float
+) -> Iterator[Step]:
+    """All that is left at once, where no part of it helps alone."""
+    numbers = {number for hypothesis in hypotheses for number in hypothesis.differences} - taken
+    rest = Hypothesis("all other differences together", tuple(sorted(numbers)), (), len(numbers))
+    share, gone = _share(before, left(taken | numbers)), _share(before, left(taken))
+    if share - gone > LEAST * (1.0 - gone):
+        yield Step(rest, _share(before, left(numbers)), share)

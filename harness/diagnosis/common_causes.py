@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import combinations
 
 import numpy as np
 
@@ -35,7 +36,13 @@ def scaled(real: Real, b: Reading, file: Opened | None) -> Iterator[Hypothesis]:
             values = tuple(
                 Value(name, "mass", np.asarray(after[name].mass), np.asarray(b.bodies[name].mass)) for name in fits
             )
-            yield Hypothesis(f"{words} of {len(fits)} bodies, {ratio:.7g} times those of A", numbers, (), 1, values)
+            yield Hypothesis(
+                f"{words} of {len(fits)} bodies, {ratio:.9g} times those of A",
+                numbers,
+                ("all scaled alike",),
+                1,
+                values,
+            )
 
 
 def _of(change: Change, body: str) -> bool:
@@ -57,3 +64,14 @@ def printed(differences: Sequence[Difference]) -> Iterator[Hypothesis]:
     numbers = tuple(i for i, d in enumerate(differences) if d.kind == "digits" and d.change is not None)
     if numbers:
         yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 1)
+
+
+def swapped(found: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
+    """Two parts of which each has the mass of the other one."""
+    masses = [h for h in found if [value.what for value in h.values] == ["mass"]]
+    for one, two in combinations(masses, 2):
+        (first,), (second,) = one.values, two.values
+        off = max(abs(float(first.a - second.b)), abs(float(first.b - second.a)))
+        if off <= LEFT * abs(float(first.a - first.b)):
+            name = f"masses of {first.item} and {second.item}, which are swapped"
+            yield Hypothesis(name, one.differences + two.differences, ("masses are swapped",), 1, (first, second))

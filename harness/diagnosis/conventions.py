@@ -64,7 +64,7 @@ def com_slips(a: Array, b: Array, R: Array) -> list[str]:
         R: Orientation of the inertial frame in the link. Shape (3, 3).
     """
     found = [f"is {said}" for said in [unit_slip("com", a, b)] if said]
-    if not b.any() and a.any():
+    if _is(np.zeros(3), b, a):
         found.append("is left out")
     mirrored = [(signs, np.array(signs) * a) for signs in product((1.0, -1.0), repeat=3) if min(signs) < 0.0]
     for signs, value in mirrored:
@@ -161,7 +161,7 @@ def placement_slips(a: Array, b: Array) -> list[str]:
     turn = rotation_vector(R)
     if np.abs(Q - R).max() <= LEFT * np.abs(r - p).max():
         found += [f"is {said}" for said in [unit_slip("placement", p, r)] if said]
-        if not r.any():
+        if _is(np.zeros(3), r, p):
             found.append("has no position")
     if np.abs(r - p).max() <= LEFT * np.abs(Q - R).max():
         if _is(R.T, Q, R):

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from screwgauge.diagnosis.attribution import Attribution, Torques
-from screwgauge.diagnosis.backfill import Backfill, backfill
+from screwgauge.diagnosis.backfill import Backfill, backfill, write_fix
 from screwgauge.diagnosis.branches import missing
-from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.change import Change, Difference, applied
 from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
@@ -22,6 +24,7 @@ from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.verdict import SAME, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import OutputError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +39,8 @@ class Diagnosis:
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
         witnesses: Each library's own torques beside the dynamics of what it has read.
         matrix: All readings of both files, if asked for.
+        notes: What was taken for granted, or not compared.
+        by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
     """
 
     a: Model
@@ -51,6 +56,7 @@ class Diagnosis:
     witnesses: tuple[Witness, ...] = ()
     matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
+    by_joint: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def exit_status(self) -> int:
@@ -58,6 +64,18 @@ class Diagnosis:
         if any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
+
+    def write_fix(self, out: Path) -> Path:
+        """Writes B as it would have to be to agree with A.
+
+        Raises:
+            OutputError: There is no such file, or it cannot be written.
+        """
+        if self.proof is None or not self.proof.text or self.b.file is None:
+            why = "; ".join(self.proof.why_not) if self.proof else "no torque differs"
+            raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
+        write_fix(out, self.proof.text, self.b.file)
+        return out
 
 
 def diagnose(
@@ -99,7 +117,7 @@ def diagnose(
     explanation = _explained(asked, found, (one, two), load)
     why, proof = explanation.attribution, explanation.proof
     seen = tuple(witnesses((one, two), seed))
-    same = not found and why.before.scaled <= SAME
+    same = not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen)
     return Diagnosis(
         one,
         two,
@@ -114,6 +132,7 @@ def diagnose(
         seen,
         grid,
         _notes(common, one, two),
+        _by_joint(asked, two.reading, why.changes if why.complete else _changes(found)),
     )
 
 
@@ -128,8 +147,17 @@ def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model,
     why = explained(asked, (a.reading, b.reading), (paths[0], paths[1]), found, read)
     if why.attribution.complete or why.attribution.before.scaled <= SAME:
         return why
-    everything = [each.change for each in found if each.change is not None]
+    everything = _changes(found)
     return replace(why, proof=backfill(asked, b.reading, everything, paths[1], read)) if everything else why
+
+
+def _changes(found: Sequence[Difference]) -> list[Change]:
+    return [each.change for each in found if each.change is not None]
+
+
+def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tuple[str, float, float], ...]:
+    before, after = (np.abs(asked.left(applied(b, each))).max(axis=0) for each in ((), changes))
+    return tuple(zip(asked.names, before.tolist(), after.tolist(), strict=True))
 
 
 def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:

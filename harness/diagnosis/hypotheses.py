@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import reduce
 
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common_causes import printed, scaled
+from screwgauge.diagnosis.common_causes import printed, scaled, swapped
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
 from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypothesis, Value
-from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, steps_of
+from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.opened import Opened, frames_of
 from screwgauge.diagnosis.words import NAMES
 from screwgauge.models.readings.reading import Reading
@@ -33,34 +34,73 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
     for i, (difference, change) in real.items():
         if difference.what not in INERTIAL:
             found.append(_single(i, difference, change, b, files))
-    return [*found, *_same_slip(found), *scaled(real, b, files.b), *printed(differences)]
+    return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences)]
 
 
 def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Hypothesis]:
-    """Of a body: each of its mass properties alone, or, where it is several links, those of one link."""
+    """Of a body: each of its mass properties alone and together, or, where it is several links, those of links."""
     old, new = of_body(b.bodies[body]), of_body(applied(b, own.values()).bodies[body])
-    rotations, parts, name = {"B": np.eye(3)}, files.b.parts(body) if files.b else {}, body
-    if files.b and parts:
-        chosen, matter = plainest(parts, old, new)
-        link = files.b.links[chosen]
-        back, name = relative(relative(b.bodies[body].pose, link.frame), np.eye(4)), link.name
-        old, new = displaced(parts[chosen], back), displaced(matter, back)
-        rotations = {"B": link.turn}
-        if files.a and (twins := [other for other in files.a.links if other.name == link.name]):
-            rotations["A"] = twins[0].turn
-    slips = _slips(old, new, rotations)
-    values = {what: Value(name, what, *(np.asarray(getattr(m, what)) for m in (new, old))) for what in INERTIAL}
+    parts = files.b.parts(body) if files.b else {}
+    pairs = _links(files, body, parts, old, new) if files.b and parts else [(body, old, new, {"B": np.eye(3)})]
     if len(parts) > 1:
-        step = steps_of(old, new)
-        which = [what for what in INERTIAL if step[what] > max(1e-13, 1e-6 * max(step.values()))]
-        fixed = "" if name == body else f", fixed to {body}"
-        said = tuple(slip for what in which for slip in slips[what])
-        numbers, all_ = sum(COUNT[what] for what in which), tuple(values[what] for what in which)
-        yield Hypothesis(f"{', '.join(word(what) for what in which)} of {name}{fixed}", tuple(own), said, numbers, all_)
+        yield _together(own, body, pairs)
         return
+    ((name, before, after, rotations),) = pairs
+    slips, values = _slips(before, after, rotations), _values(name, before, after)
     for i, change in own.items():
         what = change.what
         yield Hypothesis(f"{word(what)} of {body}", (i,), slips[what], COUNT[what], (values[what],))
+    if len(own) > 1:
+        yield _together(own, body, pairs)
+
+
+_Pair = tuple[str, Matter, Matter, dict[str, Array]]
+"""Name of a link, its matter in B and in A, in its frame, and the orientations in which the models write its tensor."""
+
+
+def _together(own: Mapping[int, Change], body: str, pairs: Sequence[_Pair]) -> Hypothesis:
+    """All mass properties of a body that differ, told by those of its links."""
+    names, slips, values = list[str](), list[str](), list[Value]()
+    for name, before, after, rotations in pairs:
+        step, said = steps_of(before, after), _slips(before, after, rotations)
+        which = [what for what in INERTIAL if step[what] > max(1e-13, 1e-6 * max(step.values()))]
+        names.append(
+            f"{', '.join(word(what) for what in which)} of {name}{'' if name == body else f', fixed to {body}'}"
+        )
+        slips += [slip for what in which for slip in said[what]]
+        values += [_values(name, before, after)[what] for what in which]
+    numbers = sum(COUNT[value.what] for value in values)
+    return Hypothesis("; ".join(names), tuple(own), tuple(slips), numbers, tuple(values))
+
+
+def _values(name: str, before: Matter, after: Matter) -> dict[str, Value]:
+    return {w: Value(name, w, np.asarray(getattr(after, w)), np.asarray(getattr(before, w))) for w in INERTIAL}
+
+
+def _links(files: Files, body: str, parts: Mapping[int, Matter], old: Matter, new: Matter) -> list[_Pair]:
+    """The links of a body that differ: those that do by both files, else the one that has to change least."""
+    file = files.b
+    if file is None:
+        return []
+    T = {i: relative(file.reading.bodies[body].pose, file.links[i].frame) for i in parts}
+    twins = {link.name: link for link in files.a.links} if files.a else {}
+    theirs = {i: twins[file.links[i].name] for i in parts if file.links[i].name in twins}
+    said = {i: displaced(m, T[i]) for i, link in theirs.items() if (m := link.matter) is not None}
+    if {*said} == {*parts}:
+        whole, scale = reduce(combined, said.values()), max(steps_of(old, new).values())
+        changed = {i: max(steps_of(parts[i], said[i], new.mass).values()) for i in parts}
+        fits = max(steps_of(whole, new).values()) <= 1e-6 * scale
+        chosen = {i: said[i] for i in parts if changed[i] > 1e-6 * max(changed.values())} if fits else {}
+    else:
+        chosen = {}
+    if not chosen:
+        chosen = dict([plainest(parts, old, new)])
+    pairs = list[_Pair]()
+    for i, matter in chosen.items():
+        turns = {"B": file.links[i].turn} | ({"A": theirs[i].turn} if i in theirs else {})
+        back = relative(T[i], np.eye(4))
+        pairs.append((file.links[i].name, displaced(parts[i], back), displaced(matter, back), turns))
+    return pairs
 
 
 def word(what: str) -> str:

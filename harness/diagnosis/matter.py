@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -105,6 +106,9 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
     if len(parts) == 1:
         return next(iter(parts)), after
     found = {i: changed(part, before, after) for i, part in parts.items()}
+    if _much(before, after):  # beside a part that is much too large the others would drown
+        others = {i: [part for j, part in parts.items() if j != i] for i in parts}
+        found = {i: reduce(lambda left, part: combined(left, part, -1.0), others[i], after) for i in parts}
     scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
     steps = {i: np.array(list(steps_of(parts[i], matter, scale, size).values())) for i, matter in found.items()}
     least = max(1e-14, 1e-6 * min(float(step.max()) for step in steps.values()))
@@ -114,6 +118,12 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
 
     chosen = min(found, key=cost)
     return chosen, found[chosen]
+
+
+def _much(before: Matter, after: Matter) -> bool:
+    """Whether a body becomes smaller by far."""
+    moments = (float(np.abs(m.inertia + m.mass * steiner(m.com)).max()) for m in (before, after))
+    return next(moments) > 10.0 * next(moments) or before.mass > 10.0 * after.mass
 
 
 def _size(matter: Matter) -> float:

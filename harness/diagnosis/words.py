@@ -72,10 +72,10 @@ def place(item: str, what: str, amount: tuple[float, float], joint: JointReading
 
 def digits(value: float, other: float) -> str:
     """A number with as many digits as tell it from another one, and two more; 4 at least."""
-    if value == other or value == 0.0 or not (math.isfinite(value) and math.isfinite(other)):
+    if value in (other, 0.0) or other == 0.0 or not (math.isfinite(value) and math.isfinite(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
-    shown = min(17, max(5, math.ceil(math.log10(near)) + 3))
+    shown = min(17, max(4, math.ceil(math.log10(near)) + 2))
     text = f"{value:#.{shown}g}"
     return text.rstrip(".") if "e" not in text else f"{value:.{shown}g}"
 

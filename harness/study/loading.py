@@ -16,9 +16,10 @@ from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.problem import Progress
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.errors import LoaderError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study.apart import Limits, apart
+from screwgauge.study import apart
+from screwgauge.study.apart import Limits
 
 #: Of one reading: the largest models take a second.
 LOADING = Limits(seconds=60.0)
@@ -66,7 +67,7 @@ def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[
         processes[name] = f"{request.library}-reading-{used[request.library]}"
     works = {processes[name]: partial(_work, request) for name, request in requests.items()}
     with TemporaryDirectory() as folder:
-        found = apart(works, limits, Path(folder), lambda names, share: None)
+        found = apart.apart(works, limits, Path(folder), lambda names, share: None)
     return {name: found[process] for name, process in processes.items()}
 
 
@@ -75,3 +76,23 @@ def _work(request: Request, progress: Progress) -> Reading | Failure:
         return load(request)
     except ScrewgaugeError as error:
         return Failure(request.library, str(error))
+
+
+def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
+    """Reads a file in the process of its library.
+
+    Raises:
+        ScrewgaugeError: It cannot be read.
+        LoaderError: The library crashed or met a limit.
+    """
+    name = f"{library}-reading-1"
+    work = partial(_read, path, library, floating)
+    with TemporaryDirectory() as folder:
+        found = apart.apart({name: work}, LOADING, Path(folder), lambda names, share: None)[name]
+    if isinstance(found, Failure):
+        raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
+    return found
+
+
+def _read(path: Path, library: str, floating: bool, progress: Progress) -> Reading | Failure:
+    return read(path, library, floating=floating)

@@ -37,7 +37,8 @@ class PinocchioMover:
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
         self.more = pin.ProximalSettings(0.0, 0.0, mu, MORE)
-        self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
+        setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
+        self.setting = setting + (", couplings by unit forces" if tree.couplings else "")
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
 
@@ -86,7 +87,7 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Accelerations, what those of the loops are off by (the last change of the multipliers times mu) or those of the
+        """Accelerations, what those of loops are off by (the last change of the multipliers times mu) or those of
         couplings, and the largest acceleration, 1 at least."""
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 
+#: Item of a change of all parts.
+EVERYWHERE = "*"
+
+
 @dataclass(frozen=True, slots=True)
 class Expected:
     """What was changed.
 
     Attributes:
-        item: Link or joint, as the file calls it; empty for the model.
+        item: Link or joint, as the file calls it; empty for the model, `EVERYWHERE` for all parts.
         what: Properties by which the change may be told; one of them has to be.
         magnitude: How large it is, by the norm of the difference of its numbers; NaN where there is none.
         slip: Words that have to be in the name of the slip, if it is one.
@@ -22,21 +26,6 @@ class Expected:
     what: tuple[str, ...]
     magnitude: float = np.nan
     slip: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Mutant:
-    """A changed file.
-
-    Attributes:
-        kind: Of change.
-        size: Relative, as it was drawn.
-    """
-
-    kind: str
-    size: float
-    text: str
-    expected: tuple[Expected, ...]
 
 
 class CannotError(Exception):

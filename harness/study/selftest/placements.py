@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.static import BOUNDLESS
 from screwgauge.diagnosis.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
 from screwgauge.reference.rotations import Array, rotation
@@ -12,6 +13,22 @@ from screwgauge.study.selftest.marks import end, joints
 from screwgauge.study.selftest.mutant import CannotError, Expected
 from screwgauge.study.selftest.mutations import Random, _joint, _set, _unit, _urdf
 
+_NUMBERS = (
+    "value",
+    "xyz",
+    "rpy",
+    "ixx",
+    "iyy",
+    "izz",
+    "ixy",
+    "ixz",
+    "iyz",
+    "pos",
+    "quat",
+    "mass",
+    "diaginertia",
+    "fullinertia",
+)
 _ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
@@ -130,13 +147,17 @@ def zero_offset(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     return [Expected(joint.get("name"), ("zero", "placement"), size)]
 
 
+def _upper(joint: Element) -> float:
+    limit = joint.find("limit")
+    return float(limit.get("upper", "0")) if limit else 0.0
+
+
 def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     if _urdf(xml):
         joint = _joint(
             xml, rng, lambda joint: joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is not None
         )
-        limit = joint.find("limit")
-        old = float(limit.get("upper", "0")) if limit else 0.0
+        old = _upper(joint)
         step = size * max(1.0, abs(old))
         _set(xml, joint, "limit", upper=number_text(old + step))
     else:
@@ -176,13 +197,18 @@ def gravity_direction(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 def compensation(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     if _urdf(xml):
         raise CannotError("a URDF has no gravcomp")
-    bodies = [joint.parent for joint in joints(xml) if joint.parent and joint.parent.find("inertial")]
+    own = [joint.parent for joint in joints(xml) if joint.parent and joint.parent.find("inertial")]
+    bodies = [body for body in own if all(_moves(child) for child in body.children if child.tag == "body")]
     if not bodies:
         raise CannotError("no body with an inertial")
     body = bodies[rng.integers(len(bodies))]
     old = float(body.get("gravcomp", "0"))
     xml.set(body, gravcomp=number_text(old + size))
     return [Expected(body.get("name"), ("gravcomp",), size)]
+
+
+def _moves(body: Element) -> bool:
+    return any(child.tag in ("joint", "freejoint") for child in body.children)
 
 
 def gear_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:

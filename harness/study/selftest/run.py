@@ -1,0 +1,152 @@
+"""The study: models changed at random, each put to a diagnosis, and as many that only look different; one row each."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.files import read_file
+from screwgauge.study.selftest.judged import CLOSE, judged
+from screwgauge.study.selftest.kinds import KINDS, changed
+from screwgauge.study.selftest.lookalikes import REWRITES
+from screwgauge.study.selftest.mutant import CannotError
+from screwgauge.study.selftest.pools import Pool, pools
+
+COUNT, PAIRS = 500, 200
+SMALLEST, LARGEST = 1e-6, 0.1  # relative size of a change
+#: A change of torques below it [of the largest torque] need not be found.
+VISIBLE = 1e-9
+TRIES = 40  # models that a kind of change is offered before it is skipped
+CHANGED, ALIKE = "changed", "alike"
+COLUMNS = (
+    *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
+    *("left", "backfill", "cpu_s", "verdict", "first"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One diagnosis to be made."""
+
+    group: str
+    number: int
+    kind: str
+
+
+def items(count: int, pairs: int, kinds: Sequence[str] = tuple(KINDS)) -> Iterator[Item]:
+    """Kinds in turn, changes first."""
+    for i in range(count):
+        yield Item(CHANGED, i, kinds[i % len(kinds)])
+    rewrites = tuple(REWRITES)
+    for i in range(pairs):
+        yield Item(ALIKE, i, rewrites[i % len(rewrites)])
+
+
+def selftest(
+    count: int,
+    pairs: int,
+    file: Path,
+    *,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+) -> pd.DataFrame:
+    """Diagnoses so many changed models and pairs that are alike.
+
+    Args:
+        file: CSV file that rows are added to as they come; those that it has already are kept.
+        quick: Small models only.
+
+    Returns:
+        The table, sorted, columns `COLUMNS`.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = {(row["group"], int(row["number"])) for row in _rows(file)}
+    todo = [item for item in items(count, pairs) if (item.group, item.number) not in done]
+    with TemporaryDirectory(prefix="screwgauge-") as folder, file.open("a", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        if not stream.tell():
+            writer.writeheader()
+        models = pools(Path(folder), quick)
+        for i, item in enumerate(todo):
+            writer.writerow(row_of(item, models, Path(folder), seed))
+            stream.flush()
+            progress(f"{item.kind} {item.number}", (i + 1) / len(todo))
+    return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    if not file.is_file():
+        return []
+    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
+        rows = csv.DictReader(stream)
+        if tuple(rows.fieldnames or COLUMNS) != COLUMNS:
+            what = "is no table of a self-test, or one of another version"
+            raise OutputError(what, str(file), "move it, or choose another --out")
+        return list(rows)
+
+
+def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[str, Any]:
+    """One row: the first of random models that has a place for the change, or that can be written so."""
+    rng = np.random.default_rng([seed, item.group == ALIKE, item.number])
+    size = float(10.0 ** rng.uniform(np.log10(SMALLEST), np.log10(LARGEST)))
+    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "group": item.group, "number": item.number, "kind": item.kind}
+    reason = ""
+    for _ in range(TRIES):
+        pool = models[rng.integers(len(models))]
+        (first, library_a), (second, library_b) = (pool.files[k] for k in rng.integers(len(pool.files), size=2))
+        text = read_file(second)
+        try:
+            text, expected = (
+                changed(item.kind, text, rng, size) if item.group == CHANGED else (REWRITES[item.kind](text, rng), [])
+            )
+        except CannotError as error:
+            reason = str(error)
+            continue
+        copy = folder / f"b-{second.name}"
+        copy.write_text(text, encoding="utf-8")
+        row |= {"model": pool.name, "public": pool.public, "a": f"{first.suffix[1:]} {library_a}"}
+        row |= {"b": f"{second.suffix[1:]} {library_b}", "size": f"{size:.3g}" if item.group == CHANGED else ""}
+        begin = process_time()
+        try:
+            found = diagnose(f"{first}@{library_a}", f"{copy}@{library_b}")
+        except ScrewgaugeError as error:
+            if not row["verdict"]:
+                reason = f"{type(error).__name__}: {error.what}"
+            continue
+        row["cpu_s"] = f"{process_time() - begin:.3g}"
+        return row | _alike(found) if item.group == ALIKE else row | _judged(found, expected)
+    return row | {"verdict": "no place", "first": reason}
+
+
+def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:
+    result = judged(found, expected)
+    why, proof = found.attribution, found.proof
+    effect = why.before.scaled if why else np.inf
+    imprecise = result.error > CLOSE
+    verdict = "ok" if result.right and not imprecise else "imprecise" if result.right else "wrong"
+    row = {"effect": f"{effect:.3g}", "detected": result.detected, "right": result.right, "first": result.first}
+    row |= {"error": f"{result.error:.2g}" if np.isfinite(result.error) else ""}
+    row |= {"verdict": verdict if result.detected else "missed"}
+    return row | ({"left": f"{proof.left.scaled:.2g}", "backfill": proof.on} if proof else {})
+
+
+def _alike(found: Diagnosis) -> dict[str, Any]:
+    effect = found.attribution.before.scaled if found.attribution else np.inf
+    first = "" if found.same else found.verdict
+    return {
+        "effect": f"{effect:.3g}",
+        "detected": not found.same,
+        "first": first,
+        "verdict": "ok" if found.same else "false alarm",
+    }

@@ -1,0 +1,167 @@
+"""From two files to one sentence: what differs, how much it explains, what is left when it is put right."""
+
+from __future__ import annotations
+
+import re
+
+import arm
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.diagnosis.tree import draw
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import write_models
+
+#: Torques of two readings of one model, of own dynamics and of both libraries, over the largest.
+AGREE = 1e-12
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    """The built-in mechanism as MJCF."""
+    folder = tmp_path_factory.mktemp("machine")
+    write_models(load_mechanism("3ups-upu-s"), folder)
+    return folder / "3ups-upu-s-full.xml"
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    return arm.write(tmp_path_factory.mktemp("arms"))
+
+
+def body(text, name):
+    """The start tags of a body and its inertial."""
+    return re.search(rf'<body name="{re.escape(name)}"[^>]*>\s*<inertial [^>]*>', text).group()
+
+
+def changed(path, old, new, name="changed"):
+    return arm.edited(path, old, new, f"{name}{path.suffix}")
+
+
+def entry(path, link, attribute, change):
+    """A copy of an MJCF with an attribute of a body's inertial changed."""
+    start = body(path.read_text(encoding="utf-8"), link)
+    was = re.search(rf'{attribute}="([^"]*)"', start[start.index("<inertial") :])
+    new = " ".join(repr(float(v)) for v in change(np.array(was.group(1).split(), dtype=float)))
+    head, tail = start[: start.index("<inertial")], start[start.index("<inertial") :]
+    return changed(path, start, head + tail.replace(was.group(), f'{attribute}="{new}"'))
+
+
+def of_joint(path, joint, text):
+    return changed(path, f'name="{joint}"', f'name="{joint}" {text}')
+
+
+def check(found, what, item, words):
+    assert not found.same
+    assert found.exit_status == 1
+    assert [(each.what, each.item_b) for each in found.differences] == [(what, item)], found.verdict
+    assert words in found.verdict
+    assert "explains 100.0000 % of the torque difference" in found.verdict
+    assert found.proof.on == "file"
+    assert found.proof.left.scaled <= AGREE
+    assert all(value <= AGREE for witness in found.witnesses for value in witness.scaled.values())
+    assert found.witnesses
+
+
+def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
+    def diagnosed(path):
+        return screwgauge.diagnose(machine, path)
+
+    mass = diagnosed(entry(machine, "leg3.upper", "mass", lambda m: 1.01 * m))
+    check(mass, "mass", "leg3.upper", "leg3.upper: mass 1.4342 kg in B, 1.4200 kg in A (+1.00 %)")
+    com = diagnosed(entry(machine, "platform", "pos", lambda p: p + np.array([1e-3, 0.0, 0.0])))
+    check(com, "com", "platform", "(1 mm apart)")
+    armature = diagnosed(of_joint(machine, "leg2.q3", 'armature="0.01"'))
+    check(armature, "armature", "leg2.q3", "armature 0.01 kg in B, 0 kg in A")
+    damping = diagnosed(of_joint(machine, "leg4.q2", 'damping="0.1"'))
+    check(damping, "damping", "leg4.q2", "damping 0.1 N m s/rad in B, 0 N m s/rad in A")
+    gravity = diagnosed(changed(machine, 'gravity="0 0 -9.81"', 'gravity="0 0 -9.8"'))
+    check(gravity, "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B, (0, 0, -9.8100) m/s^2 in A")
+
+
+def test_of_an_arm_in_another_format_too(arms):
+    urdf, mjcf = arms
+
+    def diagnosed(path):
+        return screwgauge.diagnose(urdf, path)
+
+    check(diagnosed(entry(mjcf, "link3", "mass", lambda m: 1.01 * m)), "mass", "link3", "(+1.00 %)")
+    check(
+        diagnosed(entry(mjcf, "link5", "pos", lambda p: p + np.array([0.0, 1e-3, 0.0]))), "com", "link5", "(1 mm apart)"
+    )
+    check(diagnosed(of_joint(mjcf, "joint2", 'armature="0.01"')), "armature", "joint2", "none in A")
+    check(diagnosed(changed(mjcf, 'damping="0.14"', 'damping="0.24"')), "damping", "joint4", "0.24")
+    check(diagnosed(changed(mjcf, "0 0 -9.81", "0 0 -9.8")), "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B")
+
+
+def test_what_is_the_same_is_said_to_be(machine, arms):
+    for pair in (arms, (machine, machine), ("3ups-upu-s", machine), (f"{arms[0]}@pinocchio", f"{arms[0]}@mujoco")):
+        found = screwgauge.diagnose(*pair)
+        assert found.same, found.verdict
+        assert found.exit_status == 0
+        assert found.differences == ()
+        assert found.verdict.startswith("The same: ")
+        assert max(row.scaled for row in found.rows) <= AGREE
+
+
+def test_a_seed_is_what_makes_states_reproducible(arms):
+    one, two, three = (screwgauge.diagnose(*arms, seed=seed).rows for seed in (1, 1, 2))
+    assert one == two
+    assert one != three
+    reading = screwgauge.diagnose(*arms).a.reading
+    states = draw(reading, 50)
+    for name, joint in reading.joints.items():
+        q = states.q[:, list(reading.joints).index(name)]
+        assert joint.limits[0] <= q.min() < q.max() <= joint.limits[1]
+
+
+def test_different_machines_are_said_to_be_with_the_best_map(machine, arms):
+    found = screwgauge.diagnose(machine, arms[1])
+    assert not found.same
+    assert "models of different machines: of 26 joints of A and 7 of B" in found.verdict
+    assert found.rows == ()
+
+
+def test_what_no_torque_shows_is_said_so(arms):
+    found = screwgauge.diagnose(arms[1], changed(arms[1], 'range="-1.5 1.2"', 'range="-1 1.2"'))
+    assert not found.same
+    assert "joint0: limits" in found.verdict
+    assert "no torque shows it" in found.verdict
+
+
+def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
+    leg = '<body name="{0}" pos="{1} 0 0"><joint name="{0}.q" axis="0 1 0"/>'
+    inertial = '<inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.02 0.03"/></body>'
+    legs = "".join(leg.format(f"leg{i}", i) + inertial for i in range(3))
+    path, whole = tmp_path / "roots.xml", tmp_path / "whole.xml"
+    path.write_text(f"<mujoco><worldbody>{legs}</worldbody></mujoco>", encoding="utf-8")
+    ground = '<body name="ground"><inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/>'
+    whole.write_text(f"<mujoco><worldbody>{ground}{legs}</body></worldbody></mujoco>", encoding="utf-8")
+    matrix = screwgauge.diagnose(path, whole, matrix=True).matrix
+    said = " ".join(matrix.sentences)
+    assert "The loader of pinocchio keeps 1 of 3 degrees of freedom of A" in said
+    assert "of the 3 trees that hang on the ground (leg0, leg1, leg2) only the first, leg0" in said
+    assert "B is read alike by mujoco and pinocchio." in said
+    assert "The two files, both read by mujoco: nothing differs." in said
+    kinds = {(*pair.first, *pair.second): pair.kind for pair in matrix.pairs}
+    assert kinds["A", "mujoco", "A", "pinocchio"] == "loader"
+    assert kinds["A", "mujoco", "B", "mujoco"] == "model"
+    assert len(matrix.cells) == 4
+
+
+def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(arms, monkeypatch):
+    from dataclasses import replace
+
+    from screwgauge.engines.mujoco import plain
+
+    ask = plain.ask
+
+    def wrong(*given):
+        said = ask(*given)
+        return replace(said, tau=said.tau * (1.0 + 1e-6))
+
+    monkeypatch.setattr(plain, "ask", wrong)
+    found = screwgauge.diagnose(*arms)
+    assert "mujoco itself computes another tau for B" in found.verdict
+    assert not found.same

@@ -1,0 +1,85 @@
+"""``screwgauge diagnose``: exit status, report, JSON, patched model, bad input."""
+
+from __future__ import annotations
+
+import json
+
+import arm
+import pytest
+
+from screwgauge.cli import main
+
+
+@pytest.fixture
+def arms(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return [str(path) for path in arm.write(tmp_path)]
+
+
+def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, capsys):
+    assert main(["diagnose", *arms]) == 0
+    assert "SAME" in capsys.readouterr().out
+    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    out, fix = tmp_path / "out", tmp_path / "fixed.xml"
+    assert main(["diagnose", arms[0], str(other), "--out", str(out), "--fix", str(fix), "--matrix"]) == 1
+    said = capsys.readouterr().out
+    assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
+    assert {path.name for path in out.iterdir()} >= {"report.md", "report.html", "diagnosis.json", "plots"}
+    assert {path.name for path in (out / "plots").iterdir()} == {"torques-by-joint.svg", "torques-by-hypothesis.svg"}
+    found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found["differences"][0]["what"] == "damping"
+    assert found["backfill"]["on"] == "file"
+    assert found["models"]["B"]["sha256"]
+    assert len(found["matrix"]["cells"]) >= 4
+    report = (out / "report.md").read_text(encoding="utf-8")
+    for heading in ("What they say otherwise", "How they move", "Which joint is which", "What was not read", "Files"):
+        assert f"## {heading}" in report
+    assert main(["diagnose", arms[0], str(fix), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["same"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot", "not well-formed XML"),
+        ("<thing/>", "its root element is <thing>"),
+        ('<robot name="x"><link name="a"/></robot>', "no degree of freedom"),
+    ],
+)
+def test_bad_input_is_2_in_one_sentence(arms, tmp_path, capsys, text, words):
+    bad = tmp_path / "bad.urdf"
+    bad.write_text(text, encoding="utf-8")
+    assert main(["diagnose", arms[0], str(bad), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_names_that_do_not_exist_are_2(arms, tmp_path, capsys):
+    assert main(["diagnose", arms[0], f"{arms[1]}@drake"]) == 2
+    assert "unknown library 'drake'" in capsys.readouterr().err
+    assert main(["diagnose", arms[0], "nothing.xml"]) == 2
+    mapping = tmp_path / "map.toml"
+    mapping.write_text('joint0 = "jointX"\n', encoding="utf-8")
+    assert main(["diagnose", *arms, "--map", str(mapping)]) == 2
+    assert "jointX" in capsys.readouterr().err
+    mapping.write_text("joint0 = 3\n", encoding="utf-8")
+    assert main(["diagnose", *arms, "--map", str(mapping)]) == 2
+    mapping.write_text("joint0", encoding="utf-8")
+    assert main(["diagnose", *arms, "--map", str(mapping)]) == 2
+
+
+def test_a_map_overrides_names(arms, tmp_path, capsys):
+    swapped = (tmp_path / "arm.xml").read_text(encoding="utf-8")
+    swapped = swapped.replace('"joint2"', '"x"').replace('"joint4"', '"joint2"').replace('"x"', '"joint4"')
+    (tmp_path / "swapped.xml").write_text(swapped, encoding="utf-8")
+    assert main(["diagnose", arms[1], "swapped.xml"]) == 1
+    (tmp_path / "map.toml").write_text('joint2 = "joint4"\njoint4 = "joint2"\n', encoding="utf-8")
+    assert main(["diagnose", arms[1], "swapped.xml", "--map", "map.toml"]) == 0
+
+
+def test_no_fix_is_written_where_there_is_nothing_to_fix(arms, tmp_path, capsys):
+    assert main(["diagnose", *arms, "--fix", "fixed.xml"]) == 2
+    assert "there is nothing to write" in capsys.readouterr().err
+    assert not (tmp_path / "fixed.xml").exists()

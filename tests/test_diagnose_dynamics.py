@@ -1,0 +1,124 @@
+"""Own dynamics of a reading: a third witness beside Pinocchio and MuJoCo, and what it is linear in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import arm
+import numpy as np
+import pytest
+
+from screwgauge.diagnosis.asked import answers, apart
+from screwgauge.diagnosis.closing import constraint_rows, gaps, residual_at_home
+from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.dynamics import armature_force, dynamics, inverse_dynamics, not_modelled, passive_force
+from screwgauge.diagnosis.regressor import (
+    bodies_of,
+    gravity_regressor,
+    inertial_regressor,
+    parameters,
+    passive_regressor,
+)
+from screwgauge.diagnosis.tree import States, draw, move, plant
+from screwgauge.models.readings.read import read
+
+#: Every kind of joint, two on one body, a branch, everything that a joint can have.
+ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>
+<body name="a" pos="0.1 0.2 0.3" euler="10 20 30"><joint name="f" type="free" damping="0.1"/>
+ <inertial pos="0.01 0.02 -.1" mass="2" fullinertia="0.02 0.03 0.025 0.001 0.002 -0.003"/>
+ <body name="b" pos="0 0 .4" euler="40 0 10"><joint name="h" axis="1 2 3" pos="0.05 0 0.1" armature="0.1"
+   damping=".2" stiffness="3" springref="12" ref="5" range="-90 70"/>
+  <joint name="s" type="slide" axis="0 1 1" damping=".3" stiffness="4" range="-.2 .3"/>
+  <inertial pos="0.1 0 -.1" mass="1.2" diaginertia="0.02 0.03 0.015"/>
+  <body name="c" pos=".3 0 0" {gravcomp}><joint name="ball" type="ball" pos="0 0.1 0" armature="0.03" stiffness="2"
+    damping=".5"/><inertial pos="0.1 0 .1" mass="0.7" diaginertia="0.02 0.03 0.015"/></body></body>
+ <body name="d" pos="0 0.3 0"><joint name="h2" axis="0 1 0"/><inertial pos="0.1 0 -.1" mass="1.2"
+   diaginertia="0.02 0.03 0.015"/></body></body></worldbody>
+<equality><connect name="point" body1="c" body2="d" anchor="0.1 0.2 0.1"/>
+<weld name="all" body1="b" body2="d"/></equality>
+</mujoco>"""
+
+
+@pytest.fixture
+def zoo(tmp_path):
+    path = tmp_path / "zoo.xml"
+    path.write_text(ZOO.format(gravcomp='gravcomp="0.4"'), encoding="utf-8")
+    return path
+
+
+def known(path, library):
+    reading = read(path, library)
+    return replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity)
+
+
+@pytest.mark.parametrize(("form", "library"), [(0, "pinocchio"), (0, "mujoco"), (1, "pinocchio"), (1, "mujoco")])
+def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, library):
+    path = arm.write(tmp_path)[form]
+    tree = plant(known(path, library))
+    states = draw(tree.reading, 8, seed=3)
+    for quantity, (off, scale) in apart(answers(path, library, tree, states), tree, states).items():
+        assert off <= 1e-12 * scale, f"{quantity}: {off:.2g} of {scale:.2g}"
+
+
+@pytest.mark.parametrize("library", ["pinocchio", "mujoco"])
+def test_so_it_is_with_every_kind_of_joint(zoo, tmp_path, library):
+    if library == "pinocchio":  # reads no gravcomp
+        zoo.write_text(ZOO.format(gravcomp=""), encoding="utf-8")
+    tree = plant(known(zoo, library))
+    states = draw(tree.reading, 8, seed=3)
+    for quantity, (off, scale) in apart(answers(zoo, library, tree, states), tree, states).items():
+        assert off <= 1e-12 * scale, f"{quantity}: {off:.2g} of {scale:.2g}"
+
+
+def test_torques_are_linear_in_what_the_regressors_say(zoo):
+    tree = plant(known(zoo, "mujoco"))
+    states = draw(tree.reading, 6)
+    motion = move(tree, states)
+    values = parameters(tree.mass, tree.com, tree.inertia)
+    rigid = np.einsum("nibk,bk->ni", inertial_regressor(tree, motion), values)
+    whole = inverse_dynamics(tree, states)
+    others = armature_force(tree, states) + passive_force(tree, states)
+    assert np.abs(rigid + others - whole).max() <= 1e-13 * np.abs(whole).max()
+    entries = passive_regressor(tree, states)
+    part = tree.freedoms["h"]
+    joint = tree.reading.joints["h"]
+    own = sum(getattr(joint, name) * force[:, part] for name, force in entries.items())
+    assert np.abs(own - others[:, part]).max() <= 1e-14 * np.abs(others).max()
+    weight = gravity_regressor(tree, motion) @ tree.reading.gravity
+    assert np.abs(weight - dynamics(tree, states).gravity).max() <= 1e-14 * np.abs(weight).max() * 10
+    back = bodies_of(values)
+    assert np.abs(back[1] - tree.com).max() <= 1e-15
+    assert np.abs(back[2] - tree.inertia).max() <= 1e-15
+
+
+def test_the_mass_matrix_is_what_accelerations_cost(zoo):
+    tree = plant(known(zoo, "mujoco"))
+    states = draw(tree.reading, 4)
+    M, still = dynamics(tree, states).mass_matrix, States(states.q, 0.0 * states.qd, 0.0 * states.qdd)
+    for i, unit in enumerate(np.eye(M.shape[1])):
+        column = inverse_dynamics(tree, replace(still, qdd=still.qdd + unit)) - inverse_dynamics(tree, still)
+        assert np.abs(column - M[:, :, i]).max() <= 1e-13 * np.abs(M).max()
+
+
+def test_rows_of_closures_are_rates_of_their_gaps(zoo):
+    tree = plant(known(zoo, "mujoco"))
+    # near home the rate of a rotation vector is the angular velocity
+    reading = tree.reading
+    states = draw(reading, 1)
+    home = np.array([[0, 0, 0, 1, 0, 0, 0, reading.joints["h"].home, 0, 1, 0, 0, 0, 0]], dtype=float)
+    assert home.shape == states.q.shape
+    rows = constraint_rows(tree, move(tree, replace(states, q=home)))
+    h = 1e-6
+    for column, place in ((6, 7), (7, 8), (11, 13)):  # the hinge, the slide, the other hinge
+        step = np.zeros_like(home)
+        step[0, place] = h
+        ends = [gaps(tree, move(tree, replace(states, q=home + sign * step))) for sign in (1, -1)]
+        for name, row in rows.items():
+            assert np.abs((ends[0][name] - ends[1][name]) / (2 * h) - row[:, :, column]).max() < 1e-8, name
+    assert max(residual_at_home(tree).values()) < 1e-15
+
+
+def test_a_medium_is_said_not_to_be_modelled(zoo):
+    reading = replace(known(zoo, "mujoco"), medium=(1.2, 0.0))
+    assert "density 1.2" in not_modelled(reading)[0]
+    assert not_modelled(replace(reading, medium=(0.0, 0.0))) == ()

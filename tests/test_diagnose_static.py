@@ -1,0 +1,167 @@
+"""Static differences in physical terms: each property is found as itself, and its change makes B as A."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import arm
+import numpy as np
+import pytest
+
+from screwgauge.diagnosis.change import Change, applied
+from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mapping import paired
+from screwgauge.diagnosis.reshape import held, placed, placement, rehomed, renamed
+from screwgauge.diagnosis.static import differences
+from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.models.readings.read import read
+from screwgauge.reference.rotations import rotation
+
+TILT = rotation(np.array([0.0, 0.6, 0.8]), np.array(1e-3))
+STEP = np.array([1e-3, 2e-3, -1e-3])
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    urdf, mjcf = arm.write(tmp_path_factory.mktemp("arm"))
+    return read(urdf, "pinocchio"), read(mjcf, "mujoco")
+
+
+def found(a, b):
+    common = brought(a, b, paired(a, b))
+    return differences(common)[0]
+
+
+def off(a, b):
+    """Scaled difference of torques at random states, B in the terms of A."""
+    common = brought(a, b, paired(a, b))
+    states = draw(common.a, 20)
+    one, two = (inverse_dynamics(plant(each), states) for each in (common.a, common.b))
+    return np.abs(one - two).max() / np.abs(one).max()
+
+
+def test_two_formats_of_one_arm_say_the_same(arms):
+    assert found(*arms) == []
+    assert off(*arms) < 1e-14
+
+
+CHANGES = {
+    "mass": ("link3", lambda b: b.bodies["link3"].mass * 1.01),
+    "com": ("link6", lambda b: b.bodies["link6"].com + STEP),
+    "inertia": ("link2", lambda b: TILT @ b.bodies["link2"].inertia @ TILT.T),
+    "gravcomp": ("link4", lambda b: 0.1),
+    "placement": ("joint3", lambda b: placement(TILT, STEP)),
+    "axis": ("joint4", lambda b: TILT @ b.joints["joint4"].screw[:3]),
+    "centre": ("joint2", lambda b: b.joints["joint2"].centre + STEP),
+    "zero": ("joint1", lambda b: 0.02),
+    "sign": ("joint4", lambda b: -1.0),
+    "limits": ("joint0", lambda b: (-1.0, 1.0)),
+    "armature": ("joint5", lambda b: 0.01),
+    "damping": ("joint2", lambda b: 0.2),
+    "friction": ("joint3", lambda b: 0.0),
+    "stiffness": ("joint6", lambda b: 2.0),
+    "gravity": ("", lambda b: (0.0, 0.0, -9.8)),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_change_is_found_as_itself_and_undone_by_its_change(arms, what):
+    a, b = arms
+    item, value = CHANGES[what]
+    changed = applied(b, [Change(item, what, np.asarray(value(b), dtype=float))])
+    said = found(a, changed)
+    assert [(each.what, each.item_a) for each in said] == [(what, item)], [each.sentence for each in said]
+    assert said[0].size > 1e-6
+    again = applied(changed, [each.change for each in said])
+    assert found(a, again) == []
+    assert off(a, again) < 1e-13
+
+
+@pytest.mark.parametrize("joint", ["joint0", "joint3", "joint5", "joint6"])
+@pytest.mark.parametrize("size", [1e-2, 1e-6])
+def test_a_joint_that_sits_elsewhere_is_told_from_one_whose_axis_is_another(arms, joint, size):
+    a, b = arms
+    turn = rotation(np.array([0.0, 0.6, 0.8]), np.array(size))
+    axis = b.joints[joint].screw[3:] if joint == "joint5" else b.joints[joint].screw[:3]
+    for what, value in (("placement", placement(turn, size * STEP)), ("axis", turn @ axis), ("zero", size)):
+        said = found(a, applied(b, [Change(joint, what, np.asarray(value))]))
+        assert [(each.what, each.item_a) for each in said] == [(what, joint)], [each.sentence for each in said]
+
+
+def test_several_at_once_are_all_found(arms):
+    a, b = arms
+    done = [("link1", "mass"), ("link5", "com"), ("joint2", "placement"), ("joint4", "axis"), ("joint6", "zero")]
+    values = [2.0, b.bodies["link5"].com + STEP, placement(TILT, STEP), TILT.T @ b.joints["joint4"].screw[:3], 0.1]
+    changes = [Change(item, what, np.asarray(v)) for (item, what), v in zip(done, values, strict=True)]
+    changed = applied(b, changes)
+    said = found(a, changed)
+    assert {(each.item_a, each.what) for each in said} == set(done), [each.sentence for each in said]
+    assert off(a, applied(changed, [each.change for each in said])) < 1e-13
+
+
+def test_where_home_is_changes_nothing(arms):
+    a, b = arms
+    q = {name: 0.1 * (i + 1) for i, name in enumerate(b.joints)}
+    there = rehomed(b, q)[0]
+    assert found(a, there) == []
+    changed = applied(there, [Change("joint3", "placement", placement(TILT, STEP))])
+    said = found(a, changed)
+    assert [(each.what, each.item_a) for each in said] == [("placement", "joint3")]
+    assert off(a, applied(changed, [said[0].change])) < 1e-13
+
+
+def test_a_model_that_stands_elsewhere_under_other_names_is_the_same(arms):
+    a, b = arms
+    turn = placement(rotation(np.array([0.0, 0.0, 1.0]), np.array(0.7)), np.array([0.2, -0.4, 0.9]))
+    elsewhere = renamed(
+        placed(b, turn),
+        {
+            "joints": {name: f"axis_{i}" for i, name in enumerate(b.joints)},
+            "bodies": {name: f"part_{i}" for i, name in enumerate(b.bodies)},
+        },
+    )
+    elsewhere = replace(elsewhere, fixed={})
+    pairing = paired(a, elsewhere)
+    assert pairing.joints == {f"joint{i}": f"axis_{i}" for i in range(7)}
+    assert set(pairing.how.values()) == {"geometry"}
+    assert np.abs(pairing.placement @ turn - np.eye(4)).max() < 1e-9
+    assert [each.what for each in found(a, elsewhere)] == []
+    changed = applied(elsewhere, [Change("axis_2", "axis", TILT @ elsewhere.joints["axis_2"].screw[:3])])
+    (said,) = found(a, changed)
+    assert (said.item_a, said.item_b, said.what) == ("joint2", "axis_2", "axis")
+    assert found(a, applied(changed, [said.change])) == []
+
+
+def test_a_joint_that_is_held_is_told_from_a_branch_that_is_missing(arms):
+    from screwgauge.diagnosis.branches import missing
+    from screwgauge.diagnosis.change import without
+
+    a, b = arms
+    for other, word in ((held(b, ["joint6"]), "does not move"), (without(b, "joint6"), "missing in B")):
+        pairing = paired(a, other)
+        assert pairing.only_a == ("joint6",)
+        (said,) = missing(a, other, pairing)
+        assert word in said.sentence
+    assert found(a, held(b, ["joint6"])) == []
+
+
+def test_printed_digits_are_told_as_such(arms):
+    from screwgauge.diagnosis.digits import ALL, digits_of, marked
+
+    a, b = arms
+    third = {name: replace(body, mass=body.mass / 3) for name, body in a.bodies.items()}
+    rounded = {name: replace(body, mass=float(f"{body.mass / 3:.6g}")) for name, body in b.bodies.items()}
+    said = marked(found(replace(a, bodies=third), replace(b, bodies=rounded)), (ALL, 6))
+    assert said
+    assert {each.kind for each in said} == {"digits"}
+    assert "B has 6 digits" in said[0].sentence
+    more = {**rounded, "link3": replace(rounded["link3"], mass=rounded["link3"].mass * 1.00001)}
+    kinds = {
+        each.item_a: each.kind for each in marked(found(replace(a, bodies=third), replace(b, bodies=more)), (ALL, 6))
+    }
+    assert kinds["link3"] == "model"
+    text = "".join(f'<x mass="{1 / n:.6g}" pos="{n / 7:.6g} 0 1"/>' for n in range(3, 30))
+    assert digits_of(text) == 6
+    assert digits_of(text + f'<x mass="{1 / 3!r}"/>') == ALL
+    assert digits_of('<x mass="1.42" pos="0.1 0.25 0"/>') == ALL
