@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
     add("a", nargs="?", metavar="A", help=which)
     add("b", nargs="?", metavar="B", help="the same")
-    add("--case", metavar="ID", help="instead, a discrepancy of the engines ('list discrepancies'), shown on a small model")
+    add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")

@@ -148,17 +148,16 @@ def paper(options: argparse.Namespace) -> int:
 
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
+    if options.case is not None:
+        return _case(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.environment import json_text
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import diagnosis as page
     from screwgauge.study.loading import read_apart
 
-    given = [each for each in (options.a, options.b) if each is not None]
-    if len(given) != (2 if options.case is None else 0):
-        raise DescriptionError("needs two models, or a case and none", "diagnose", "write A B, or --case ID")
-    if options.case is not None:
-        return _case(options.case)
+    if options.b is None:
+        raise DescriptionError("needs two models, or a case", "diagnose", "write A B, or --case ID")
     more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
     found = _study(
         page,
@@ -171,13 +170,16 @@ def diagnose(options: argparse.Namespace) -> int:
     return int(found.exit_status)
 
 
-def _case(name: str) -> int:
+def _case(options: argparse.Namespace) -> int:
     """Shows a named discrepancy with the installed engines."""
     from screwgauge.casebook.book import reproduce
+    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.casebook import blocks
     from screwgauge.report.terminal import terminal
 
-    result = reproduce(name)
+    if given := [name for name, value in vars(options).items() if value and name not in ("case", "command", "debug")]:
+        raise DescriptionError(f"a case takes no {', '.join(given)}", "diagnose --case", "leave that out")
+    result = reproduce(options.case)
     say(terminal(blocks(result)))
     return 0 if result.ok else 3
 

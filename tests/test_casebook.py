@@ -142,10 +142,18 @@ def test_unknown_case_is_one_sentence(capsys) -> None:
     assert "did you mean 'mj-soft-floor'?" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("given", [[], ["a.urdf"], ["a.urdf", "b.urdf", "--case", "mj-soft-floor"]])
-def test_two_models_or_one_case(given, capsys) -> None:
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([], "write A B, or --case ID"),
+        (["a.urdf"], "write A B, or --case ID"),
+        (["a.urdf", "b.urdf", "--case", "mj-gear"], "a case takes no a, b"),
+        (["--case", "mj-gear", "--json", "--out", "x"], "a case takes no out, json"),
+    ],
+)
+def test_two_models_or_one_case(given, said, capsys) -> None:
     assert main(["diagnose", *given]) == 2
-    assert "write A B, or --case ID" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_list_has_every_case_uncut(capsys) -> None:
