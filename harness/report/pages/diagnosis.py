@@ -128,7 +128,8 @@ def _explained(why: Attribution) -> list[Block]:
     taken = [f"{step.hypothesis.name}: {100.0 * step.share:.4f} % with all before it" for step in why.steps]
     lead = Paragraph("Each change alone, by the share of the torque difference that goes when B has it:")
     table = Table(("change", "share"), ranking)
-    return [lead, table, *([Paragraph("Taken one after the other:"), Items(tuple(taken))] if taken else [])]
+    blocks: list[Block] = [lead, table]
+    return [*blocks, Paragraph("Taken one after the other:"), Items(tuple(taken))] if taken else blocks
 
 
 def _proof(found: Diagnosis) -> list[Block]:
