@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
 
     add = command(commands.list_, "what there is to choose from")
-    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
+    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
     add("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
@@ -118,8 +118,9 @@ def _parser() -> argparse.ArgumentParser:
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    add("a", metavar="A", help=which)
-    add("b", metavar="B", help="the same")
+    add("a", nargs="?", metavar="A", help=which)
+    add("b", nargs="?", metavar="B", help="the same")
+    add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")

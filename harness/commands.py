@@ -147,12 +147,17 @@ def paper(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it."""
+    """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
+    if options.case is not None:
+        return _case(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.environment import json_text
+    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import diagnosis as page
     from screwgauge.study.loading import read_apart
 
+    if options.b is None:
+        raise DescriptionError("needs two models, or a case", "diagnose", "write A B, or --case ID")
     more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
     found = _study(
         page,
@@ -163,6 +168,20 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.fix is not None:
         say(f"fixed: {found.write_fix(options.fix)}")
     return int(found.exit_status)
+
+
+def _case(options: argparse.Namespace) -> int:
+    """Shows a named discrepancy with the installed engines."""
+    from screwgauge.casebook.book import reproduce
+    from screwgauge.reference.errors import DescriptionError
+    from screwgauge.report.casebook import blocks
+    from screwgauge.report.terminal import terminal
+
+    if given := [name for name, value in vars(options).items() if value and name not in ("case", "command", "debug")]:
+        raise DescriptionError(f"a case takes no {', '.join(given)}", "diagnose --case", "leave that out")
+    result = reproduce(options.case)
+    say(terminal(blocks(result)))
+    return 0 if result.ok else 3
 
 
 def _study(
