@@ -95,6 +95,7 @@ class Solution:
         cost: What it took, where the engine has measured it.
         warnings: What the engine itself warned of, and what its model file says otherwise than the description or
             beyond it; these are notes, too. With them, agreement is not plain.
+        otherwise: What of the latter is physical, with both values, the largest difference first.
     """
 
     engine: str
@@ -114,6 +115,7 @@ class Solution:
     stopped: str = ""
     cost: Cost | None = None
     warnings: tuple[str, ...] = ()
+    otherwise: tuple[str, ...] = ()
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
         """The same with the components of some quantities in another order."""

@@ -165,3 +165,15 @@ def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(ar
     found = screwgauge.diagnose(*arms)
     assert "mujoco itself computes another tau for B" in found.verdict
     assert not found.same
+
+
+def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, tmp_path):
+    from dataclasses import replace as with_
+
+    from screwgauge.report.verdict import verdict
+
+    own = tmp_path / "own.xml"
+    own.write_bytes(entry(machine.with_name("3ups-upu-s.xml"), "leg3.upper", "mass", lambda m: 1.01 * m).read_bytes())
+    scene = with_(screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5]), models={"mujoco": own})
+    results = screwgauge.run(scene, ("screw", "mujoco"), ("actuator_force",))
+    assert "leg3.upper: mass 1.4342 kg in own.xml, 1.4200 kg in the description (+1.00 %)" in verdict(results).text

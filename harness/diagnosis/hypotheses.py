@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common_causes import printed, scaled, swapped
+from screwgauge.diagnosis.common_causes import SEVERAL, printed, scaled, swapped
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
 from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypothesis, Value
@@ -28,7 +28,8 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         b: The reading that their changes are of.
     """
     found, files = list[Hypothesis](), files or Files()
-    real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and d.kind != "digits"}
+    few = sum(d.kind == "digits" for d in differences) < SEVERAL
+    real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and (few or d.kind != "digits")}
     for body in dict.fromkeys(change.item for d, change in real.values() if d.what in INERTIAL):
         own = {i: change for i, (d, change) in real.items() if change.item == body and d.what in INERTIAL}
         found += _of_body(own, b, body, files)

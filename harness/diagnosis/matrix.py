@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -13,6 +12,7 @@ from screwgauge.diagnosis.mapping import paired
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.static import differences, sorted_by_size
 from screwgauge.diagnosis.witness import Witness, witnesses
+from screwgauge.diagnosis.words import with_sides
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.reference.errors import ScrewgaugeError
 
@@ -121,8 +121,7 @@ def _between(
         said += [each.sentence for each in sorted_by_size(found)]
     kind = "loader" if first[0] == second[0] else "model" if first[1] == second[1] else "both"
     if kind == "loader":
-        words = {"in A": f"as {first[1]} reads it", "in B": f"as {second[1]} reads it"}
-        said = [re.sub(r"\bin [AB]\b", lambda found: words[found.group()], sentence) for sentence in said]
+        said = [with_sides(sentence, f"as {first[1]} reads it", f"as {second[1]} reads it") for sentence in said]
     return Between(first, second, kind, tuple(said))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +69,11 @@ def place(item: str, what: str, amount: tuple[float, float], joint: JointReading
     if what == "axis":
         return f"{item}: its axis alone is tilted in B by {angle:.6g} rad ({math.degrees(angle):.4g} deg)"
     return f"{item}: its axis alone is shifted in B by {way * 1e3:.6g} mm"
+
+
+def with_sides(sentence: str, a: str, b: str) -> str:
+    """A sentence with other words for "in A" and "in B"."""
+    return re.sub(r"\bin ([AB])\b", lambda found: a if found.group(1) == "A" else b, sentence)
 
 
 def digits(value: float, other: float) -> str:

@@ -67,7 +67,15 @@ def _difference(results: Comparison, *, beside: bool) -> str:
             return f"{reason}.{more}"
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
     at = f" at t = {number(row['worst_t'])} s"
-    return f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}.{more}"
+    differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
+    return f"{differ}{_otherwise(results, row)}{more}"
+
+
+def _otherwise(results: Comparison, row: Row) -> str:
+    """What the models of the two engines say otherwise than the description."""
+    said = [text for name in (row["a"], row["b"]) for text in results.solutions[name].otherwise]
+    more = f"; and {len(said) - DOUBTS} more" if len(said) > DOUBTS else ""
+    return f" The models differ, too: {'; '.join(dict.fromkeys(said[:DOUBTS]))}{more}." if said else ""
 
 
 def _fault(results: Comparison) -> str:

@@ -22,6 +22,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.departures import departures
 from screwgauge.study.method import Method
+from screwgauge.study.otherwise import otherwise
 from screwgauge.study.whole import Expected, check_components, check_whole, excepted, left_out, without
 
 if TYPE_CHECKING:
@@ -143,7 +144,9 @@ class _Question:
             model = self.engine.load(self.files)
             answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
             said = departures(self.scene, self.engine.name, self.files) if self.own else ()
-            return replace(answer, notes=(*answer.notes, *said), warnings=(*answer.warnings, *said))
+            physical = otherwise(self.scene, self.engine.name, self.files) if said else ()
+            notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+            return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:

@@ -128,11 +128,14 @@ def elementary(model: Any, source: Source) -> Iterator[Part]:
 
 def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
     """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
+    import pinocchio
+
     joint = model.joints[i]
     subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
     # three slides at once have no joints of their own
     subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
-    names = [name for frame in model.frames if frame.parentJoint == i for name in source.joints_of(frame.name)]
+    bodies = [f for f in model.frames if f.parentJoint == i and f.type == pinocchio.FrameType.BODY]
+    names = [name for body in bodies for name in source.joints_of(body.name)]
     if len(names) != len(subs):
         names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
     for name, sub in zip(names, subs, strict=True):
@@ -161,15 +164,15 @@ def _links(model: Any, data: Any, parts: list[Part]) -> Iterator[Link]:
 
 
 def _inertias(model: Any) -> dict[int, Any]:
-    """Frame number of each moving link with mass -> its inertia in the link's frame.
+    """Frame number of each moving link with mass or inertia -> its inertia in the link's frame.
 
     Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of the
     fixed joint.
     """
     import pinocchio
 
-    fixed = {i: f for i, f in enumerate(model.frames) if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass}
-    inertias = {}
+    joints = [f for f in model.frames if f.type == pinocchio.FrameType.FIXED_JOINT]
+    fixed, inertias = [f for f in joints if not f.inertia.isZero(0.0)], {}
     for i, frame in enumerate(model.frames):
         if frame.type != pinocchio.FrameType.BODY or not frame.parentJoint:
             continue
@@ -177,14 +180,14 @@ def _inertias(model: Any) -> dict[int, Any]:
             Y = model.frames[frame.parentFrame].inertia
         else:
             Y = model.inertias[frame.parentJoint]
-            merged = [f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint]
+            merged = [f.placement.act(f.inertia) for f in fixed if f.parentJoint == frame.parentJoint]
             # What rounding leaves of a massless link must not pass for a body.
-            if merged and Y.mass - sum(share.mass for share in merged) <= 1e-12 * Y.mass:
+            if Y.mass and Y.mass - sum(share.mass for share in merged) <= 1e-12 * Y.mass:
                 continue
             for share in merged:
                 Y = Y - share
             Y = Y if frame.placement.isIdentity(0.0) else frame.placement.actInv(Y)
-        if Y.mass:
+        if not Y.isZero(0.0):
             inertias[i] = Y
     return inertias
 

@@ -22,6 +22,8 @@ def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], 
     with heard():
         model = loaded(prepare(path, floating=floating))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        for entry in ("stiffness", "damping", "armature"):  # tendons are in no reading, which says that it ignores them
+            getattr(model, f"tendon_{entry}")[:] = 0.0
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
@@ -82,7 +84,8 @@ def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) 
     for k, i in enumerate(bodies):
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, velocity[k], 0)
         mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, acceleration[k], 0)
-    acceleration[:, 3:] += model.opt.gravity  # it counts its own fall
+    if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        acceleration[:, 3:] += model.opt.gravity  # what falls counts as at rest
     return tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration
 
 

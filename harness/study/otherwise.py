@@ -1,0 +1,40 @@
+"""What a model file of the user's own says otherwise than the description, in physical terms, with both values."""
+
+from __future__ import annotations
+
+from screwgauge.diagnosis.branches import missing
+from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.mapping import paired
+from screwgauge.diagnosis.static import differences, sorted_by_size
+from screwgauge.diagnosis.words import with_sides
+from screwgauge.engines.registry import get_engine
+from screwgauge.models.expected import expected_reading
+from screwgauge.models.readings.read import LIBRARIES, read
+from screwgauge.problem import ModelFiles
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.scene.scene import Scene
+
+#: What the description does not say, and what RNEA does not know: `departures` says what becomes of these.
+_ELSEWHERE = {"limits", "damping", "friction", "stiffness", "rest"}
+
+
+def otherwise(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
+    """Sentences on mass properties, geometry, gravity and closures, the largest difference first.
+
+    Args:
+        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is said.
+    """
+    engine, mechanism, library = get_engine(name), scene.mechanism, name.partition("-")[0]
+    if library not in LIBRARIES or engine.reads not in (".urdf", ".xml"):
+        return ()
+    expected = expected_reading(mechanism, engine.cut, scene.applied.g)
+    try:
+        home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
+        found = read(files.model, library, home=home)
+    except ScrewgaugeError:
+        return ()  # `departures` says that it cannot be compared
+    silent = _ELSEWHERE | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
+    pairing = paired(expected, found)
+    said = [*missing(expected, found, pairing), *differences(brought(expected, found, pairing))[0]]
+    sides = "in the description", f"in {files.model.name}"
+    return tuple(with_sides(each.sentence, *sides) for each in sorted_by_size(said) if each.what not in silent)
