@@ -8,9 +8,9 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
+from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.common_causes import SEVERAL, printed, scaled, swapped
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
-from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypothesis, Value
 from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.opened import Opened, frames_of
@@ -129,7 +129,7 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     """A difference of anything else than mass properties."""
     what, slips = difference.what, list[str]()
     if what == "gravity":
-        slips = gravity_slips(change.value, downwards(b))
+        slips = gravity_slips(change.value, _down(b))
     elif what == "placement":
         slips = placement_slips(*_placements(change, b, files.b))
     elif what in ("limits", "rest", "zero") and difference.a is not None and difference.b is not None:
@@ -145,9 +145,14 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     )
 
 
+def _down(b: Reading) -> Array:
+    """Gravity, also of a file that cannot say it."""
+    return STANDARD if b.gravity is None else b.gravity
+
+
 def _base(i: int, change: Change, b: Reading, files: Files) -> Iterator[Hypothesis]:
     """Gravity that only points elsewhere cannot be told from a base that stands turned."""
-    down, other = downwards(b), change.value
+    down, other = _down(b), change.value
     if gravity_slips(other, down) and abs(np.linalg.norm(down) - np.linalg.norm(other)) <= 1e-9 * np.linalg.norm(down):
         axis = np.cross(other, down)
         sine, cosine = float(np.linalg.norm(axis)), float(other @ down)
