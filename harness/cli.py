@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
 
     add = command(commands.list_, "what there is to choose from")
-    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
+    add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
     add("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
@@ -118,12 +118,16 @@ def _parser() -> argparse.ArgumentParser:
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    add("a", metavar="A", help=which)
-    add("b", metavar="B", help="the same")
+    add("a", nargs="?", metavar="A", help=which)
+    add("b", nargs="?", metavar="B", help="the same")
+    add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
+    add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
+    add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
+    add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
-    add("--seed", type=int, default=0, metavar="N", help="of the random states (0)")
+    add("--seed", type=int, default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 

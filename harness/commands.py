@@ -147,12 +147,21 @@ def paper(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it."""
+    """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
+    if options.case is not None:
+        return _case(options)
+    if options.self_test:
+        return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.environment import json_text
+    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import diagnosis as page
     from screwgauge.study.loading import read_apart
 
+    if options.b is None:
+        raise DescriptionError(
+            "needs two models, a case or a self-test", "diagnose", "write A B, --case ID or --self-test"
+        )
     more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
     found = _study(
         page,
@@ -163,6 +172,35 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.fix is not None:
         say(f"fixed: {found.write_fix(options.fix)}")
     return int(found.exit_status)
+
+
+def _self_test(options: argparse.Namespace) -> int:
+    """Diagnoses models changed at random; those whose rows are there are not done again."""
+    from screwgauge.reference.errors import DescriptionError
+    from screwgauge.report.pages import selftest as page
+    from screwgauge.study.selftest.run import counts, selftest
+
+    taken = ("self_test", "count", "quick", "seed", "out", "command", "debug")
+    if given := [name for name, value in vars(options).items() if value and name not in taken]:
+        raise DescriptionError(f"a self-test takes no {', '.join(given)}", "diagnose --self-test", "leave that out")
+    out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
+    file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
+    found = _study(page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME)
+    return 0 if page.passed(found) else 1
+
+
+def _case(options: argparse.Namespace) -> int:
+    """Shows a named discrepancy with the installed engines."""
+    from screwgauge.casebook.book import reproduce
+    from screwgauge.reference.errors import DescriptionError
+    from screwgauge.report.casebook import blocks
+    from screwgauge.report.terminal import terminal
+
+    if given := [name for name, value in vars(options).items() if value and name not in ("case", "command", "debug")]:
+        raise DescriptionError(f"a case takes no {', '.join(given)}", "diagnose --case", "leave that out")
+    result = reproduce(options.case)
+    say(terminal(blocks(result)))
+    return 0 if result.ok else 3
 
 
 def _study(

@@ -18,7 +18,7 @@ from screwgauge.report.listing import listing
 ROOT = Path(__file__).parents[1]
 TEXTS = {
     folder: (ROOT / folder / "README.md").read_text(encoding="utf-8")
-    for folder in (".", "models", "harness/scenes", "reference", "reports")
+    for folder in (".", "models", "harness/scenes", "harness/casebook", "reference", "reports")
 }
 README = TEXTS["."]
 LONGEST = 200
@@ -254,7 +254,7 @@ def test_every_column_of_a_table_is_documented(path) -> None:
     assert any(f"`{path.name}`" in text and columns <= set(re.findall(r"\w[\w-]*", text)) for text in passages)
 
 
-@pytest.mark.parametrize("command", ["list", "models", "run", "bench", "stress", "paper"])
+@pytest.mark.parametrize("command", ["list", "models", "run", "bench", "stress", "paper", "diagnose"])
 def test_every_option_is_documented(command, capsys) -> None:
     with pytest.raises(SystemExit):
         main([command, "--help"])

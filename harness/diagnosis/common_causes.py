@@ -66,10 +66,15 @@ def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: floa
 def printed(differences: Sequence[Difference], files: Files) -> Iterator[Hypothesis]:
     """All that is rounding of a file."""
     numbers = tuple(i for i, d in enumerate(differences) if d.kind == "digits" and d.change is not None)
-    if not numbers and files.a and files.b:
-        numbers = _rounded(differences, *(longest(file.xml.text()) for file in (files.a, files.b)))
+    if len(numbers) >= SEVERAL:  # zeros, too, are then where rounding puts them
+        most = max(differences[i].size for i in numbers)
+        zeros = (i for i, d in enumerate(differences) if d.what == "zero" and d.size <= most)
+        numbers = tuple(sorted({*numbers, *zeros}))
+    else:
+        texts = [file.xml.text() for file in (files.a, files.b) if file]
+        numbers = _rounded(differences, *map(longest, texts)) if len(texts) == 2 else ()
     if numbers:
-        yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 1)
+        yield Hypothesis("digits that are printed in a file", numbers, ("digits",), 0)
 
 
 def _rounded(differences: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:

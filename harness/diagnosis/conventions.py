@@ -52,8 +52,8 @@ def unit_slip(what: str, a: Array, b: Array) -> str:
 
 def _is(value: Array, b: Array, a: Array) -> bool:
     """Whether B is a value made from A, and not A itself."""
-    before = float(np.abs(b - a).max())
-    return before > 0.0 and float(np.abs(value - b).max()) <= LEFT * before
+    before, small = float(np.abs(b - a).max()), max(float(np.abs(b).max()), 1e-9 * float(np.abs(a).max()))
+    return before > 0.0 and float(np.abs(value - b).max()) <= LEFT * min(before, small)
 
 
 def com_slips(a: Array, b: Array, R: Array) -> list[str]:

@@ -197,7 +197,10 @@ def _along(joint: JointReading, D: Array, length: float) -> float | None:
         way = float(step @ axis(joint))
         off = max(angle, float(np.linalg.norm(step - way * axis(joint))) / length)
         return way if off < loose else None
-    w = turn / max(sine, 1e-300) * angle if sine > 1e-9 or angle < 1.0 else axis(joint) * angle
+    if sine <= 1e-9 and angle > 1.0:  # half a turn, whose axis its sine does not tell
+        turn = axis(joint) if np.abs(R @ axis(joint) - axis(joint)).max() < loose else 0.0 * turn
+        sine = 1.0
+    w = turn / max(sine, 1e-300) * angle
     along = float(w @ axis(joint))
     off = max(float(np.linalg.norm(w - along * axis(joint))), float(np.linalg.norm(step)) / length)
     return along if off < loose else None

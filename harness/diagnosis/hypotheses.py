@@ -8,9 +8,9 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common_causes import printed, scaled, swapped
+from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.common_causes import SEVERAL, printed, scaled, swapped
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
-from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.hypothesis import COMMON, COUNT, INERTIAL, Files, Hypothesis, Value
 from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.opened import Opened, frames_of
@@ -28,7 +28,8 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         b: The reading that their changes are of.
     """
     found, files = list[Hypothesis](), files or Files()
-    real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and d.kind != "digits"}
+    few = sum(d.kind == "digits" for d in differences) < SEVERAL
+    real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and (few or d.kind != "digits")}
     for body in dict.fromkeys(change.item for d, change in real.values() if d.what in INERTIAL):
         own = {i: change for i, (d, change) in real.items() if change.item == body and d.what in INERTIAL}
         found += _of_body(own, b, body, files)
@@ -36,7 +37,7 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         if difference.what not in INERTIAL:
             found.append(_single(i, difference, change, b, files))
         if difference.what == "gravity":
-            found += _base(i, change, b)
+            found += _base(i, change, b, files)
     return [*found, *_same_slip(found), *swapped(found), *scaled(real, b, files.b), *printed(differences, files)]
 
 
@@ -128,7 +129,7 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     """A difference of anything else than mass properties."""
     what, slips = difference.what, list[str]()
     if what == "gravity":
-        slips = gravity_slips(change.value, downwards(b))
+        slips = gravity_slips(change.value, _down(b))
     elif what == "placement":
         slips = placement_slips(*_placements(change, b, files.b))
     elif what in ("limits", "rest", "zero") and difference.a is not None and difference.b is not None:
@@ -144,9 +145,14 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     )
 
 
-def _base(i: int, change: Change, b: Reading) -> Iterator[Hypothesis]:
+def _down(b: Reading) -> Array:
+    """Gravity, also of a file that cannot say it."""
+    return STANDARD if b.gravity is None else b.gravity
+
+
+def _base(i: int, change: Change, b: Reading, files: Files) -> Iterator[Hypothesis]:
     """Gravity that only points elsewhere cannot be told from a base that stands turned."""
-    down, other = downwards(b), change.value
+    down, other = _down(b), change.value
     if gravity_slips(other, down) and abs(np.linalg.norm(down) - np.linalg.norm(other)) <= 1e-9 * np.linalg.norm(down):
         axis = np.cross(other, down)
         sine, cosine = float(np.linalg.norm(axis)), float(other @ down)
@@ -154,7 +160,10 @@ def _base(i: int, change: Change, b: Reading) -> Iterator[Hypothesis]:
         T = matrix(np.zeros(3), rotation(unit, np.array(np.arctan2(sine, cosine))))
         roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
         values = tuple(Value(joint, "placement", T, np.eye(4)) for joint in roots)
-        yield Hypothesis(f"turn of the base, which carries {', '.join(roots)}", (i,), (), 3, values)
+        frames = [link.frame for link in files.b.links if {*roots} & {*link.joints}] if files.b else []
+        turns = [matrix(np.zeros(3), F[:3, :3]) for F in frames]
+        said = tuple(f"placement {slip}" for F in turns for slip in placement_slips(T @ F, F))
+        yield Hypothesis(f"turn of the base, which carries {', '.join(roots)}", (i,), said, 3, values)
 
 
 def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -26,6 +26,13 @@ class Matter:
     mass: float
     com: Array
     inertia: Array
+
+    @property
+    def possible(self) -> bool:
+        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
+        return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
+            np.abs(self.inertia).max()
+        )
 
 
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -101,7 +108,8 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
         parts: By number, in the frame of the body; the first is chosen from equals.
 
     Returns:
-        Number and the part changed. That of which the fewest of mass, centre of mass and inertia change.
+        Number and the part changed: one that is possible, if any is, and of which the fewest of mass, centre of mass
+        and inertia change.
     """
     if len(parts) == 1:
         return next(iter(parts)), after
@@ -114,10 +122,23 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
     least = max(1e-14, 1e-6 * min(float(step.max()) for step in steps.values()))
 
     def cost(i: int) -> tuple[bool, int, float]:
-        return not found[i].mass > 0.0, int((steps[i] > least).sum()), float(steps[i].sum())
+        return not found[i].possible, int((steps[i] > least).sum()), float(steps[i].sum())
 
     chosen = min(found, key=cost)
-    return chosen, found[chosen]
+    old, same = parts[chosen], steps[chosen] <= 1e-14  # rounding of the sums is no change
+    return chosen, Matter(
+        *((a if kept else b) for a, b, kept in zip(astuple(old), astuple(found[chosen]), same, strict=True))
+    )
+
+
+def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[int, Matter]:
+    """All parts of a body changed alike so that the body changes: scaled and shifted, the rest of inertia in one."""
+    ratio, step = after.mass / before.mass, after.com - before.com
+    found = {i: Matter(ratio * part.mass, part.com + step, ratio * part.inertia) for i, part in parts.items()}
+    heaviest = max(found, key=lambda i: found[i].mass)
+    rest = after.inertia - ratio * before.inertia
+    found[heaviest] = replace(found[heaviest], inertia=found[heaviest].inertia + rest)
+    return found
 
 
 def _much(before: Matter, after: Matter) -> bool:
@@ -128,7 +149,7 @@ def _much(before: Matter, after: Matter) -> bool:
 
 def _size(matter: Matter) -> float:
     """A length: as far as the mass reaches from the origin [m]."""
-    reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass else 0.0
+    reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass > 0.0 else 0.0
     return float(np.abs(matter.com).max() + reach)
 
 

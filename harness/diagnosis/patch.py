@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.change import Change, applied
 from screwgauge.diagnosis.layout import Link, UnpatchableError
-from screwgauge.diagnosis.matter import displaced, of_body, plainest, relative, same
+from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, same, spread
 from screwgauge.diagnosis.opened import Opened, move, opened
 from screwgauge.diagnosis.write_urdf import SAME
 from screwgauge.models.readings.reading import BodyReading, Reading
@@ -52,7 +52,10 @@ def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bo
             done.append(change)
         except UnpatchableError as error:
             left.append((change, str(error)))
-    _write(file, applied(reading, [change for change in done if change.what != "branch"]), plain)
+    try:
+        _write(file, applied(reading, [change for change in done if change.what != "branch"]), plain)
+    except UnpatchableError as error:
+        return Patch(text, (*left, *((change, str(error)) for change in done)))
     for change in done:
         if change.what == "branch":
             file.writer.drop(file.xml, _carried(file, change.item))
@@ -102,14 +105,21 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
-    chosen = -1
-    if not same(of_body(old), of_body(body)):
-        chosen, matter = plainest(parts, of_body(old), of_body(body))
-        parts[chosen] = matter
-    for i, part in parts.items():
+    new = _changed(parts, of_body(old), of_body(body))
+    if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
+        raise UnpatchableError(f"several links of '{name}' differ, and no change of one or of all of them does")
+    for i, part in new.items():
         now = relative(body.pose, frames[i])
-        if i == chosen or np.abs(now - T[i]).max() > SAME:
+        if part is not parts[i] or np.abs(now - T[i]).max() > SAME:
             file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
+
+
+def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
+    """What a body is made of when it changes: one part, if that can be, else all of them."""
+    if same(old, new):
+        return parts
+    chosen, matter = plainest(parts, old, new)
+    return {**parts, chosen: matter} if matter.possible or len(parts) == 1 else spread(parts, old, new)
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:

@@ -20,7 +20,11 @@ from screwgauge.reference.files import read_file
 SAMPLES = "samples.parquet"
 PAGES = ("report.md", "report.html")
 MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the folder is replaced or removed
-WORKING = ("random.csv", "bench.partial.jsonl")  # grow before there is a report; who adds to them looks whose they are
+WORKING = (
+    "random.csv",
+    "selftest.csv",
+    "bench.partial.jsonl",
+)  # grow before there is a report; who adds to them looks whose they are
 
 
 def check_writable(out: Path, names: Iterable[str] = ()) -> None:

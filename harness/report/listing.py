@@ -8,6 +8,7 @@ from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Table
+from screwgauge.report.casebook import discrepancies
 from screwgauge.report.terminal import terminal
 from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.cases.registry import CASES
@@ -26,11 +27,12 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name in CASES for case in [load_case(name)]},
+    "discrepancies": discrepancies,
 }
 
 
 def listing(what: str | None) -> str:
-    """Names with a line on each: ``mechanisms``, ``scenes``, ``engines``, ``quantities``, ``cases``, or all of them."""
+    """Names with a line on each, of one kind of thing or of all of them."""
     tables = {
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }

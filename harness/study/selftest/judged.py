@@ -46,7 +46,9 @@ def judged(found: Diagnosis, expected: Sequence[Expected]) -> Judged:
     told = _told(found, steps, len(expected))
     carriers = {link: name for name, body in found.b.reading.bodies.items() for link in body.fixed}
     fits = [[value for value in told if _fits(value, each, carriers)] for each in expected]
-    slips = {slip for hypothesis in _hypotheses(steps, len(expected)) for slip in hypothesis.slips}
+    thought = found.attribution.ranking if found.attribution and not steps else ()
+    named_first = [*_hypotheses(steps, len(expected)), *(hypothesis for hypothesis, _ in thought)]
+    slips = {slip for hypothesis in named_first for slip in hypothesis.slips}
     named = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
     errors = [
         min(_error(value, each.magnitude, found) for value in values)
@@ -64,7 +66,8 @@ def _hypotheses(steps: Sequence[Step], count: int) -> list[Hypothesis]:
 def _told(found: Diagnosis, steps: Sequence[Step], count: int) -> list[Value]:
     """Values that are named first: by the steps, or, of what no torque shows, by the differences."""
     told = [value for hypothesis in _hypotheses(steps, count) for value in hypothesis.values]
-    static = [d for d in found.differences if d.what == "branch"] if steps else found.differences[:count]
+    unseen = found.attribution.unseen if found.attribution else found.differences
+    static = [*(d for d in found.differences if d.what == "branch"), *unseen[: max(count - len(steps), 0)]]
     nothing = np.array(np.nan)
     for d in static:
         a, b = (nothing if side is None else side for side in (d.a, d.b))

@@ -8,6 +8,8 @@ import numpy as np
 
 #: Item of a change of all parts.
 EVERYWHERE = "*"
+#: Slips with the orientation in which a tensor is written.
+TURNED = ("not turned by its orientation", "transposed")
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 from screwgauge.models.catalog import load_mechanism
@@ -35,8 +36,8 @@ class Pool:
     """A machine and the files that say it, the first of which is that of A.
 
     Attributes:
-        files: Path and library that reads it, of each.
-        exact: Whether readers of the file and the other file agree by construction.
+        files: Path and library that reads it, of each; all of them say the same. Libraries that are not installed are
+            left out.
     """
 
     name: str
@@ -53,7 +54,8 @@ def pools(folder: Path, quick: bool = False) -> list[Pool]:
     """
     names = ("arm7",) if quick else ("arm7", "3ups-upu-s", "stewart")
     made = [*_trees(folder, 2 if quick else 4), *_built_in(folder, names)]
-    return made if quick else [*made, *public()]
+    found = made if quick else [*made, *public()]
+    return [replace(pool, files=tuple(file for file in pool.files if find_spec(file[1]))) for pool in found]
 
 
 def _trees(folder: Path, count: int) -> Iterator[Pool]:

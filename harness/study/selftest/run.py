@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -14,15 +14,16 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
-from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.study.selftest.judged import CLOSE, judged
 from screwgauge.study.selftest.kinds import KINDS, changed
 from screwgauge.study.selftest.lookalikes import REWRITES
-from screwgauge.study.selftest.mutant import CannotError
+from screwgauge.study.selftest.mutant import TURNED, CannotError
 from screwgauge.study.selftest.pools import Pool, pools
 
-COUNT, PAIRS = 500, 200
+#: Changes, and pairs that are alike for each; --quick.
+COUNT, QUICK, PAIRS = 500, 100, 0.4
 SMALLEST, LARGEST = 1e-6, 0.1  # relative size of a change
 #: A change of torques below it [of the largest torque] need not be found.
 VISIBLE = 1e-9
@@ -49,6 +50,18 @@ def items(count: int, pairs: int, kinds: Sequence[str] = tuple(KINDS)) -> Iterat
     rewrites = tuple(REWRITES)
     for i in range(pairs):
         yield Item(ALIKE, i, rewrites[i % len(rewrites)])
+
+
+def counts(count: int | None = None, quick: bool = False) -> tuple[int, int]:
+    """How many changes and pairs there are to be.
+
+    Raises:
+        DescriptionError: Fewer than one.
+    """
+    if count is not None and count < 1:
+        raise DescriptionError(f"{count} changes are none", "diagnose --self-test --count", "ask for one at least")
+    count = count or (QUICK if quick else COUNT)
+    return count, round(PAIRS * count)
 
 
 def selftest(
@@ -108,6 +121,8 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
         try:
             if item.group == CHANGED:
                 text, expected = changed(item.kind, text, rng, size)
+                if first.suffix != second.suffix:  # the slip is made in an orientation that A does not write
+                    expected = [replace(each, slip=each.slip and _plain(each.slip)) for each in expected]
             else:
                 text, expected = REWRITES[item.kind](text, rng), []
         except CannotError as error:
@@ -127,6 +142,10 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
         row["cpu_s"] = f"{process_time() - begin:.3g}"
         return row | _alike(found) if item.group == ALIKE else row | _judged(found, expected)
     return row | {"verdict": "no place", "first": reason}
+
+
+def _plain(slip: str) -> str:
+    return "turned by" if slip in TURNED else slip
 
 
 def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:

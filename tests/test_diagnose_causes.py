@@ -1,0 +1,138 @@
+"""Slips of convention are named from two values; torques tell which differences matter and cannot be told apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from screwgauge.diagnosis.attribution import Torques, attribute
+from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
+from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge.diagnosis.hypothesis import Hypothesis
+from screwgauge.diagnosis.matter import Matter, steiner
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.reference.rotations import rotation
+from screwgauge.study.selftest.trees import mjcf, tree, urdf
+
+R = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.7))
+MOMENTS = np.diag([1.0, 2.0, 2.7])
+PRODUCTS = np.array([[2.0, 0.1, -0.2], [0.1, 3.0, 0.3], [-0.2, 0.3, 4.0]])
+COM = np.array([0.1, -0.2, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "slip"),
+    [
+        (R @ MOMENTS @ R.T, MOMENTS, "is not turned by its orientation in A"),
+        (R @ MOMENTS @ R.T, R.T @ MOMENTS @ R, "is turned by its orientation in A transposed"),
+        (PRODUCTS, 2.0 * np.diag(np.diag(PRODUCTS)) - PRODUCTS, "has products of inertia of the other sign"),
+        (PRODUCTS, np.diag(np.diag(PRODUCTS)), "has no products of inertia"),
+        (MOMENTS, np.diag([2.7, 1.0, 2.0]), "has its principal moments on other axes"),
+        (PRODUCTS, PRODUCTS + 2.0 * steiner(COM), "is about the origin of the link, not the centre of mass"),
+        (PRODUCTS, 1e9 * PRODUCTS, "is in g mm^2"),
+        (PRODUCTS, 1e-6 * PRODUCTS, "is as if A were in kg mm^2"),
+        (MOMENTS, R @ MOMENTS @ R.T, "is turned by its orientation in A once too often"),
+    ],
+)
+def test_a_slip_with_a_tensor_is_named(a, b, slip):
+    assert slip in tensor_slips(Matter(2.0, COM, a), b, {"A": R, "B": np.eye(3)})
+
+
+def test_a_tensor_on_axes_of_its_own_is_told_by_the_angle():
+    assert tensor_slips(Matter(2.0, COM, MOMENTS), R @ MOMENTS @ R.T, {"B": np.eye(3)}) == [
+        "is turned by 40.11 degrees"
+    ]
+
+
+def test_what_is_no_slip_has_no_name():
+    other = PRODUCTS + np.diag([0.01, 0.0, 0.0])
+    assert tensor_slips(Matter(2.0, COM, PRODUCTS), other, {"A": R}) == []
+    assert com_slips(COM, 1.01 * COM, np.eye(3)) == []
+    assert unit_slip("mass", np.array(1.0), np.array(1.0)) == ""
+
+
+@pytest.mark.parametrize(
+    ("b", "slip"),
+    [
+        (1000.0 * COM, "is in mm"),
+        (COM * [1.0, -1.0, 1.0], "is mirrored in y"),
+        (np.zeros(3), "is left out"),
+        (COM[[1, 0, 2]], "has its entries in the order yxz"),
+        (R @ COM, "is turned by the orientation of its inertial"),
+    ],
+)
+def test_a_slip_with_a_centre_of_mass_is_named(b, slip):
+    assert slip in com_slips(COM, b, R)
+
+
+def test_slips_with_placements_and_gravity_are_named():
+    T = matrix(COM, R)
+    assert placement_slips(T, matrix(1000.0 * COM, R)) == ["is in mm"]
+    assert placement_slips(T, matrix(COM, np.eye(3))) == ["has no rotation"]
+    assert placement_slips(T, matrix(COM, R.T)) == ["has its rotation transposed"]
+    g = np.array([0.0, 0.0, -9.81])
+    assert gravity_slips(g, -g) == ["is upside down"]
+    assert gravity_slips(g, np.zeros(3)) == ["is left out"]
+    assert gravity_slips(g, np.array([0.0, -9.81, 0.0])) == ["is turned by 90 degrees"]
+
+
+def models(folder, change, full=False):
+    """A random robot, and one that is changed by a function of its text."""
+    a, b = folder / "a.xml", folder / "b.xml"
+    a.write_text(mjcf(tree(0), full=full))
+    b.write_text(change(a.read_text()))
+    assert a.read_text() != b.read_text()
+    return a, b
+
+
+def test_two_causes_are_taken_one_after_the_other(tmp_path):
+    parts = tree(0)
+    damping, mass = f'damping="{float(parts[0].passive[0])!r}"', f'mass="{parts[1].mass!r}"'
+    found = diagnose(*models(tmp_path, lambda text: text.replace(damping, 'damping="5"').replace(mass, 'mass="9"')))
+    why = found.attribution
+    assert {step.hypothesis.name.split(" of ")[0] for step in why.steps} == {"damping", "mass"}
+    assert why.steps[0].share == why.steps[0].alone < 1.0
+    assert why.steps[1].share == pytest.approx(1.0, rel=1e-9)
+    assert why.complete
+    assert found.proof.on == "file"
+    assert found.proof.agrees
+
+
+def test_a_base_that_stands_turned_cannot_be_told_from_gravity(tmp_path):
+    g = 'gravity="0 0 -9.81"'
+    found = diagnose(*models(tmp_path, lambda text: text.replace(g, 'gravity="9.81 0 0"'), full=True))
+    (step,) = found.attribution.steps
+    assert step.hypothesis.name == "gravity"
+    assert [other.name for other in step.alike] == ["turn of the base, which carries joint0"]
+
+
+def test_a_difference_that_no_torque_shows_is_told_beside(tmp_path):
+    found = diagnose(*models(tmp_path, lambda text: text.replace('range="-1.5 2"', 'range="-1.5 1"', 1)))
+    assert not found.attribution.steps
+    assert [difference.what for difference in found.attribution.unseen] == ["limits"]
+    assert not found.same
+
+
+def test_masses_that_are_all_scaled_are_one_cause(tmp_path):
+    (tmp_path / "a.urdf").write_text(urdf(tree(0)))
+    parts, text = tree(0), urdf(tree(0))
+    for part in parts:
+        text = text.replace(f'value="{part.mass!r}"', f'value="{1.25 * part.mass!r}"')
+    (tmp_path / "b.urdf").write_text(text)
+    (step,) = diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf").attribution.steps
+    assert "1.25 times those of A" in step.hypothesis.name
+
+
+def test_what_explains_nothing_is_not_taken():
+    """The one hypothesis changes nothing: no step, nothing explained."""
+    torques = Torques(np.ones((3, 2)), lambda reading: np.full((3, 2), 2.0), ("i", "j"), ("N m", "N m"))
+    why = attribute(torques, None, [], [Hypothesis("nothing", ())])
+    assert not why.steps
+    assert (why.before.scaled, why.left.scaled, why.share) == (1.0, 1.0, 0.0)
+
+
+def test_what_is_not_a_number_is_a_difference():
+    torques = Torques(np.ones((3, 1)), lambda reading: np.full((3, 1), np.nan), ("i",), ("N m",))
+    why = attribute(torques, None, [], [])
+    assert why.before.scaled == np.inf
+    assert not why.complete

@@ -1,0 +1,176 @@
+"""Changes are written into the text of a URDF or MJCF, and nothing else in it; what cannot be written is said."""
+
+from __future__ import annotations
+
+import difflib
+
+import numpy as np
+import pytest
+
+from screwgauge.diagnosis.attribution import Largest, Torques
+from screwgauge.diagnosis.backfill import backfill, write_fix
+from screwgauge.diagnosis.change import Change, applied
+from screwgauge.diagnosis.dynamics import inverse_dynamics
+from screwgauge.diagnosis.patch import patched
+from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.xml_text import XmlText
+from screwgauge.models.readings.read import read
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.rotations import rotation
+from screwgauge.study.selftest.trees import mjcf, tree, urdf
+
+#: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
+AGAIN = 1e-13
+FORMS = {"urdf": ("model.urdf", "pinocchio", urdf), "mjcf": ("model.xml", "mujoco", lambda p: mjcf(p, full=True))}
+TURN = np.eye(4)
+TURN[:3, :3], TURN[:3, 3] = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.1)), [0.01, -0.02, 0.005]
+PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
+AXIS = np.array([0.36, 0.48, 0.8])
+
+
+@pytest.fixture(params=FORMS)
+def model(request, tmp_path):
+    name, library, write = FORMS[request.param]
+    file = tmp_path / name
+    file.write_text(write(tree(0)), encoding="utf-8")
+    return file, library, read(file, library)
+
+
+def torques(reading, states=None):
+    own = applied(reading, [Change("", "gravity", np.array([0.0, 0.0, -9.81]))]) if reading.gravity is None else reading
+    return inverse_dynamics(plant(own), states or draw(own, 8))
+
+
+def changes_of(reading):
+    """One of each property; `joint` carries a joint and a body further."""
+    hinges = [name for name, joint in reading.joints.items() if joint.kind == "hinge"]
+    (body, *_), joint = reading.bodies, hinges[1]
+    old, held = reading.bodies[body], reading.joints[joint]
+    return {
+        "mass": Change(body, "mass", np.array(1.1 * old.mass)),
+        "com": Change(body, "com", old.com + 0.02 * AXIS),
+        "inertia": Change(body, "inertia", 1.05 * old.inertia + 1e-4 * np.diag([1.0, 2.0, 2.5])),
+        "pose": Change(body, "pose", old.pose @ TURN),
+        "placement": Change(joint, "placement", TURN),
+        "axis": Change(joint, "axis", AXIS),
+        "centre": Change(joint, "centre", held.centre + 0.02 * TURN[:3, 0]),
+        "zero": Change(joint, "zero", np.array(0.2)),
+        "sign": Change(joint, "sign", np.array(-1.0)),
+        "limits": Change(joint, "limits", np.array([-0.3, 0.4])),
+        **{
+            what: Change(joint, what, np.array(0.7))
+            for what in ("armature", "damping", "friction", "stiffness", "rest")
+        },
+        "gravcomp": Change(body, "gravcomp", np.array(0.5)),
+        "gravity": Change("", "gravity", np.array([0.1, 0.0, -9.8])),
+        "gear": Change(next(iter(reading.actuators), ""), "gear", np.array(7.0)),
+        "branch": Change(list(reading.joints)[-1], "branch", np.array(0.0)),
+    }
+
+
+NOT_IN_A_URDF = ("armature", "stiffness", "rest", "gravcomp", "gravity", "gear")
+
+
+PROPERTIES = [
+    *("mass", "com", "inertia", "pose", "placement", "axis", "centre", "zero", "sign", "limits", *PASSIVE),
+    *("gravcomp", "gravity", "gear", "branch"),
+]
+
+
+@pytest.mark.parametrize("what", PROPERTIES)
+def test_a_changed_file_is_read_as_the_changed_reading(model, what):
+    file, library, reading = model
+    change = changes_of(reading)[what]
+    patch = patched(file.read_text(), reading, [change])
+    if file.suffix == ".urdf" and what in NOT_IN_A_URDF:
+        assert patch.text == file.read_text()
+        assert patch.left[0][1] == f"a URDF cannot say {what}"
+        return
+    assert not patch.left
+    file.write_text(patch.text)
+    again, wanted = read(file, library), applied(reading, [change])
+    if what == "gear":
+        assert again.actuators == wanted.actuators
+    if what == "limits":
+        assert again.joints[change.item].limits == pytest.approx((-0.3, 0.4))
+    assert list(again.joints) == list(wanted.joints)
+    states = draw(wanted, 8)
+    a, b = torques(wanted, states), torques(again, states)
+    assert np.abs(a - b).max() <= AGAIN * np.abs(a).max()
+    if what not in ("limits", "gear", "branch"):
+        assert np.abs(a - torques(reading, states)).max() > 1e-6 * np.abs(a).max()
+
+
+def test_nothing_else_in_the_text_changes(model):
+    file, _, reading = model
+    text = file.read_text().replace("\n", "\n<!-- é -->\n")
+    joint = list(reading.joints)[1]
+    patch = patched(text, reading, [Change(joint, "damping", np.array(0.5))])
+    lines = [line for line in difflib.ndiff(text.splitlines(), patch.text.splitlines()) if line[0] in "+-"]
+    assert len(lines) == 2
+    assert 'damping="0.5"' in lines[1]
+
+
+def test_a_link_that_is_fixed_to_another_one_is_changed_itself(tmp_path):
+    """Its body has one mass, one centre and one tensor, all of which its mass alone changes."""
+    file, parts = tmp_path / "model.urdf", tree(0)
+    fixed = next(i for i, part in enumerate(parts) if part.kind == "fixed" and part.near >= 0)
+    file.write_text(urdf(parts))
+    heavier = file.read_text().replace(f'<mass value="{parts[fixed].mass!r}"/>', '<mass value="3.25"/>')
+    (tmp_path / "other.urdf").write_text(heavier)
+    a, b = read(tmp_path / "other.urdf", "pinocchio"), read(file, "pinocchio")
+    body = next(name for name, other in b.bodies.items() if f"link{fixed}" in other.fixed)
+    changes = [Change(body, what, np.asarray(getattr(a.bodies[body], what))) for what in ("mass", "com", "inertia")]
+    patch = patched(file.read_text(), b, changes)
+    lines = [line for line in difflib.ndiff(file.read_text().splitlines(), patch.text.splitlines()) if line[0] == "+"]
+    assert len(lines) == 1
+    assert float(lines[0].split('"')[1]) == pytest.approx(3.25, rel=1e-12, abs=0)
+
+
+def test_what_geoms_or_the_compiler_say_is_not_written(tmp_path):
+    file = tmp_path / "model.xml"
+    text = '<mujoco><compiler settotalmass="3"/><worldbody><body><joint/><geom size="0.1"/></body></worldbody></mujoco>'
+    file.write_text(text)
+    reading = read(file, "mujoco")
+    patch = patched(text, reading, [Change(next(iter(reading.bodies)), "mass", np.array(2.0))])
+    assert patch.text == text
+    assert 'settotalmass="3"' in patch.left[0][1]
+
+
+def test_what_the_file_cannot_say_is_proved_on_the_reading(tmp_path):
+    file = tmp_path / "model.urdf"
+    file.write_text(urdf(tree(0)))
+    b = read(file, "pinocchio")
+    change = Change(list(b.joints)[1], "armature", np.array(0.3))
+    wanted = torques(applied(b, [change]))
+    names = tuple(b.joints)
+    asked = Torques(wanted, torques, names, tuple("N m" for _ in names))
+    proof = backfill(asked, b, [change], file, lambda path: read(path, "pinocchio"))
+    assert (proof.on, proof.why_not) == ("reading", ("a URDF cannot say armature",))
+    assert proof.agrees
+    assert isinstance(proof.left, Largest)
+    wrong = backfill(
+        asked, b, [Change(change.item, "armature", np.array(0.2))], file, lambda path: read(path, "pinocchio")
+    )
+    assert not wrong.agrees
+
+
+def test_b_itself_is_never_overwritten(tmp_path):
+    b = tmp_path / "b.urdf"
+    b.write_text("old")
+    (tmp_path / "link.urdf").symlink_to(b)
+    for out in (b, tmp_path / "link.urdf", tmp_path):
+        with pytest.raises(OutputError):
+            write_fix(out, "new", b)
+    assert b.read_text() == "old"
+    write_fix(tmp_path / "below" / "fixed.urdf", "new", b)
+    assert [path.name for path in (tmp_path / "below").iterdir()] == ["fixed.urdf"]
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [("<robot><link></robot>", "well-formed"), ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "document type")],
+)
+def test_what_is_no_plain_xml_is_refused(text, why):
+    with pytest.raises(DescriptionError, match=why):
+        XmlText(text, "model.urdf")
