@@ -141,7 +141,7 @@ def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
 def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
     """World placement of every joint and their Jacobian [linear; angular] at the world origin, shape (6, n_v).
 
-    Without Pinocchio's data, the memory of which grows with the cube of the velocities: making that of 490 takes half a minute.
+    Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
     """
     import pinocchio
 
