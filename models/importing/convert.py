@@ -1,0 +1,195 @@
+"""Reading -> mechanism, with all that a description and its scene cannot hold named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.models.importing.assemble import Assembled, assemble
+from screwgauge.models.importing.closing import CLOSED
+from screwgauge.models.importing.choice import choose
+from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
+from screwgauge.models.importing.left_out import left_out, springs_of
+from screwgauge.models.importing.motion import length_of
+from screwgauge.models.importing.names import TAKEN, accepted, unused
+from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """A mechanism made from a reading.
+
+    Attributes:
+        springs: Stiffness and damping of its joints, which a scene holds.
+        gravity: World axes [m/s^2], shape (3,); None where the file does not say it.
+        names: Name in the file -> name in the description, where they differ.
+        remarks: How it was made, a sentence each.
+        left_out: What is in the file and in neither description nor scene, a phrase each.
+    """
+
+    mechanism: Mechanism
+    springs: tuple[JointSpring, ...]
+    gravity: Array | None
+    names: Mapping[str, str]
+    remarks: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Names (of the description) of coordinates and joints that the user chose; None leaves it to the file."""
+
+    independent: Sequence[str] | None = None
+    actuated: Sequence[str] | None = None
+
+
+def describe(reading: Reading, where: str, wanted: Wanted = Wanted()) -> Imported:
+    """The mechanism that was read.
+
+    Args:
+        where: The file, to blame.
+
+    Raises:
+        ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
+    """
+    if not reading.joints:
+        raise DescriptionError("has no joint that moves", where, "give a model with at least one degree of freedom")
+    reading, names = _renamed(reading)
+    assembled = assemble(reading, where)
+    reading, length = assembled.reading, length_of(assembled.reading)
+    graph = graph_of(reading, length)
+    if not graph.chains:
+        raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
+    actuated = _actuated(reading, graph, wanted, where)
+    joints, carriers = _joints(reading, graph, frozenset(actuated), length)
+    mechanism = Mechanism(
+        name=accepted([reading.name], "model")[reading.name],
+        bodies=(*(_body(part, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
+        joints=joints,
+        independent={},
+        title=reading.name,
+        group="imported",
+        where=where,
+    )
+    if not mechanism.mass:
+        raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
+    closed = bool(graph.pins) or len(graph.chains) > len(graph.parts) - 1
+    mechanism = choose(mechanism, actuated, wanted.independent, closed, where)
+    remarks = (*_said(assembled, length), *graph.remarks)
+    return Imported(
+        mechanism, springs_of(reading, mechanism), reading.gravity, names, remarks, left_out(reading, mechanism)
+    )
+
+
+def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
+    """The reading with names that a description accepts, and those that changed."""
+    bodies = {**accepted(reading.bodies, "body"), GROUND: GROUND}
+    joints = accepted(reading.joints, "joint")
+    closures = accepted(reading.closures, "loop", (*TAKEN, *joints.values()))
+    changed = {old: new for table in (bodies, joints, closures) for old, new in table.items() if old != new}
+    reading = replace(
+        reading,
+        bodies={
+            bodies[name]: replace(body, near=bodies[body.near], joints=tuple(joints[j] for j in body.joints))
+            for name, body in reading.bodies.items()
+        },
+        joints={joints[name]: entry for name, entry in reading.joints.items()},
+        closures={
+            closures[name]: replace(entry, first=bodies[entry.first], second=bodies[entry.second])
+            for name, entry in reading.closures.items()
+        },
+        couplings={
+            name: replace(entry, joint=joints[entry.joint], of=joints[entry.of] if entry.of else "")
+            for name, entry in reading.couplings.items()
+        },
+        actuators={name: (joints[entry], gear) for name, (entry, gear) in reading.actuators.items()},
+    )
+    return reading, changed
+
+
+def _actuated(reading: Reading, graph: Graph, wanted: Wanted, where: str) -> list[str]:
+    """Joints that are driven: those chosen, those of the file, or all of an open chain."""
+    can = [j for chain in graph.chains for j in chain.joints if reading.joints[j].kind in ("hinge", "slide")]
+    if wanted.actuated is not None:
+        for name in wanted.actuated:
+            if name not in can:
+                raise UnknownNameError("hinge or slide", name, can, f"{where}, --actuated")
+        return list(wanted.actuated)
+    driven = [name for name, _ in reading.actuators.values() if name in can]
+    return list(dict.fromkeys(driven))
+
+
+def _body(part: Part, where: str) -> Body:
+    if not part.mass:
+        return Body(part.name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    return Body(part.name, part.mass, part.com, part.inertia, f"{where}, body '{part.name}'")
+
+
+def _joints(reading: Reading, graph: Graph, driven: frozenset[str], length: float) -> tuple[tuple[Joint, ...], list[Body]]:
+    """All joints, and the bodies without mass between those of one chain."""
+    names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
+    used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
+    for chain in graph.chains:
+        steps = _steps(reading, chain, graph, driven, length)
+        near = graph.parts[chain.near]
+        for i, group in enumerate(steps):
+            far = graph.parts[chain.far]
+            if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
+                pose = far.pose.copy()
+                pose[:3, 3] = group.point
+                far = Part(unused(f"{group.axes[0].name}.carrier", names), pose)
+                carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
+            made = joint(group, _joint_name(group, used), near, far, length)
+            joints.append(replace(made, actuated=made.name in driven))
+            near = far
+    for pin in graph.pins:
+        first, second = graph.parts[pin.first], graph.parts[pin.second]
+        joints.append(joint(pinned(pin, first, second), pin.name, first, second, length))
+    return tuple(joints), carriers
+
+
+def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str], length: float) -> list[Group]:
+    """The joints of a chain, ball and free joints each on its own."""
+    out, run = list[Group](), list[Axis]()
+    for name in chain.joints:
+        entry = reading.joints[name]
+        if entry.kind in ("hinge", "slide"):
+            run.append(axis_of(name, entry))
+            continue
+        near, far = graph.parts[chain.near], graph.parts[chain.far]
+        kind = "S" if entry.kind == "ball" else "F"
+        out += [*groups(run, driven, length), ball(name, kind, near, far, entry.centre)]
+        run = []
+    return [*out, *groups(run, driven, length)]
+
+
+def _joint_name(group: Group, used: set[str]) -> str:
+    """That of its one freedom, or what the names of several have in common."""
+    if len(group.axes) == 1:
+        return group.axes[0].name
+    parts = {axis.name.rpartition(".")[0] for axis in group.axes}
+    whole = parts.pop() if len(parts) == 1 else ""
+    return unused(whole or "+".join(axis.name for axis in group.axes), used)
+
+
+def _said(assembled: Assembled, length: float) -> list[str]:
+    """How loops were closed and coordinates brought within limits."""
+    said = []
+    if assembled.opened > CLOSED:
+        said.append(f"the loops of the file are open by {assembled.opened * length:.2g} m or rad at its own home")
+    if assembled.moved:
+        most = max(assembled.moved, key=lambda name: abs(assembled.moved[name]))
+        what = "the home pose is the nearest one found that closes all loops within limits and off singular poses"
+        said.append(f"{what}: {len(assembled.moved)} coordinates moved, '{most}' by {assembled.moved[most]:.3g}")
+    if assembled.left > CLOSED:
+        said.append(f"loops close to {assembled.left * length:.1g} m or rad only, the rounding of the file")
+    if assembled.beyond:
+        said.append(f"home is beyond the limits of {', '.join(assembled.beyond)}, which are left out")
+    return said
