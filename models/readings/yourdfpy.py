@@ -1,0 +1,87 @@
+"""What yourdfpy reads from a URDF: a second, independent reading."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.readings.assemble import Link, assemble, screw
+from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.models.readings.source import Source
+from screwgauge.reference.errors import ModelFileError
+
+#: Type of a joint in URDF -> kind; `fixed` has none.
+_KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
+
+
+def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
+    """Reads a URDF by yourdfpy.
+
+    Raises:
+        ModelFileError: yourdfpy refuses it, or it has a planar joint.
+    """
+    import yourdfpy
+
+    try:
+        robot = yourdfpy.URDF.load(
+            io.BytesIO(source.text.encode()), load_meshes=False, load_collision_meshes=False, build_scene_graph=True
+        )
+        robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
+    except Exception as error:  # it raises what its own parts raise
+        raise ModelFileError(f"yourdfpy refuses it ({error})", str(source.path), "mend the file") from None
+    if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
+        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", str(source.path), "use another library")
+    joints = {joint.name: joint for joint in robot.joint_map.values() if joint.type in _KINDS}
+    assembly = assemble(_links(robot), str(source.path))
+    return Reading(
+        source.name,
+        "yourdfpy",
+        assembly.bodies,
+        {name: _joint(robot, joint, home.get(name, 0.0)) for name, joint in joints.items()},
+        assembly.fixed,
+        couplings=source.mimics,
+        ignored=source.ignored,
+    )
+
+
+def _links(robot: Any) -> Iterator[Link]:
+    above = {joint.child: joint for joint in robot.joint_map.values()}
+    below: dict[str, list[str]] = {}
+    for joint in robot.joint_map.values():
+        below.setdefault(joint.parent, []).append(joint.child)
+    waiting = [robot.base_link]
+    while waiting:
+        name = waiting.pop()
+        waiting += below.get(name, [])
+        joint, inertial = above.get(name), robot.link_map[name].inertial
+        mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+        if inertial and inertial.mass:
+            origin = np.eye(4) if inertial.origin is None else inertial.origin
+            mass, com = float(inertial.mass), origin[:3, 3]
+            if inertial.inertia is not None:
+                inertia = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
+        moves = joint is not None and joint.type in _KINDS
+        pose = robot.get_transform(name, robot.base_link)
+        yield Link(name, joint.parent if joint else "", (joint.name,) if moves else (), mass, com, inertia, pose)
+
+
+def _joint(robot: Any, joint: Any, home: float) -> JointReading:
+    kind, T = _KINDS[joint.type], robot.get_transform(joint.child, robot.base_link)
+    bounds, dynamics = joint.limit, joint.dynamics
+    limits = (-math.inf, math.inf)
+    if bounds is not None and joint.type in ("revolute", "prismatic"):
+        limits = (float(bounds.lower or 0.0), float(bounds.upper or 0.0))
+    single = kind != "free"
+    return JointReading(
+        kind,
+        screw(kind == "hinge", T[:3, :3] @ joint.axis, T[:3, 3]) if single else np.zeros(6),
+        T[:3, 3],
+        home if single else 0.0,
+        limits,
+        damping=float((dynamics and dynamics.damping) or 0.0),
+        friction=float((dynamics and dynamics.friction) or 0.0),
+    )
