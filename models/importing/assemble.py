@@ -58,7 +58,8 @@ def assemble(reading: Reading, where: str) -> Assembled:
 
 def outside(joint: JointReading, value: float | None) -> bool:
     """Whether a coordinate is beyond the limits of its joint."""
-    return value is not None and not joint.limits[0] <= value <= joint.limits[1]
+    low, high = joint.limits
+    return value is not None and low < high and not low <= value <= high
 
 
 def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
