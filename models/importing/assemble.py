@@ -65,9 +65,10 @@ def outside(joint: JointReading, value: float | None) -> bool:
 def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
     """The best closed state: regular, within limits, near; its residual and the rank of its loop equations."""
     rng, found, best = np.random.default_rng(0), [], (home, np.inf)
+    closing = loops.closing  # whatever is on no loop stays
     for i in range(STARTS):
         reach = FARTHEST * i / (STARTS - 1)
-        start = loops.stepped(home, reach * rng.uniform(-1.0, 1.0, len(loops.size))) if i else home
+        start = loops.stepped(home, closing * reach * rng.uniform(-1.0, 1.0, len(closing))) if i else home
         state, error = loops.newton(start)
         best = min(best, (state, error), key=lambda pair: pair[1])
         if not error <= ROUNDED:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.models.importing.motion import Placed, State, exponential, length_of, place, unit_screws
+from screwgauge.models.importing.motion import Placed, State, at_home, exponential, length_of, place, unit_screws
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.rotations import Array, cross, vee
 
@@ -45,6 +45,18 @@ class Loops:
         """Unit of each velocity: 1 for angles, the model's length for distances. Shape (n,)."""
         units = [np.where(unit_screws(j)[:, :3].any(axis=1), 1.0, self.length) for j in self.reading.joints.values()]
         return np.concatenate([np.ones(0), *units])
+
+    @cached_property
+    def closing(self) -> Array:
+        """1 for the velocities that some loop or coupling depends on, else 0. Shape (n,)."""
+        carries = place(self.reading, at_home(self.reading)).carries
+        out, freedoms = np.zeros(len(self.size)), self.reading.freedoms
+        for closure in self.reading.closures.values():
+            out += np.abs(carries[closure.second] - carries[closure.first])
+        for coupling in self.reading.couplings.values():
+            for joint in filter(None, (coupling.joint, coupling.of)):
+                out[freedoms[joint]] = 1.0
+        return np.minimum(out, 1.0)
 
     def residuals(self, state: State) -> dict[str, Array]:
         """How far each closure and coupling is open [rad or lengths]: 3, 6 or 1 numbers."""

@@ -17,7 +17,9 @@ RIGHT = 1e-13
 #: Entries of unit vectors and rotations that rounding leaves of zero.
 NOTHING = 4e-16
 #: A limit where a joint has one on the other side only [rad, m].
-FAR = 1e10
+FAR, FREE = 1e10, (-np.inf, np.inf)
+#: Sine of a spherical joint's second angle at home above which its axes say little; at one they lie in a plane.
+STEEP = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,15 @@ def _spherical(axes: tuple[Axis, ...], length: float) -> Group | None:
     E, _ = at_zero(axes)
     point = _meet(axes, length)
     orthogonal = np.abs(E @ E.T - np.eye(3)).max() < RIGHT
-    return Group("S", axes, point) if orthogonal and point is not None else None
+    if not orthogonal or point is None:
+        return None
+    return Group("S", axes, point) if abs(np.sin(axes[1].home)) < STEEP else _from_home(axes, point)
+
+
+def _from_home(axes: tuple[Axis, ...], point: Array) -> Group:
+    """A spherical joint whose angles count from home: its own axes are next to a plane there (gimbal lock)."""
+    names = [f"{axis.name}.from-home" for axis in axes]
+    return Group("S", tuple(Axis(n, True, e, point, 0.0, FREE) for n, e in zip(names, np.eye(3), strict=True)), point)
 
 
 def _pair(axes: tuple[Axis, ...], length: float) -> Group | None:
@@ -173,9 +183,8 @@ def ball(name: str, kind: str, near: Part, far: Part, point: Array) -> Group:
     """A ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent."""
     R = (near if kind == "F" else far).pose[:3, :3]
     home = near.pose[:3, :3].T @ (point - near.pose[:3, 3])
-    free = (-np.inf, np.inf)
-    slides = [Axis(f"{name}.{x}", False, R[:, i], point, float(home[i]), free) for i, x in enumerate("xyz")]
-    turns = [Axis(f"{name}.q{i + 1}", True, R[:, i], point, 0.0, free) for i in range(3)]
+    slides = [Axis(f"{name}.{x}", False, R[:, i], point, float(home[i]), FREE) for i, x in enumerate("xyz")]
+    turns = [Axis(f"{name}.q{i + 1}", True, R[:, i], point, 0.0, FREE) for i in range(3)]
     return Group(kind, tuple(slides + turns if kind == "F" else turns), point)
 
 
@@ -185,5 +194,5 @@ def pinned(pin: Pin, first: Part, second: Part) -> Group:
         return ball(pin.name, "S", first, second, pin.points[0])
     along = pin.points[1] - pin.points[0]
     middle = 0.5 * (pin.points[0] + pin.points[1])
-    axis = Axis(pin.name, True, along / np.linalg.norm(along), middle, 0.0, (-np.inf, np.inf))
+    axis = Axis(pin.name, True, along / np.linalg.norm(along), middle, 0.0, FREE)
     return Group("R", (axis,), middle)
