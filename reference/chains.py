@@ -30,7 +30,7 @@ def closed_form(lay: Layout, y: Array) -> Array | None:
     chains = serial_chains(mechanism)
     drivers = [chain for chain in chains if len(chain) == 1 and not chain[0].reverse]
     legs = [chain for chain in chains if chain not in drivers]
-    if len(drivers) != 1 or sum(len(chain) for chain in chains) != len(mechanism.joints):
+    if mechanism.couplings or len(drivers) != 1 or sum(len(chain) for chain in chains) != len(mechanism.joints):
         return None
     driver = drivers[0][0].joint
     if not set(mechanism.independent.values()) <= set(driver.coordinates) or not all(map(_has_closed_form, legs)):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.files import check_count, read_file
@@ -17,10 +18,12 @@ from screwgauge.reference.graph import check_connected
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-_TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "independent", "spherical_axial"}
+_TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "couplings"}
+_TOP |= {"independent", "spherical_axial"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame"}
+_COUPLING = ("coordinate", "of", "polynomial")
 #: Tables that are one thing: what extends a description replaces all of their entries.
 WHOLE = ("inertia", "independent")
 #: Default of three axes.
@@ -116,6 +119,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
         independent=_table(data, "independent", where),
         axial=_axial(data.get("spherical_axial"), joints, f"{where}, spherical_axial"),
         where=where,
+        couplings=read_couplings(data, where),
     )
     _check_names(mechanism, where)
     check_connected(mechanism, where)
@@ -203,6 +207,24 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
         actuated=actuated,
         where=where,
     )
+
+
+def read_couplings(data: dict[str, Any], where: str) -> tuple[Coupling, ...]:
+    """Reads ``[couplings]``, also of a loops file; there may be none."""
+    tables = _table(data, "couplings", where) if "couplings" in data else {}
+    check_count(len(tables), "couplings", where)
+    return tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
+
+
+def _coupling(name: str, table: Any, where: str) -> Coupling:
+    _name(name, where)
+    check_keys(table, _COUPLING, where)
+    given, at = required(table, "polynomial", where), f"{where}.polynomial"
+    if not isinstance(given, list) or not given:
+        raise DescriptionError(f"{given!r} is no list of coefficients", at, "write them lowest first: [0, 2]")
+    check_count(len(given), "coefficients", at)
+    coordinate = read_text(table, "coordinate", where)
+    return Coupling(name, coordinate, read_text(table, "of", where, ""), vector(given, at, len(given)), where)
 
 
 def _check_length(value: Any, n: int, what: str, where: str, remedy: str) -> None:

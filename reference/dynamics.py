@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear, screws
+from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.applied import Load
 from screwgauge.reference.kinematics import Velocities
 from screwgauge.reference.pose import Layout, Pose, centres_of_mass
@@ -104,26 +105,28 @@ def virtual_power(F: Array, T: Array, linear_part: Array, angular_part: Array) -
 
 
 def joint_reactions(lay: Layout, at: Pose) -> Reactions:
-    """The reaction components of all joints at a pose (56 - 4 for the 3-UPS-UPU-S)."""
-    index, joints = lay.mechanism.body_index, lay.mechanism.joints
-    return reaction_components(
+    """The reaction components of all joints and couplings at a pose (56 - 4 for the 3-UPS-UPU-S)."""
+    mechanism, index, joints = lay.mechanism, lay.mechanism.body_index, lay.mechanism.joints
+    found = reaction_components(
         joints,
         [at.R[:, index[joint.parent]] for joint in joints],
         [at.R[:, index[joint.child]] for joint in joints],
         [at.p[:, index[joint.child]] for joint in joints],
     )
+    return found.with_couplings(mechanism.couplings, dict(zip(mechanism.coordinates, mechanism.units, strict=True)))
 
 
 def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Array:
     """The matrix c of eq. (57): what each unknown exerts on each body (force; moment about its centre of mass).
 
-    Unknowns are the reaction components, then the actuator forces.
+    Unknowns are the reaction components, then the actuator forces. A coupling ``q_i = p(q_j)`` acts along both of its
+    coordinates, by 1 along q_i and -p' along q_j, so that it has no power.
 
     Returns:
         Shape (n, 6 n_body, n_reaction + n_actuator).
     """
     mechanism, index = lay.mechanism, lay.mechanism.body_index
-    n, m = reactions.force.shape[:2]
+    n, m = len(com), len(reactions.names)
     c = np.zeros((n, len(mechanism.bodies) + 1, 6, m + len(mechanism.actuators)), dtype=com.dtype)
 
     def act(column: int, joint_at: int, f: Array, moment: Array, point: Array) -> None:
@@ -135,6 +138,9 @@ def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Arr
 
     for k, joint_at in enumerate(reactions.joints):
         act(k, joint_at, reactions.force[:, k], reactions.moment[:, k], reactions.point[:, k])
+    if mechanism.couplings:
+        for k, along in enumerate(mechanism.coupling_rows.matrix(at.q).swapaxes(0, 1), len(reactions.joints)):
+            c[:, 1:, :, k] = joint_wrenches(lay, at, com, along).reshape(n, -1, 6)
     for k, (joint, column) in enumerate(zip(mechanism.actuators, mechanism.actuated_columns, strict=True)):
         child = index[joint.child]
         S = at.S[:, column]

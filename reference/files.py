@@ -20,6 +20,7 @@ LIMITS = {
     "joints": 1000,
     "links": 2000,
     "closures": 1000,
+    "couplings": 1000,
     "harmonics": 1000,
     "coefficients": 100,
     "entries": 1000,

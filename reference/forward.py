@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from screwgauge.reference import linear, screws
+from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.applied import GRAVITY, Applied, Load, Spring
 from screwgauge.reference.dynamics import (
     BodyMotion,
@@ -25,8 +26,7 @@ from screwgauge.reference.dynamics import (
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Velocities, accelerations
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, centres_of_mass, loop_matrix
-from screwgauge.reference.reactions import joint_point
+from screwgauge.reference.pose import Layout, centres_of_mass, constraint_matrix
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import check_springs, spring_energy, spring_forces
 
@@ -188,8 +188,8 @@ def forward_dense(lay: Layout, rate: Velocities, forces: Forces) -> DenseRespons
     m = len(reactions.names)
     c = force_matrix(lay, at, motion.com, reactions)[..., :m]
     D = _inertia_of_joints(lay, rate, motion.com, motion.J)
-    right = joint_wrenches(lay, rate, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
-    G = loop_matrix(lay, at)
+    right = joint_wrenches(lay, rate.pose, motion.com, tau) - np.concatenate([F, T], axis=2).reshape(n, -1)
+    G = constraint_matrix(lay, at)
     system = np.block([[D, -c], [G, np.zeros((n, G.shape[1], m))]])
     right = np.concatenate([right, np.zeros((n, G.shape[1]))], axis=1)
     # equal sizes of the columns, whose units differ; what stays far below is redundancy
@@ -211,38 +211,6 @@ def _inertia_of_joints(lay: Layout, rate: Velocities, com: Array, J: Array) -> A
     moment = np.einsum("nbxy,nbiy->nbix", J, S[..., :3])
     D = np.concatenate([force, moment], axis=3).swapaxes(2, 3)
     return np.asarray(D.reshape(len(D), -1, S.shape[2]))
-
-
-def joint_wrenches(lay: Layout, rate: Velocities, com: Array, tau: Array) -> Array:
-    """What forces along the joint coordinates exert on each body (force; moment about its centre of mass).
-
-    A composite joint's force acts along the screw reciprocal to its other freedoms: its power on them is zero.
-
-    Returns:
-        Shape (n, 6 n_body).
-    """
-    index, n = lay.mechanism.body_index, len(tau)
-    W = np.zeros((n, len(lay.mechanism.bodies) + 1, 6))
-    for joint in lay.mechanism.joints:
-        columns = lay.columns[joint.name]
-        point = joint_point(joint, rate.pose.R[:, index[joint.child]], rate.pose.p[:, index[joint.child]])
-        turns = np.array([turn for turn, _ in joint.freedoms])
-        S = rate.pose.S[:, columns]
-        axes = np.where(turns[None, :, None], S[..., :3], S[..., 3:])
-        moment = _dual(axes[:, turns], tau[:, columns][:, turns])
-        force = _dual(axes[:, ~turns], tau[:, columns][:, ~turns])
-        for body, sign in ((index[joint.child], 1.0), (index[joint.parent], -1.0)):
-            if body:
-                W[:, body, :3] += sign * force
-                W[:, body, 3:] += sign * (moment + cross(point - com[:, body - 1], force))
-    return W[:, 1:].reshape(n, -1)
-
-
-def _dual(axes: Array, amount: Array) -> Array:
-    """The smallest vector whose components along the axes are given. (n, m, 3), (n, m) -> (n, 3)."""
-    if not axes.shape[1]:
-        return np.zeros((len(axes), 3))
-    return (np.linalg.pinv(axes) @ amount[..., None])[..., 0]
 
 
 def power(lay: Layout, rate: Velocities, forces: Forces) -> Array:

@@ -39,22 +39,24 @@ class SpanningTree:
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningTree:
     """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
-    Kruskal's algorithm: F joints, which close no loop, those asked for, actuated ones, kinds that points cannot close,
-    then few freedoms first, by name: the order of the description says nothing.
+    Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
+    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order of the
+    description says nothing.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
     """
     group = {name: name for name in mechanism.body_index}
+    coupled = coupled_joints(mechanism)
 
     def root(name: str) -> str:
         while group[name] != name:
             name = group[name]
         return name
 
-    def rank(joint: Joint) -> tuple[bool, bool, bool, bool, int, str]:
+    def rank(joint: Joint) -> tuple[bool, bool, bool, bool, bool, int, str]:
         free, wanted, few = joint.kind == "F", joint.name in keep, len(joint.coordinates)
-        return not free, not wanted, not joint.actuated, joint.kind in POINTS, few, joint.name
+        return not free, joint.name not in coupled, not wanted, not joint.actuated, joint.kind in POINTS, few, joint.name
 
     kept = []
     for joint in sorted(mechanism.joints, key=rank):
@@ -64,6 +66,12 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
             kept.append(joint)
     cuts = tuple(joint for joint in mechanism.joints if joint not in kept)
     return SpanningTree(_walk(kept, mechanism), cuts)
+
+
+def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
+    """Names of the joints of which a coordinate is coupled, or another one depends on it."""
+    named = {name for coupling in mechanism.couplings for name in (coupling.coordinate, coupling.of)}
+    return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 
 def _walk(kept: list[Joint], mechanism: Mechanism) -> tuple[Edge, ...]:
@@ -82,9 +90,12 @@ def _edge(joint: Joint, near: str) -> Edge:
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
-    """Refuses a body that no joint connects to ground, and a loop of F joints alone."""
-    tree = spanning_tree(mechanism)
+    """Refuses a body that no joint connects to ground, and loops of F joints or of coupled joints alone."""
+    tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
+        if joint.name in coupled:
+            what = "every joint of the loop that it closes has a coupled coordinate"
+            raise DescriptionError(what, joint.where, "leave one of these couplings out: the loop moves that joint")
         if joint.kind == "F":
             raise DescriptionError("F joints alone make a loop", joint.where, "remove one of them")
     reached = {GROUND, *(edge.far for edge in tree.edges)}

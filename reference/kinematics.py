@@ -17,7 +17,7 @@ from screwgauge.reference.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.following import Follower
 from screwgauge.reference.loops import LoopEquations, Rates, loop_equations
-from screwgauge.reference.pose import Layout, Pose, loop_matrix
+from screwgauge.reference.pose import Layout, Pose, constraint_matrix
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
@@ -55,10 +55,10 @@ class Velocities:
 
 
 def closure_system(lay: Layout, at: Pose) -> Array:
-    """Loop screws over the selection of y: ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + k, n_q)."""
+    """What must vanish over the selection of y: ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + n_coupling + k, n_q)."""
     selection = np.eye(at.q.shape[1], dtype=at.q.dtype)[lay.mechanism.independent_columns]
     E = np.broadcast_to(selection, (len(at.q), *selection.shape))
-    return np.concatenate([loop_matrix(lay, at), E], axis=1)
+    return np.concatenate([constraint_matrix(lay, at), E], axis=1)
 
 
 def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, path: Follower | None = None) -> Pose:
@@ -214,7 +214,7 @@ def accelerations(lay: Layout, rate: Velocities, ydd: Array, bracket: Bracket | 
         if column not in system.unknown:
             place = lay.cut_columns.index(column)
             goal[:, k] -= np.sum(readers[:, place] * loop[:, system.cut.owner[place]], axis=1)
-    right = np.concatenate([-system.bias(at, rate.V, body), goal / system.size[columns]], axis=1)
+    right = np.concatenate([-system.bias(at, rate.w, rate.V, body), goal / system.size[columns]], axis=1)
     beta = np.zeros_like(at.q)
     beta[:, system.unknown] = linear.solve(rate.A, right[..., None])[..., 0] * system.size[system.unknown]
     A = np.einsum("bi,ni,nix->nbx", lay.path, beta, at.S) + body

@@ -2,7 +2,8 @@
 
 A joint that closes a loop constrains its two bodies by the wrenches reciprocal to its freedoms (eq. 8), and only these
 rows are set up: its own coordinates are no unknowns, so that in gimbal lock nothing but their own velocities is lost.
-Lengths are divided by the mechanism's own length, so that thresholds mean the same for every size.
+Couplings are rows below those, in coordinates of the tree, where their joints always are. Lengths are divided by the
+mechanism's own length, so that thresholds mean the same for every size.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from screwgauge.reference import cut_coordinates, screws
 from screwgauge.reference.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.couplings import CouplingRows
 from screwgauge.reference.cut_coordinates import CutColumns
 from screwgauge.reference.following import Follower
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
@@ -119,6 +121,17 @@ class LoopEquations:
         residual = np.where(force[:, None], rows.shift[:, owner] / self.length, rows.turn[:, owner])
         return np.asarray(np.sum(rows.direction * residual, axis=2))
 
+    @property
+    def _couplings(self) -> CouplingRows:
+        return self.lay.mechanism.coupling_rows
+
+    def _with_couplings(self, closing: Array, couplings: Array) -> Array:
+        """What the loops give, shape (n, m, ...), over what the couplings give, made without dimension."""
+        if not len(self._couplings):  # most mechanisms have none
+            return closing
+        size = self.size[self._couplings.columns]
+        return np.concatenate([closing, couplings / (size if couplings.ndim == 2 else size[:, None])], axis=1)
+
     def _matrix(self, rows: Rows, at: Pose) -> Array:
         owner, force, _, _ = self._kinds
         # the work of each wrench on the child's twist less the parent's
@@ -127,6 +140,7 @@ class LoopEquations:
         work[..., 3:] = d
         work[..., :3] = np.where(force[:, None], cross(rows.point[:, owner], d), rows.direction)
         closing = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
+        closing = self._with_couplings(closing, self._couplings.matrix(at.q)[:, :, self.unknown])
         return np.concatenate([closing, self._selection(at)], axis=1) * self.size[self.unknown]
 
     @cached_property
@@ -134,7 +148,8 @@ class LoopEquations:
         return np.asarray(-self.lay.loop[np.ix_(self._kinds[0], self.unknown)])
 
     def matrix(self, at: Pose) -> Array:
-        """Derivative of the residuals by the unknowns, without dimension. Shape (n, m + k, n_unknown)."""
+        """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
+        coordinates, without dimension. Shape (n, m + k, n_unknown)."""
         return self._matrix(self.rows(at.R, at.p), at)
 
     def _selection(self, at: Pose) -> Array:
@@ -167,7 +182,7 @@ class LoopEquations:
         return cut_coordinates.readers(self.lay, self.cut, at.S, points)
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, Array]:
-        """Residuals and their derivative, all without dimension: an `Evaluation` for Newton's method.
+        """Residuals, those of the couplings too, and their derivative, without dimension: an `Evaluation` for Newton.
 
         Args:
             z: Unknowns over their `size`. Shape (n, n_unknown).
@@ -182,7 +197,8 @@ class LoopEquations:
         rows = self.rows(R, p)
         at = whole_pose(self.lay, self._read(q, R, p), R, p, S) if cut else Pose(q, R, p, S, np.zeros((len(z), 0, 6)))
         error = at.q[:, columns] / self.size[columns] - y
-        return np.concatenate([self.residuals(rows), error], axis=1), self._matrix(rows, at)
+        residuals = self._with_couplings(self.residuals(rows), self._couplings.residuals(at.q))
+        return np.concatenate([residuals, error], axis=1), self._matrix(rows, at)
 
     def _tree(self, z: Array, guess: Array) -> tuple[Array, Array, Array, Array]:
         """Joint coordinates, those of cut joints being guessed, and what `tree_pose` gives."""
@@ -233,10 +249,11 @@ class LoopEquations:
         found.near[:, columns] = y  # whole turns of an angle that is given are given, too
         return self.fill(found.z, found.near)
 
-    def bias(self, at: Pose, V: Array, A: Array) -> Array:
-        """Second derivative of the residuals where the unknowns have none. Shape (n, m).
+    def bias(self, at: Pose, w: Array, V: Array, A: Array) -> Array:
+        """Second derivative of the residuals, couplings' too, where the unknowns have none. Shape (n, m).
 
         Args:
+            w: Velocities of the joint coordinates. Shape (n, n_q).
             V: Twists of the bodies at O. Shape (n, n_body + 1, 6).
             A: Their acceleration screws for joint accelerations of zero. Shape (n, n_body + 1, 6).
         """
@@ -258,7 +275,8 @@ class LoopEquations:
         along = np.where(force[:, None], relative[:, owner], (A_j - A_i)[:, owner, :3])
         velocity = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
         bias = np.sum(rows.direction * along + change * velocity, axis=2)
-        return np.asarray(np.where(force, bias / self.length, bias))
+        bias = np.asarray(np.where(force, bias / self.length, bias))
+        return self._with_couplings(bias, self._couplings.bias(at.q, w))
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from screwgauge.reference.couplings import Coupling, CouplingRows, bind, check_couplings
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array
 
@@ -142,6 +143,7 @@ class Mechanism:
         axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
             force (eq. 56), if the mechanism has one.
         group: What it is listed under.
+        couplings: Joint coordinates that are polynomials of others; none of them twice, and none of itself.
     """
 
     name: str
@@ -153,6 +155,10 @@ class Mechanism:
     group: str = ""
     axial: tuple[str, Array] | None = None
     where: str = ""
+    couplings: tuple[Coupling, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_couplings(self.couplings, self.coordinates)
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
@@ -202,6 +208,11 @@ class Mechanism:
     @cached_property
     def actuated_columns(self) -> list[int]:
         return self.columns(tuple(joint.coordinates[0] for joint in self.actuators))
+
+    @cached_property
+    def coupling_rows(self) -> CouplingRows:
+        """The couplings as equations in the vector of all joint coordinates."""
+        return bind(self.couplings, self.coordinates)
 
     @cached_property
     def body_index(self) -> dict[str, int]:

@@ -12,7 +12,16 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.kinematics import closure_system
 from screwgauge.reference.mechanism import KINDS
-from screwgauge.reference.pose import Layout, Pose, centres_of_mass, chain_screws, layout, length, loop_matrix, pose
+from screwgauge.reference.pose import (
+    Layout,
+    Pose,
+    centres_of_mass,
+    chain_screws,
+    constraint_matrix,
+    layout,
+    length,
+    pose,
+)
 from screwgauge.reference.rotations import Array
 
 
@@ -56,8 +65,8 @@ class Mobility:
         bodies: Moving bodies.
         joint_freedoms: Sum of the joints' freedoms.
         kutzbach: ``6 bodies - constraints``.
-        mobility: Joint freedoms minus the rank of the loops.
-        constraints: Reaction components.
+        mobility: Joint freedoms minus the rank of the loops and couplings.
+        constraints: Reaction components, those of couplings among them.
         constraint_rank: Rank of their columns in the Newton-Euler system.
         overconstraints: How many of them are redundant.
         actuation_redundancy: Actuators beyond what the freedoms need.
@@ -92,7 +101,9 @@ def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
         for joint in old.joints
     ]
     bodies = tuple(replace(body, com=body.com / unit) for body in old.bodies)
-    scaled = layout(replace(old, bodies=bodies, joints=tuple(joints)))
+    size = {name: 1.0 if turns else unit for name, turns in zip(old.coordinates, lay.turns, strict=True)}
+    couplings = tuple(one.scaled(size[one.coordinate], size.get(one.of, 1.0)) for one in old.couplings)
+    scaled = layout(replace(old, bodies=bodies, joints=tuple(joints), couplings=couplings))
     return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / unit))
 
 
@@ -100,7 +111,7 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     """Counts at one pose. `at` holds one sample and is closed."""
     lay, at = in_lengths(lay, at)
     mechanism = lay.mechanism
-    G = loop_matrix(lay, at)[0]
+    G = constraint_matrix(lay, at)[0]
     reactions = joint_reactions(lay, at)
     c = force_matrix(lay, at, centres_of_mass(lay, at), reactions)[0]
     constraints = len(reactions.names)

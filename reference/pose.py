@@ -260,6 +260,12 @@ def loop_matrix(lay: Layout, at: Pose) -> Array:
     return np.asarray(G.transpose(0, 1, 3, 2).reshape(len(at.q), -1, at.q.shape[1]))
 
 
+def constraint_matrix(lay: Layout, at: Pose) -> Array:
+    """The same over the rows of the couplings: all that velocities must satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
+    G, couplings = loop_matrix(lay, at), lay.mechanism.coupling_rows
+    return np.concatenate([G, couplings.matrix(at.q)], axis=1) if len(couplings) else G
+
+
 def chain_screws(lay: Layout, chain: tuple[Edge, ...], at: Pose) -> Array:
     """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, 6, n_chain)."""
     signs = [(edge, -1 if edge.reverse else 1) for edge in chain]

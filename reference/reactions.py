@@ -2,16 +2,17 @@
 
 A reaction is the wrench of the joint's parent (ground side) on its child. Each component is a unit force or a unit
 moment; they are reciprocal to the joint's freedoms and complete, so a component is also the projection of the whole
-wrench on its direction.
+wrench on its direction. A coupling has one component, its force along the coordinate that it couples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from screwgauge.reference.couplings import Coupling, component_name
 from screwgauge.reference.mechanism import Frame, Joint
 from screwgauge.reference.rotations import Array, cross
 
@@ -23,7 +24,8 @@ class Reactions:
     """Reaction components of all joints, for n samples.
 
     Attributes:
-        names: ``leg1.base.fx`` and so on; joints of one role together (all bases, all slides, ...).
+        names: ``leg1.base.fx`` and so on; joints of one role together (all bases, all slides, ...). Then those of the
+            couplings, of which all that follows knows nothing.
         units: N or N m.
         joints: Index of the joint of each component.
         force, moment: Unit direction in world axes, zero for the other kind. Shape (n, m, 3).
@@ -49,6 +51,17 @@ class Reactions:
         """
         rows = list(self.joints)
         return np.asarray(np.sum(force[:, rows] * self.force + moment[:, rows] * self.moment, axis=2))
+
+
+    def with_couplings(self, couplings: Sequence[Coupling], units: Mapping[str, str]) -> Reactions:
+        """The same with a component for each coupling after them.
+
+        Args:
+            units: Coordinate -> rad or m.
+        """
+        names = (*self.names, *(component_name(one) for one in couplings))
+        forces = ("N m" if units[one.coordinate] == "rad" else "N" for one in couplings)
+        return replace(self, names=names, units=(*self.units, *forces))
 
 
 def by_role(joints: Sequence[Joint]) -> list[int]:

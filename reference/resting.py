@@ -47,7 +47,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     slack = 16 * linear.EPS * linear.condition(matrix).max()
     rests = np.abs(z - home).max(axis=0) <= slack
     rests &= np.abs(velocity_map(matrix, y.shape[1])).max(axis=(0, 2)) <= slack
-    chosen = {*lay.mechanism.independent_columns}
+    chosen = {*lay.mechanism.independent_columns, *lay.mechanism.coupling_rows.columns}
     fixed = tuple(c for c, still in zip(free.unknown, rests, strict=True) if still and c not in chosen)
     if not fixed:
         return ()

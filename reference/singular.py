@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference import screws
+from screwgauge.reference.couplings import component_name
 from screwgauge.reference.graph import output_body
 from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.pose import Layout, Pose, centres_of_mass
@@ -27,7 +28,8 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
     bodies = _moved(lay, system, at, motion * system.size)
     chosen = ", ".join(lay.mechanism.independent)
-    lost = [system.components.names[i] for i in _large(U[: len(system.components.names), -1], 0.3)]
+    names = [*system.components.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
+    lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
     joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
     constraint = f"; the constraint of {_listed(joints)} is lost" if lost else ""
     freedom = f"a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.judging.answer import Answer
+from screwgauge.judging.coupled import coupled, coupling_residual
 from screwgauge.judging.kinetics import Motions, unit_motions, walk
 from screwgauge.problem import GivenMotion
 from screwgauge.reference import linear
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
 
@@ -21,25 +23,23 @@ class Allowed:
 
     Attributes:
         units: Motions while each joint coordinate in turn has the velocity 1, the loops open.
-        closing: What velocities of the joints make of the closure residuals, below it the selection of y.
-            Shape (n, m + k, n_q).
+        closing: What velocities of the joints make of the closure residuals and of those of the couplings, below it the
+            selection of y. Shape (n, m + k, n_q).
         size: Unit of each joint coordinate: 1 rad, or the mechanism's length [m]. Shape (n_q,).
         columns: The independent ones.
-        length: That length.
     """
 
     units: Sequence[Motions]
     closing: Array
     size: Array
     columns: list[int]
-    length: float
 
     def joints(self, y: Array, gaps: Array | None = None) -> Array:
         """Derivatives of all joint coordinates from those of the independent ones.
 
         Args:
             y: Shape (n, k) or (n, k, m).
-            gaps: What the closure residuals would be without them, see `Motions.closure_residual`; none by default.
+            gaps: What `residuals` would be without them; none by default. Shape (n, m).
 
         Returns:
             Shape (n, n_q) or (n, n_q, m).
@@ -49,7 +49,7 @@ class Allowed:
         right, m = np.zeros((len(y), self.closing.shape[1], y.shape[2])), self.closing.shape[1] - y.shape[1]
         right[:, m:] = y / self.size[self.columns, None]
         if gaps is not None:
-            right[:, :m] = -without_dimension(gaps, self.length)[..., None]
+            right[:, :m] = -gaps[..., None]
         found = linear.solve(self.closing, right) * self.size[:, None]
         return np.asarray(found[..., 0] if single else found)
 
@@ -65,9 +65,20 @@ class Allowed:
         return joints, np.einsum("inbx,nij->nbxj", np.stack([each.velocities for each in self.units]), joints)
 
 
-def without_dimension(gaps: Array, length: float) -> Array:
-    """Angular and linear parts, shape (n, n_cut, 2, 3), over 1 rad and a length. Shape (n, 6 n_cut)."""
-    return np.asarray((gaps / np.array([1.0, length])[:, None]).reshape(len(gaps), -1))
+def residuals(mechanism: Mechanism, motions: Motions, joints: Array, order: int, length: float) -> Array:
+    """What joint coordinates or derivatives leave open of the loops and couplings, over 1 rad or a length.
+
+    Args:
+        motions: What these make of the mechanism.
+        joints: Joint coordinates and two derivatives. Shape (3, n, n_q).
+
+    Returns:
+        Six columns for each cut joint, then one for each coupling. Shape (n, m).
+    """
+    gaps = (motions.closure_residual(order) / np.array([1.0, length])[:, None]).reshape(joints.shape[1], -1)
+    turns = [mechanism.units[column] == "rad" for column in mechanism.columns(coupled(mechanism))]
+    couplings = coupling_residual(mechanism, joints, order) / np.where(turns, 1.0, length)
+    return np.concatenate([gaps, couplings], axis=1)
 
 
 def allowed_motions(answer: Answer) -> Allowed:
@@ -75,10 +86,12 @@ def allowed_motions(answer: Answer) -> Allowed:
     mechanism, length, (n, n_q) = answer.mechanism, answer.scales["m"], answer.q.shape
     motions = list(unit_motions(mechanism, answer.tree, answer.q, range(n_q)))
     size = np.array([1.0 if unit == "rad" else length for unit in mechanism.units])
-    residuals = [without_dimension(each.closure_residual(1), length) for each in motions]
+    moving = np.stack([np.broadcast_to(answer.q, (n_q, n, n_q)), *[np.zeros((n_q, n, n_q))] * 2])
+    moving[1, range(n_q), :, range(n_q)] = 1.0
+    open_by = [residuals(mechanism, each, moving[:, i], 1, length) for i, each in enumerate(motions)]
     chosen = np.tile(np.eye(n_q)[mechanism.independent_columns], (n, 1, 1)) / size[mechanism.independent_columns, None]
-    closing = np.concatenate([np.stack(residuals, axis=2), chosen], axis=1) * size
-    return Allowed(motions, closing, size, mechanism.independent_columns, length)
+    closing = np.concatenate([np.stack(open_by, axis=2), chosen], axis=1) * size
+    return Allowed(motions, closing, size, mechanism.independent_columns)
 
 
 def completed(answer: Answer, allowed: Allowed, asked: GivenMotion) -> Answer:
@@ -88,6 +101,7 @@ def completed(answer: Answer, allowed: Allowed, asked: GivenMotion) -> Answer:
         joints[1] = allowed.joints(asked.yd)
     if not answer.has("joint_acceleration"):
         joints[2] = 0.0
-        gaps = walk(answer.mechanism, answer.tree, *joints).closure_residual(2)
+        motions = walk(answer.mechanism, answer.tree, *joints)
+        gaps = residuals(answer.mechanism, motions, joints, 2, answer.scales["m"])
         joints[2] = allowed.joints(asked.ydd, gaps)
     return answer.moving(joints)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.judging.answer import Answer
+from screwgauge.judging.coupled import along, coupling_shares
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, cross
 
@@ -19,23 +20,33 @@ _XYZ = "xyz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Act:
+    """What a joint's parent exerts on its child.
+
+    Attributes:
+        force, moment: In world axes, one of them zero. Shape (n, 3).
+        point: Where it acts [m]. Shape (n, 3).
+    """
+
+    joint: Joint
+    force: Array
+    moment: Array
+    point: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Unit:
-    """A unit force or a unit moment of a joint's parent on its child.
+    """A unit force or a unit moment, of one joint or, if it is that of a coupling, of two.
 
     Attributes:
         quantity, name: Component of an answer that says how much of it there is.
         unit: N or N m.
-        force, moment: In world axes, one of them zero. Shape (n, 3).
-        point: Where it acts [m]. Shape (n, 3).
     """
 
     quantity: str
     name: str
     unit: str
-    joint: Joint
-    force: Array
-    moment: Array
-    point: Array
+    acts: tuple[Act, ...]
 
     def amount(self, answer: Answer) -> Array:
         """How much of it there is [N or N m]. Shape (n, 1)."""
@@ -44,15 +55,16 @@ class Unit:
 
     def sides(self, answer: Answer) -> Iterator[tuple[int, Array]]:
         """Bodies that it acts on, without ground, and force over moment about the centre of mass. Shape (n, 6)."""
-        for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
-            body = answer.mechanism.body_index[side] - 1
-            if body >= 0:
-                moment = self.moment + cross(self.point - answer.motions.com.p[:, body], self.force)
-                yield body, sign * np.concatenate([self.force, moment], axis=1)
+        for act in self.acts:
+            for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
+                body = answer.mechanism.body_index[side] - 1
+                if body >= 0:
+                    moment = act.moment + cross(act.point - answer.motions.com.p[:, body], act.force)
+                    yield body, sign * np.concatenate([act.force, moment], axis=1)
 
 
 def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
-    """All components of ``reaction`` or of ``actuator_force``."""
+    """All components of ``reaction``, those of couplings last, or of ``actuator_force``."""
     mechanism, bodies = answer.mechanism, answer.motions.bodies
     driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=True))
     for joint in driven if quantity == "actuator_force" else mechanism.joints:
@@ -65,7 +77,23 @@ def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
         for name, (kind, along) in parts.items():
             pair = (along, np.zeros_like(along))
             unit, acts = ("N", pair) if kind == "f" else ("N m", pair[::-1])
-            yield Unit(quantity, name, unit, joint, *acts, point)
+            yield Unit(quantity, name, unit, (Act(joint, *acts, point),))
+    if quantity == "reaction":
+        yield from _of_couplings(answer)
+
+
+def _of_couplings(answer: Answer) -> Iterator[Unit]:
+    mechanism, bodies = answer.mechanism, answer.motions.bodies
+    owner = {name: joint for joint in mechanism.joints for name in joint.coordinates}
+    for name, unit, shares in coupling_shares(mechanism, answer.q):
+        acts = []
+        for coordinate, share in shares:
+            joint = owner[coordinate]
+            parent, child = (mechanism.body_index[side] for side in (joint.parent, joint.child))
+            near, q = bodies.R[:, parent] @ joint.parent_frame.R, answer.q[:, mechanism.columns(joint.coordinates)]
+            force, moment = (share[:, None] * part for part in along(joint, coordinate, near, q))
+            acts.append(Act(joint, force, moment, bodies.p[:, child] + bodies.R[:, child] @ joint.child_frame.p))
+        yield Unit("reaction", name, unit, tuple(acts))
 
 
 def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:

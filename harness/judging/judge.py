@@ -11,6 +11,7 @@ import pandas as pd
 from screwgauge.judging import balance, redundant
 from screwgauge.judging.allowed import Allowed, allowed_motions, completed
 from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
+from screwgauge.judging.coupled import coupled, coupling_residual
 from screwgauge.judging.energy import energy_balance
 from screwgauge.judging.open_tree import TREE_FORCES, tree_forces
 from screwgauge.judging.refusals import Refusal
@@ -115,7 +116,7 @@ def _forces(whole: Answer, some: Answer, allowed: Allowed) -> Iterator[Row]:
 
 
 def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
-    """Closure of every loop in position, velocity and acceleration, and whether y follows what was asked for.
+    """Closure of every loop and coupling in position, velocity and acceleration, and whether y is what was asked for.
 
     Args:
         asked: The given motion, if there is one.
@@ -123,6 +124,7 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
     """
     mechanism = answer.mechanism
     names = [f"{joint.name}.{axis}" for joint in answer.tree.cuts for axis in "xyz"]
+    tied = mechanism.columns(coupled(mechanism))
     given = () if asked is None else (asked.y, asked.yd, asked.ydd)
     for order in orders:
         name, quantity, per = _CLOSURE[order]
@@ -131,6 +133,10 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
         values, missing = answer.joints[order], answer.motions.closure_residual(order)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
+            for k, (coupling, column) in enumerate(zip(mechanism.couplings, tied, strict=True)):
+                if f"{mechanism.units[column]}{per}" == unit:
+                    components.append(f"{coupling.name}.coupling")
+                    columns.append(coupling_residual(mechanism, answer.joints, order)[:, [k]])
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
                 if given and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")

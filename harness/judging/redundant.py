@@ -44,7 +44,7 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     columns = np.zeros((*required.shape, len(unknown)))
     for k, unit in enumerate(unknown):
         for body, wrench in unit.sides(answer):
-            columns[:, body, :, k] = wrench
+            columns[:, body, :, k] += wrench
     n, length = len(required), answer.scales["m"]  # by which equations and unknowns are forces
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], required.shape[1])
     size = np.array([length if unit.unit == "N m" else 1.0 for unit in unknown])
@@ -85,10 +85,11 @@ def _axial(answer: Answer) -> Iterator[Row]:
     name, direction = mechanism.axial
     joint, F, sizes = mechanism.joint(name), np.zeros((len(answer.t), 3)), []
     for unit in unit_forces(answer, "reaction"):
-        force = unit.amount(answer) * unit.force
-        sizes.append(largest(force))
-        if unit.joint is joint:
-            F += force
+        for act in unit.acts:
+            force = unit.amount(answer) * act.force
+            sizes.append(largest(force))
+            if act.joint is joint:
+                F += force
     line = answer.motions.bodies.R[:, mechanism.body_index[joint.child]] @ direction
     names = [f"{name}.f{axis}" for axis in "xyz"]
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))

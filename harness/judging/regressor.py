@@ -10,9 +10,9 @@ import numpy as np
 from screwgauge.judging.visible import Needed
 from screwgauge.problem import GivenMotion
 from screwgauge.reference import screws
+from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.applied import Applied, Load
 from screwgauge.reference.dynamics import BodyMotion, body_motion, required_wrench
-from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.kinematics import Bracket, Velocities, accelerations, velocities
 from screwgauge.reference.pose import Layout, Pose, length
 from screwgauge.reference.rotations import Array, cross
@@ -90,7 +90,7 @@ def terms(versions: Mapping[str, Moved], applied: Applied) -> tuple[tuple[str, .
         outside["loads"] = needed(still, loads=applied.loads)
     if applied.springs or applied.motors:
         pulls, loads = springs_and_motors(lay, rate, applied, now.t)
-        along = joint_wrenches(lay, rate, bodies.com, pulls).reshape(own["gravity"].shape)
+        along = joint_wrenches(lay, rate.pose, bodies.com, pulls).reshape(own["gravity"].shape)
         outside["springs and motors"] = needed(still, loads=loads) - along
     whole, turning = needed(bodies), needed(replace(still, omega=bodies.omega))
     own |= {"inertial": whole - turning, "gyroscopic": turning}

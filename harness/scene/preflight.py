@@ -30,7 +30,7 @@ def check_home(mechanism: Mechanism) -> Layout:
     """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
 
     Raises:
-        ClosureError: A loop stays open at the home pose.
+        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
         DescriptionError: The independent coordinates do not determine the motion.
     """
     lay = layout(mechanism)
@@ -45,8 +45,23 @@ def check_home(mechanism: Mechanism) -> Layout:
                 mechanism.where,
                 "correct the placements or the home coordinates",
             )
+    _check_couplings(mechanism, length(lay))
     check_independent(lay, at)
     return lay
+
+
+def _check_couplings(mechanism: Mechanism, length: float) -> None:
+    rows = mechanism.coupling_rows
+    for coupling, column, gap in zip(
+        mechanism.couplings, rows.columns, np.abs(rows.residuals(mechanism.home[None])[0]), strict=True
+    ):
+        unit = mechanism.units[column]
+        if not gap <= 1e-9 * (1.0 if unit == "rad" else length):
+            raise ClosureError(
+                f"'{coupling.coordinate}' is off by {gap:.3g} {unit} at the home pose",
+                coupling.where or mechanism.where,
+                "correct the polynomial or the home coordinates",
+            )
 
 
 def check_scene(scene: Scene) -> Mobility:

@@ -100,6 +100,8 @@ def chains(lay: Layout) -> Chains:
     """
     found = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
+    if lay.mechanism.couplings:
+        raise DescriptionError("has couplings", where, "the paper's scheme knows only chains")
     if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
         what = "not every joint lies in a serial chain from ground to one platform"
         raise DescriptionError(what, where, "the paper's scheme needs that")

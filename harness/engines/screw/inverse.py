@@ -15,6 +15,7 @@ from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
+from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
@@ -23,7 +24,6 @@ from screwgauge.reference.dynamics import (
     required_wrench,
     solve_newton_euler,
 )
-from screwgauge.reference.forward import joint_wrenches
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.precision import wide_force_matrix
@@ -119,7 +119,7 @@ class _Work:
             pulls, loads = springs.springs_and_motors(lay, rate, applied, given.t)
             F, T = dynamics.required_wrench(lay, rate.pose, motion, applied.g, (*applied.loads, *loads))
             if applied.springs or applied.motors:
-                along = joint_wrenches(lay, rate, motion.com, pulls).reshape(n, -1, 6)
+                along = joint_wrenches(lay, rate.pose, motion.com, pulls).reshape(n, -1, 6)
                 F, T = F - along[..., :3], T - along[..., 3:]
             self._forces(rate, motion, (F, T), out, conditions)
         return np.maximum(load, self._load(rate, motion, F, T))

@@ -158,11 +158,12 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 
 def _closing(lay: Layout) -> Evaluation:
     """Closure residuals and their derivative."""
-    columns = lay.mechanism.independent_columns
+    columns, couplings = lay.mechanism.independent_columns, lay.mechanism.coupling_rows
 
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
-        return np.concatenate([at.residual.reshape(len(q), -1), q[:, columns] - goal], axis=1), closure_system(lay, at)
+        errors = [at.residual.reshape(len(q), -1), couplings.residuals(q), q[:, columns] - goal]
+        return np.concatenate(errors, axis=1), closure_system(lay, at)
 
     return evaluate
 

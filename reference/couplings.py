@@ -1,0 +1,139 @@
+"""Couplings: joint coordinates that are polynomials of others, as gears, screws and mimic joints make them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coupling:
+    """A joint coordinate that is a polynomial of another one, ``q = p(q')``.
+
+    Attributes:
+        coordinate: The joint coordinate that is coupled.
+        of: The one that it is a polynomial of; empty where it is held at a constant.
+        polynomial: Coefficients, lowest first [rad or m, over powers of rad or m]. Shape (m,), one without `of`.
+    """
+
+    name: str
+    coordinate: str
+    of: str
+    polynomial: Array
+    where: str = ""
+
+    def __post_init__(self) -> None:
+        where = self.where or self.name
+        if not np.isfinite(self.polynomial).all():
+            raise DescriptionError("the polynomial is not finite", where, "give finite numbers")
+        if self.of and not self.polynomial[1:].any():
+            what = f"'{self.coordinate}' does not depend on '{self.of}'"
+            raise DescriptionError(what, where, "give coefficients of its powers, or leave 'of' out")
+        if not self.of and len(self.polynomial) != 1:
+            what = f"a polynomial of {len(self.polynomial)} coefficients, and no coordinate that it is one of"
+            raise DescriptionError(what, where, "name that one: of = ..., or give one number")
+        if self.of == self.coordinate:
+            raise DescriptionError(f"couples '{self.of}' to itself", where, "name two coordinates")
+        self.polynomial.setflags(write=False)
+
+    def derivative(self, order: int) -> Array:
+        """Coefficients of a derivative of the polynomial, lowest first."""
+        return np.polynomial.polynomial.polyder(self.polynomial, order) if order else self.polynomial
+
+    def scaled(self, unit: float, of_unit: float) -> Coupling:
+        """The same where the two coordinates are counted in other units."""
+        powers = np.array([of_unit**k / unit for k in range(len(self.polynomial))])
+        return Coupling(self.name, self.coordinate, self.of, self.polynomial * powers, self.where)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CouplingRows:
+    """Couplings as equations in some vector of n_q coordinates, one row each.
+
+    Attributes:
+        pairs: Column of each coupled coordinate, and of the one that it depends on, None where it is held.
+    """
+
+    couplings: tuple[Coupling, ...]
+    pairs: tuple[tuple[int, int | None], ...]
+
+    def __len__(self) -> int:
+        return len(self.couplings)
+
+    @property
+    def columns(self) -> list[int]:
+        """Columns of the coupled coordinates, one a row."""
+        return [column for column, _ in self.pairs]
+
+    def _polynomials(self, q: Array, order: int) -> Array:
+        """A derivative of every polynomial at its own coordinate. Shape (n, n_q) -> (n, m)."""
+        out = np.zeros((len(q), len(self)), dtype=q.dtype)
+        for row, (coupling, (_, of)) in enumerate(zip(self.couplings, self.pairs, strict=True)):
+            x = np.zeros(len(q), dtype=q.dtype) if of is None else q[:, of]
+            for coefficient in coupling.derivative(order)[::-1]:  # Horner
+                out[:, row] = out[:, row] * x + coefficient
+        return out
+
+    def residuals(self, q: Array) -> Array:
+        """``q_i - p(q_j)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
+        return np.asarray(q[:, self.columns] - self._polynomials(q, 0))
+
+    def matrix(self, q: Array) -> Array:
+        """Derivative of the residuals, 1 at i and -p' at j. Shape (n, n_q) -> (n, m, n_q)."""
+        out, slope = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype), self._polynomials(q, 1)
+        for row, (column, of) in enumerate(self.pairs):
+            out[:, row, column] = 1.0
+            if of is not None:
+                out[:, row, of] = -slope[:, row]
+        return out
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Second derivative of the residuals where coordinates have none, ``-p'' v_j^2``. (n, n_q) twice -> (n, m)."""
+        curvature = self._polynomials(q, 2)
+        for row, (_, of) in enumerate(self.pairs):
+            if of is not None:
+                curvature[:, row] *= v[:, of] ** 2
+        return np.asarray(-curvature)
+
+
+def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingRows:
+    """The equations of couplings in the vector of some coordinates, which has all that they name."""
+    place = {name: i for i, name in enumerate(coordinates)}
+    pairs = tuple((place[one.coordinate], place[one.of] if one.of else None) for one in couplings)
+    return CouplingRows(tuple(couplings), pairs)
+
+
+def component_name(coupling: Coupling) -> str:
+    """Name of the component of ``reaction`` by which a coupling acts along its coordinate."""
+    return f"{coupling.name}.coupling"
+
+
+def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:
+    """Refuses couplings of coordinates that do not exist, two of one coordinate, and circles.
+
+    Raises:
+        UnknownNameError: There is no such coordinate.
+        DescriptionError: One coordinate is coupled twice, or depends on itself.
+    """
+    above: dict[str, str] = {}
+    for coupling in couplings:
+        for name in filter(None, (coupling.coordinate, coupling.of)):
+            if name not in coordinates:
+                raise UnknownNameError("coordinate", name, coordinates, coupling.where)
+        if coupling.coordinate in above:
+            what = f"'{coupling.coordinate}' is coupled twice"
+            raise DescriptionError(what, coupling.where, "couple it once")
+        above[coupling.coordinate] = coupling.of
+    for coupling in couplings:
+        name, passed = coupling.of, {coupling.coordinate}
+        while name in above and name not in passed:
+            passed.add(name)
+            name = above[name]
+        if name in passed:
+            what = f"'{name}' depends on itself, over the couplings of {', '.join(sorted(passed))}"
+            raise DescriptionError(what, coupling.where, "leave one of them out")
