@@ -11,7 +11,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import in_lengths
-from screwgauge.reference.pose import layout, loop_matrix, pose
+from screwgauge.reference.pose import layout, constraint_matrix, pose
 from screwgauge.reference.rotations import Array
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.
@@ -22,19 +22,18 @@ def motions(mechanism: Mechanism) -> Array:
     """Orthonormal basis of all joint velocities that the loops allow at home, without dimension. Shape (n_q, k)."""
     lay = layout(replace(mechanism, independent={}))
     lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
-    G = loop_matrix(lay, at)[0]
+    G = constraint_matrix(lay, at)[0]
     return linear.null_space(G) if G.size else np.eye(len(mechanism.coordinates))
 
 
 def choose(
-    mechanism: Mechanism, actuated: Sequence[str], independent: Sequence[str] | None, closed: bool, where: str
+    mechanism: Mechanism, actuated: Sequence[str], independent: Sequence[str] | None, where: str
 ) -> Mechanism:
     """The mechanism with its independent coordinates and actuators.
 
     Args:
         actuated: Coordinates that are driven; none leaves it to what is independent.
         independent: Coordinates that the user chose.
-        closed: Whether it has loops.
 
     Raises:
         DescriptionError: Nothing moves, or the coordinates chosen do not determine the motion.
@@ -62,8 +61,10 @@ def choose(
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
     """Columns of coordinates in the order in which they are preferred: free poses, what is driven, simple joints."""
     tiers: list[list[int]] = [[], [], [], []]
+    coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
-        rank = 0 if joint.kind == "F" else 1 if joint.name in actuated else 2 if joint.kind in "RP" else 3
+        simple = joint.kind in "RP" and joint.name not in coupled
+        rank = 0 if joint.kind == "F" else 1 if joint.name in actuated else 2 if simple else 3
         tiers[rank] += mechanism.columns(joint.coordinates)
     return tiers
 

@@ -15,11 +15,16 @@ from screwgauge.models.importing.left_out import left_out, springs_of
 from screwgauge.models.importing.motion import length_of
 from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.reading import CouplingReading, Reading
 from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
+
+
+#: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
+ROUNDING = 1e-16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,20 +73,25 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted()) -> Importe
     if not graph.chains:
         raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
     actuated = _actuated(reading, graph, wanted, where)
-    joints, carriers = _joints(reading, graph, frozenset(actuated), length)
+    alone = {name for entry in reading.couplings.values() for name in (entry.joint, entry.of)}
+    joints, carriers = _joints(reading, graph, frozenset({*actuated, *alone}), length)
     mechanism = Mechanism(
         name=accepted([reading.name], "model")[reading.name],
-        bodies=(*(_body(part, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
+        bodies=(*(_body(part, length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
         joints=joints,
         independent={},
         title=reading.name,
         group="imported",
         where=where,
+        couplings=tuple(
+            _coupling(name, entry, where)
+            for name, entry in reading.couplings.items()
+            if any(entry.joint in chain.joints for chain in graph.chains)
+        ),
     )
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
-    closed = bool(graph.pins) or len(graph.chains) > len(graph.parts) - 1
-    mechanism = choose(mechanism, actuated, wanted.independent, closed, where)
+    mechanism = choose(mechanism, actuated, wanted.independent, where)
     remarks = (*_said(assembled, length), *graph.remarks)
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, remarks, left_out(reading, mechanism)
@@ -93,6 +103,7 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
     bodies = {**accepted(reading.bodies, "body"), GROUND: GROUND}
     joints = accepted(reading.joints, "joint")
     closures = accepted(reading.closures, "loop", (*TAKEN, *joints.values()))
+    couplings = accepted(reading.couplings, "coupling")
     changed = {old: new for table in (bodies, joints, closures) for old, new in table.items() if old != new}
     reading = replace(
         reading,
@@ -106,8 +117,9 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
             for name, entry in reading.closures.items()
         },
         couplings={
-            name: replace(entry, joint=joints[entry.joint], of=joints[entry.of] if entry.of else "")
+            couplings[name]: replace(entry, joint=joints[entry.joint], of=joints.get(entry.of, ""))
             for name, entry in reading.couplings.items()
+            if entry.joint in joints
         },
         actuators={name: (joints[entry], gear) for name, (entry, gear) in reading.actuators.items()},
     )
@@ -123,21 +135,31 @@ def _actuated(reading: Reading, graph: Graph, wanted: Wanted, where: str) -> lis
                 raise UnknownNameError("hinge or slide", name, can, f"{where}, --actuated")
         return list(wanted.actuated)
     driven = [name for name, _ in reading.actuators.values() if name in can]
+    if not driven and not reading.closures:  # an open chain
+        driven = [name for name in can if name not in {coupling.joint for coupling in reading.couplings.values()}]
     return list(dict.fromkeys(driven))
 
 
-def _body(part: Part, where: str) -> Body:
+def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
+    """A coupling; one that depends on nothing that moves holds its joint."""
+    moves = bool(entry.of) and bool(entry.polynomial[1:].any())
+    at = f"{where}, coupling '{name}'"
+    return Coupling(name, entry.joint, entry.of if moves else "", entry.polynomial[: None if moves else 1], at)
+
+
+def _body(part: Part, length: float, where: str) -> Body:
     if not part.mass:
         return Body(part.name, 0.0, np.zeros(3), np.zeros((3, 3)))
-    return Body(part.name, part.mass, part.com, part.inertia, f"{where}, body '{part.name}'")
+    inertia = np.where(np.abs(part.inertia) < ROUNDING * part.mass * length**2, 0.0, part.inertia)
+    return Body(part.name, part.mass, part.com, inertia, f"{where}, body '{part.name}'")
 
 
-def _joints(reading: Reading, graph: Graph, driven: frozenset[str], length: float) -> tuple[tuple[Joint, ...], list[Body]]:
+def _joints(reading: Reading, graph: Graph, alone: frozenset[str], length: float) -> tuple[tuple[Joint, ...], list[Body]]:
     """All joints, and the bodies without mass between those of one chain."""
     names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
     used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
     for chain in graph.chains:
-        steps = _steps(reading, chain, graph, driven, length)
+        steps = _steps(reading, chain, graph, alone, length)
         near = graph.parts[chain.near]
         for i, group in enumerate(steps):
             far = graph.parts[chain.far]
@@ -147,7 +169,7 @@ def _joints(reading: Reading, graph: Graph, driven: frozenset[str], length: floa
                 far = Part(unused(f"{group.axes[0].name}.carrier", names), pose)
                 carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
             made = joint(group, _joint_name(group, used), near, far, length)
-            joints.append(replace(made, actuated=made.name in driven))
+            joints.append(made)
             near = far
     for pin in graph.pins:
         first, second = graph.parts[pin.first], graph.parts[pin.second]
@@ -155,7 +177,7 @@ def _joints(reading: Reading, graph: Graph, driven: frozenset[str], length: floa
     return tuple(joints), carriers
 
 
-def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str], length: float) -> list[Group]:
+def _steps(reading: Reading, chain: Chain, graph: Graph, alone: frozenset[str], length: float) -> list[Group]:
     """The joints of a chain, ball and free joints each on its own."""
     out, run = list[Group](), list[Axis]()
     for name in chain.joints:
@@ -165,9 +187,9 @@ def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str],
             continue
         near, far = graph.parts[chain.near], graph.parts[chain.far]
         kind = "S" if entry.kind == "ball" else "F"
-        out += [*groups(run, driven, length), ball(name, kind, near, far, entry.centre)]
+        out += [*groups(run, alone, length), ball(name, kind, near, far, entry.centre)]
         run = []
-    return [*out, *groups(run, driven, length)]
+    return [*out, *groups(run, alone, length)]
 
 
 def _joint_name(group: Group, used: set[str]) -> str:

@@ -50,13 +50,13 @@ def axis_of(name: str, joint: JointReading) -> Axis:
     return Axis(name, turns, direction, joint.centre, joint.home, joint.limits)
 
 
-def groups(axes: Sequence[Axis], driven: frozenset[str], length: float) -> list[Group]:
-    """Freedoms of a chain as joints; those that are driven stay alone."""
+def groups(axes: Sequence[Axis], alone: frozenset[str], length: float) -> list[Group]:
+    """Freedoms of a chain as joints; those that are driven or coupled stay alone."""
     out, i = list[Group](), 0
     while i < len(axes):
         for n, recognise in ((6, _free), (3, _spherical), (2, _pair)):
             part = tuple(axes[i : i + n])
-            if len(part) == n and not {axis.name for axis in part} & driven and (found := recognise(part, length)):
+            if len(part) == n and not {axis.name for axis in part} & alone and (found := recognise(part, length)):
                 out.append(found)
                 break
         else:

@@ -30,7 +30,6 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
         "stiffness and damping of": [n for n, joint in joints if (joint.stiffness or joint.damping) and n not in springs],
         "compensated gravity of": [name for name, body in reading.bodies.items() if body.gravcomp],
         "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
-        "coupling": [name for name, coupling in reading.couplings.items() if coupling.of],
     }
     phrases = [f"{what} {listed(names)}" for what, names in found.items() if names]
     density, viscosity = reading.medium

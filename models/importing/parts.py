@@ -79,13 +79,8 @@ class Graph:
 def graph_of(reading: Reading, length: float) -> Graph:
     """The graph of a reading whose loops are closed at home."""
     remarks: list[str] = []
-    held = {c.joint for c in reading.couplings.values() if not c.of}
     rigid, pins = _sorted_closures(reading, length)
     owner = {name: name for name in (GROUND, *reading.bodies)}
-    for name, body in reading.bodies.items():
-        if {*body.joints} <= held:
-            owner[name] = owner[body.near]
-    remarks += [f"joint '{name}' is held where it is" for name in held]
     for first, second in rigid:
         a, b = owner[first], owner[second]
         a, b = (b, a) if b == GROUND else (a, b)
@@ -98,17 +93,14 @@ def graph_of(reading: Reading, length: float) -> Graph:
     for name in reading.bodies:
         if owner[name] != name:
             parts[owner[name]].absorb(parts.pop(name))
-    chains = []
-    for name, body in reading.bodies.items():
-        joints = tuple(joint for joint in body.joints if joint not in held)
-        chains.append(Chain(owner[body.near], joints, (), owner[name]))
+    chains = [Chain(owner[body.near], body.joints, (), owner[name]) for name, body in reading.bodies.items()]
     locked = [chain for chain in chains if chain.near == chain.far and chain.joints]
     remarks += [f"joint '{joint}' joins a body to itself and is left out" for c in locked for joint in c.joints]
     graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], remarks)
     for name, first, second, points in pins:
         if owner[first] != owner[second]:
             graph.pins.append(Pin(name, owner[first], owner[second], points))
-    _prune(graph)
+    _prune(graph, {entry.of for entry in reading.couplings.values()} - {""})
     _join(graph)
     return graph
 
@@ -144,11 +136,12 @@ def _point(reading: Reading, closure: ClosureReading) -> Array:
     return np.asarray((pose @ closure.first_frame)[:3, 3])
 
 
-def _prune(graph: Graph) -> None:
-    """Leaves out bodies without mass that carry nothing."""
+def _prune(graph: Graph, followed: set[str]) -> None:
+    """Leaves out bodies without mass that carry nothing, but for those of joints that others follow."""
     while True:
         used = {chain.near for chain in graph.chains} | {side for pin in graph.pins for side in (pin.first, pin.second)}
-        idle = [c for c in graph.chains if not graph.parts[c.far].mass and c.far not in used and _ends(graph, c.far) == 1]
+        ends = [c for c in graph.chains if not graph.parts[c.far].mass and c.far not in used]
+        idle = [c for c in ends if _ends(graph, c.far) == 1 and not followed & {*c.joints}]
         if not idle:
             return
         for chain in idle:
