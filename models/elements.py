@@ -23,7 +23,9 @@ FORMATS = {".urdf": "urdf", ".xml": "mjcf"}
 _ALL, _WITH_ALL_IN_IT = "*", "..."
 #: Kinds in the table, in the order in which they are looked up, and those of them that are worth a word.
 _KINDS = ("compared", "nothing", "applied", "ignored")
-SAID = ("ignored", "applied", "unknown")
+SAID = ("ignored", "applied", "unknown", "lost")
+#: Those of a library's readings, looked up before.
+_OF_READINGS = ("lost", "held")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,19 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     return list(_Walk(table()[form], flags, _limits(mechanism)).through(root))
 
 
+def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
+    """What a file says that a reading by a library does not hold.
+
+    Args:
+        root: Of the file.
+        form: ``urdf`` or ``mjcf``.
+        library: One that reads the format.
+    """
+    known = table()[form]
+    own = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
+    return list(_Walk({**known, **own}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+
+
 def unread_rows(library: str) -> list[str]:
     """Properties of a loops file, as the model check calls them, that engines on a library do not read."""
     rows: list[str] = table()["loops"]["ignored"].get(library, [])
@@ -99,11 +114,13 @@ class _Walk:
         table: Of its format.
         flags: All that the file switches on and off.
         limits: See `_limits`.
+        kinds: In the order in which they are looked up.
     """
 
     table: Mapping[str, Any]
     flags: Mapping[str, str]
     limits: Mapping[str, Mapping[str, str]]
+    kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
         """All that a file says; its elements may be nested deeper than Python's calls."""
@@ -111,10 +128,11 @@ class _Walk:
         while waiting:
             element, around, owner = waiting.pop()
             tag, name, parent = element.tag, element.get("name", ""), around.tag
-            kinds = {kind: self._attributes(kind, parent, tag) for kind in _KINDS}
-            whole = next((kind for kind, names in kinds.items() if names == [_WITH_ALL_IN_IT]), "")
-            if whole or all(names is None for names in kinds.values()):
-                if whole not in ("compared", "nothing") and not self._is_nothing(element):
+            kinds = {kind: self._attributes(kind, parent, tag) for kind in self.kinds}
+            first = next((kind for kind, names in kinds.items() if names is not None), "")
+            whole = first if kinds.get(first) == [_WITH_ALL_IN_IT] else ""
+            if whole or not first:
+                if whole not in ("compared", "nothing", "held") and not self._is_nothing(element):
                     yield Extra(whole or "unknown", _plain(tag), f" {name}" if name else owner and f" of {owner}")
                 continue
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
@@ -137,7 +155,8 @@ class _Walk:
     def _kind(self, attribute: str, kinds: Mapping[str, list[str] | None]) -> str:
         if self.flags.get(self.table.get("switch", {}).get(attribute)) == "disable":
             return "ignored"
-        return next((kind for kind, names in kinds.items() if names and {attribute, _ALL} & {*names}), "unknown")
+        every = {attribute, _ALL, _WITH_ALL_IN_IT}
+        return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
         """Those that the table has of a kind; None if it does not have the element."""

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
+from screwgauge.models.readings.naming import joints_in
 from screwgauge.reference.errors import ModelFileError
 
 _FROM_FILES = ("mesh", "hfield", "sdf")
-#: Sections of an MJCF without mechanics that name what is taken out.
-_SECTIONS = ("asset", "visual", "sensor", "skin", "contact", "statistic", "custom")
+#: Sections of an MJCF that a reading does not hold, and that name what is taken out.
+_SECTIONS = ("asset", "visual", "sensor", "contact", "statistic", "custom")
+#: Elements that read other files without an attribute `file`.
+_READERS = ("skin", "attach")
 
 
 def without_meshes(root: ET.Element, form: str, where: str) -> list[str]:
@@ -25,85 +29,96 @@ def without_meshes(root: ET.Element, form: str, where: str) -> list[str]:
 
 
 def _urdf(root: ET.Element) -> list[str]:
-    said = []
+    without = []
     for link in root.iterfind("link"):
         for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
             geometry = shape.find("geometry")
             if shape.tag == "visual" or geometry is None or geometry.find("mesh") is not None:
                 link.remove(shape)
                 if shape.tag == "collision" and link.find("inertial") is None:
-                    said.append(f"mass of link {link.get('name')}, which MuJoCo takes from meshes, which are not read")
+                    without.append(link.get("name", ""))
     for material in root.findall("material"):
         root.remove(material)
-    return list(dict.fromkeys(said))
+    return [f"mesh of link {name}, from which MuJoCo would take its mass" for name in dict.fromkeys(without)]
 
 
 def _mjcf(root: ET.Element, where: str) -> list[str]:
     said = []
     for name in _SECTIONS:
         for section in root.findall(name):
-            if name == "asset":
-                said += [f"model {model.get('name', '')}" for model in section.iterfind("model")]
             if name == "contact" and section.find("pair") is not None:
                 said.append("contact pairs")
             root.remove(section)
-    defaults = _Defaults(root)
     force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
-    for body, around, element in list(_shapes(root)):
-        if defaults.value(element, around, "type") in _FROM_FILES or {"mesh", "hfield"} & element.attrib.keys():
-            owner = next(parent for parent in body.iter() if element in list(parent))
-            owner.remove(element)
-            weighs = not {defaults.value(element, around, key) for key in ("mass", "density")} & {"0", "0.0"}
-            if body.tag == "body" and weighs and (force or body.find("inertial") is None):
-                what = f"mass of body {body.get('name', '')} comes from meshes, which are not read"
-                raise ModelFileError(what, where, "give the body an <inertial>")
+    classes = _classes(root)
+    for shape in list(_shapes(root)):
+        values = {**classes.get(shape.around, {}), **shape.geom.attrib}
+        if values.get("type") not in _FROM_FILES and not {"mesh", "hfield"} & values.keys():
+            continue
+        shape.parent.remove(shape.geom)
+        weightless = any(_is_zero(values.get(key)) for key in ("mass", "density"))
+        if shape.moves and not weightless and (force or shape.body.find("inertial") is None):
+            what = f"mass of body {shape.body.get('name', '(unnamed)')} comes from meshes, which are not read"
+            raise ModelFileError(what, where, "give the body an <inertial>")
     for default in root.iter("default"):
-        for tag in ("mesh", "material"):
-            for element in default.findall(tag):
-                default.remove(element)
-        for geom in default.iterfind("geom"):
-            if geom.get("type") in _FROM_FILES:
-                del geom.attrib["type"]
-            geom.attrib.pop("mesh", None)
+        for child in list(default):
+            if child.tag in ("mesh", "material"):
+                default.remove(child)
+            elif child.tag == "geom" and (child.get("type") in _FROM_FILES or "mesh" in child.attrib):
+                child.attrib.pop("type", None)
+                child.attrib.pop("mesh", None)
     for element in root.iter():
         element.attrib.pop("material", None)
-        for child in [child for child in element if "file" in child.attrib or child.tag in ("skin", "attach")]:
+        for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
-            said.append(f"{child.tag} {child.get('name', '')}".strip())
+            said.append(f"{child.tag} {child.get('name', '')}".rstrip())
     return said
 
 
-def _shapes(root: ET.Element) -> Iterator[tuple[ET.Element, str, ET.Element]]:
-    """Every geom of an MJCF with the body that it is in, and the class that counts there."""
-    waiting = [(world, world, "") for world in root.iterfind("worldbody")]
+def _is_zero(value: str | None) -> bool:
+    try:
+        return value is not None and float(value) == 0.0
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """A geom: the body that it belongs to, the element that it is in, the class that counts, whether it moves."""
+
+    geom: ET.Element
+    body: ET.Element
+    parent: ET.Element
+    around: str
+    moves: bool
+
+
+def _shapes(root: ET.Element) -> Iterator[_Shape]:
+    """Every geom of an MJCF."""
+    waiting = [(world, world, "", False) for world in root.iterfind("worldbody")]
     while waiting:
-        body, parent, around = waiting.pop()
+        body, parent, around, moves = waiting.pop()
         for element in parent:
+            inner = element.get("childclass", around)
             if element.tag == "geom":
-                yield body, around, element
+                yield _Shape(element, body, parent, element.get("class", around), moves)
             elif element.tag == "body":
-                waiting.append((element, element, element.get("childclass", around)))
+                waiting.append((element, element, inner, moves or bool(joints_in(element))))
             elif element.tag in ("frame", "replicate"):
-                waiting.append((body, element, element.get("childclass", around)))
+                waiting.append((body, element, inner, moves))
 
 
-class _Defaults:
-    """Attributes of geoms by class."""
-
-    def __init__(self, root: ET.Element) -> None:
-        self.of: dict[str, dict[str, str]] = {"": {}}
-        waiting = [(default, "", True) for default in root.iterfind("default")]
-        while waiting:
-            default, above, top = waiting.pop(0)
-            name = "" if top else default.get("class", "")
-            values = {**self.of[above], **self.of.get(name, {})}
-            for geom in default.iterfind("geom"):
-                values |= geom.attrib
-            self.of[name] = values
-            if top and "class" in default.attrib:
-                self.of[default.get("class", "")] = values
-            waiting += [(child, name, False) for child in default.iterfind("default")]
-
-    def value(self, geom: ET.Element, around: str, key: str) -> str | None:
-        """Of an attribute of a geom in bodies of a class."""
-        return geom.get(key, self.of.get(geom.get("class", around), {}).get(key))
+def _classes(root: ET.Element) -> dict[str, dict[str, str]]:
+    """Class -> attributes that its geoms have by default; the outermost one is also called by the empty name."""
+    found: dict[str, dict[str, str]] = {}
+    waiting = [(default, {}) for default in root.iterfind("default")]
+    while waiting:
+        default, above = waiting.pop(0)
+        values: dict[str, str] = {**above, **found.get(default.get("class", ""), {})}
+        for geom in default.iterfind("geom"):
+            values |= geom.attrib
+        found[default.get("class", "")] = values
+        if default in list(root):
+            found[""] = {**found.get("", {}), **values}
+        waiting += [(child, values) for child in default.iterfind("default")]
+    return found

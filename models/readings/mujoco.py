@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from screwgauge.models.mjcf import LEAST
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: By MuJoCo's numbers.
+#: In the order of MuJoCo's numbers.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT = range(3)
+#: What MuJoCo says of a file that others may take -> what to do.
+_REMEDIES = {
+    "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
+    "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
+    "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
+    "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",
+}
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
@@ -29,45 +39,60 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import mujoco
 
-    with _quiet():
-        try:
-            spec = mujoco.MjSpec.from_string(source.text)
-            if source.form == "urdf":
-                spec.compiler.fusestatic = False  # links keep their names
-            model = spec.compile()
-        except (ValueError, mujoco.FatalError) as error:
-            raise ModelFileError(f"MuJoCo refuses it ({error})", str(source.path), "mend the file") from None
+    with _heard() as ignored:
+        model = _loaded(source)
         data = mujoco.MjData(model)
         for i in range(model.njnt):
-            if model.jnt_type[i] >= 2:
-                data.qpos[model.jnt_qposadr[i]] = home.get(model.joint(i).name, model.qpos0[model.jnt_qposadr[i]])
+            at = model.jnt_qposadr[i]
+            if _single(model, i):
+                data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
-    assembly = assemble(_links(model, data, source), str(source.path))
-    ignored = [*source.ignored]
+    assembly = assemble(_links(model, data, source.root_link), str(source.path))
+    ignored += _uneven(model, assembly)
     closures, couplings = _equalities(model, assembly, ignored)
+    says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
+    gravity = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
     return Reading(
-        source.name,
-        "mujoco",
-        assembly.bodies,
-        {model.joint(i).name: _joint(model, data, i) for i in range(model.njnt)},
-        assembly.fixed,
-        closures,
-        couplings,
-        _actuators(model, ignored),
-        _gravity(model, source),
-        (float(model.opt.density), float(model.opt.viscosity)),
-        tuple(ignored),
+        name=source.name,
+        library="mujoco",
+        bodies=assembly.bodies,
+        joints={model.joint(i).name: _joint(model, data, i) for i in range(model.njnt)},
+        fixed=assembly.fixed,
+        closures=closures,
+        couplings=couplings,
+        actuators=_actuators(model, ignored),
+        gravity=gravity if says_gravity else None,
+        medium=(float(model.opt.density), float(model.opt.viscosity)),
+        ignored=tuple(ignored),
     )
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """MuJoCo's own handler of warnings writes MUJOCO_LOG.TXT into the working directory."""
+def _loaded(source: Source) -> Any:
     import mujoco
 
-    mujoco.set_mju_user_warning(lambda text: None)
     try:
-        yield
+        spec = mujoco.MjSpec.from_string(source.text)
+        if source.form == "urdf":
+            spec.compiler.fusestatic = False  # links keep their names; MuJoCo 4.0.0 merges them alike
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        said = " ".join(str(error).removeprefix("Error: ").split())
+        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
+        raise ModelFileError(f"MuJoCo refuses it ({said})", str(source.path), remedy) from None
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
+    import mujoco
+
+    said: list[str] = []
+    mujoco.set_mju_user_warning(lambda text: said.append(f"what MuJoCo warns of: {text}"))
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield said
+        said += [f"what MuJoCo warns of: {warning.message}" for warning in caught]
     finally:
         mujoco.set_mju_user_warning(None)
 
@@ -78,26 +103,21 @@ def _disabled(model: Any, flag: str) -> bool:
     return bool(model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")))
 
 
-def _gravity(model: Any, source: Source) -> Array | None:
-    if source.form == "urdf" and source.root.find("mujoco/option") is None:
-        return None
-    gravity: Array = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
-    return gravity
+def _single(model: Any, joint: int) -> bool:
+    """Whether it is a hinge or slide."""
+    return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
 
-def _links(model: Any, data: Any, source: Source) -> Iterator[Link]:
-    names = [model.body(i).name for i in range(model.nbody)]
-    root = source.root_link
-    if root:  # MuJoCo merges the first link of a URDF into the world
+def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
+    """Args: root: First link of a URDF, which MuJoCo merges into the world."""
+    if root:
         yield Link(root, "", (), 0.0, np.zeros(3), np.zeros((3, 3)), np.eye(4))
     for i in range(1, model.nbody):
-        R = _rotation(model.body_iquat[i])
-        above = model.body_parentid[i]
-        first = model.body_jntadr[i]
+        R, above, first = _rotation(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
         solid = model.body_mass[i] > LEAST
         yield Link(
-            names[i],
-            names[above] if above else root,
+            model.body(i).name,
+            model.body(above).name if above else root,
             tuple(model.joint(first + k).name for k in range(model.body_jntnum[i])),
             float(model.body_mass[i]) if solid else 0.0,
             model.body_ipos[i].copy() if solid else np.zeros(3),
@@ -115,22 +135,33 @@ def _rotation(quaternion: Array) -> Array:
     return R.reshape(3, 3)
 
 
+def _uneven(model: Any, assembly: Assembly) -> Iterator[str]:
+    """Bodies of which parts have their weight compensated otherwise than others, said in words."""
+    shares: dict[str, set[float]] = {}
+    for i in range(1, model.nbody):
+        if model.body_mass[i] > LEAST:
+            shares.setdefault(assembly.places[model.body(i).name][0], set()).add(float(model.body_gravcomp[i]))
+    for name, values in shares.items():
+        if len(values) > 1 and name != GROUND:
+            yield f"where the gravcomp of body {name} acts: it is not the same in all parts"
+
+
 def _joint(model: Any, data: Any, i: int) -> JointReading:
-    kind, at, dof = _KINDS[model.jnt_type[i]], model.jnt_qposadr[i], model.jnt_dofadr[i]
-    single = kind in ("hinge", "slide")
-    axis, anchor = data.xaxis[i].copy(), data.xanchor[i].copy()
+    kind, single, at, dof = _KINDS[model.jnt_type[i]], _single(model, i), model.jnt_qposadr[i], model.jnt_dofadr[i]
+    axis, centre = data.xaxis[i].copy(), data.xanchor[i].copy()
     limited = single and model.jnt_limited[i] and not _disabled(model, "LIMIT")
+    low, high = model.jnt_range[i] if limited else (-math.inf, math.inf)
     return JointReading(
-        kind,
-        screw(kind == "hinge", axis, anchor) if single else np.zeros(6),
-        data.xpos[model.jnt_bodyid[i]].copy() if kind == "free" else anchor,
-        float(data.qpos[at]) if single else 0.0,
-        (float(model.jnt_range[i, 0]), float(model.jnt_range[i, 1])) if limited else (-math.inf, math.inf),
-        float(model.dof_armature[dof]),
-        0.0 if _disabled(model, "DAMPER") else float(model.dof_damping[dof]),
-        0.0 if _disabled(model, "FRICTIONLOSS") else float(model.dof_frictionloss[dof]),
-        0.0 if _disabled(model, "SPRING") else float(model.jnt_stiffness[i]),
-        float(model.qpos_spring[at]) if single else 0.0,
+        kind=kind,
+        screw=screw(kind == "hinge", axis, centre) if single else np.zeros(6),
+        centre=centre,
+        home=float(data.qpos[at]) if single else 0.0,
+        limits=(float(low), float(high)),
+        armature=float(model.dof_armature[dof]),
+        damping=0.0 if _disabled(model, "DAMPER") else float(model.dof_damping[dof]),
+        friction=0.0 if _disabled(model, "FRICTIONLOSS") else float(model.dof_frictionloss[dof]),
+        stiffness=0.0 if _disabled(model, "SPRING") else float(model.jnt_stiffness[i]),
+        rest=float(model.qpos_spring[at]) if single else 0.0,
     )
 
 
@@ -139,9 +170,11 @@ def _equalities(
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
     """Closures and couplings; what is neither is said in `ignored`."""
     closures, couplings = {}, {}
+    off = _disabled(model, "EQUALITY") or _disabled(model, "CONSTRAINT")
     for i in range(model.neq):
-        name, kind = model.equality(i).name, int(model.eq_type[i])
-        if not model.eq_active0[i] or _disabled(model, "EQUALITY") or _disabled(model, "CONSTRAINT"):
+        # those that MuJoCo makes of a URDF's <mimic> have no name
+        name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])
+        if off or not model.eq_active0[i]:
             ignored.append(f"equality {name}, which is not active")
         elif kind == _JOINT:
             couplings[name] = _coupling(model, i)
@@ -156,23 +189,23 @@ def _equalities(
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
     """Bodies and the frames in them that an equality keeps together.
 
-    MuJoCo has computed the second anchor at qpos0. Of a weld it keeps the anchor in the second body, then where the
-    second body's axes and that anchor are in the first.
+    MuJoCo computes the second anchor of a connect at qpos0. Of a weld it keeps the anchor in the second body, then
+    where that anchor and the second body's axes are in the first.
     """
     import mujoco
 
-    first, second, data = model.eq_obj1id[i], model.eq_obj2id[i], model.eq_data[i]
+    first, second, kept = model.eq_obj1id[i], model.eq_obj2id[i], model.eq_data[i]
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
         sites = (first, second)
         frames = [matrix(model.site_pos[site], _rotation(model.site_quat[site])) for site in sites]
         first, second = (model.site_bodyid[site] for site in sites)
     elif model.eq_type[i] == _WELD:
-        frames = [matrix(data[3:6], _rotation(data[6:10])), matrix(data[:3], np.eye(3))]
+        frames = [matrix(kept[3:6], _rotation(kept[6:10])), matrix(kept[:3], np.eye(3))]
     else:
-        frames = [matrix(data[:3], np.eye(3)), matrix(data[3:6], np.eye(3))]
+        frames = [matrix(kept[:3], np.eye(3)), matrix(kept[3:6], np.eye(3))]
     sides = []
     for body, frame in zip((first, second), frames, strict=True):
-        whole, T = assembly.places[model.body(body).name] if body else ("ground", np.eye(4))
+        whole, T = assembly.places[model.body(body).name] if body else (GROUND, np.eye(4))
         sides.append((whole, T @ frame))
     return sides
 
@@ -183,20 +216,25 @@ def _coupling(model: Any, i: int) -> CouplingReading:
     start = float(model.qpos0[model.jnt_qposadr[one]])
     if other < 0:
         return CouplingReading(model.joint(one).name, "", np.array([start + model.eq_data[i, 0]]))
-    shift = np.polynomial.Polynomial([-float(model.qpos0[model.jnt_qposadr[other]]), 1.0])
-    powers = np.polynomial.Polynomial(model.eq_data[i, :5])(shift) + start
+    shifted = Polynomial([-float(model.qpos0[model.jnt_qposadr[other]]), 1.0])
+    powers = Polynomial(model.eq_data[i, :5])(shifted) + start
     return CouplingReading(model.joint(one).name, model.joint(other).name, np.trim_zeros(powers.coef, "b"))
 
 
 def _actuators(model: Any, ignored: list[str]) -> dict[str, tuple[str, float]]:
+    """Actuators of hinges and slides; others, and laws of force, are said in `ignored`."""
     import mujoco
 
-    through = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
-    found = {}
+    through = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    found, ruled = {}, []
     for i in range(model.nu):
         joint, name = model.actuator_trnid[i, 0], model.actuator(i).name
-        if model.actuator_trntype[i] in through and model.jnt_type[joint] >= 2:
-            found[name] = model.joint(joint).name, float(model.actuator_gear[i, 0])
-        else:
+        if int(model.actuator_trntype[i]) not in through or not _single(model, joint):
             ignored.append(f"actuator {name}, which drives no hinge or slide")
+            continue
+        found[name] = model.joint(joint).name, float(model.actuator_gear[i, 0])
+        if model.actuator_gaintype[i] or model.actuator_biastype[i] or model.actuator_dyntype[i]:
+            ruled.append(name)
+    if ruled:
+        ignored.append(f"force law of {len(ruled)} actuators, among them {ruled[0]}: their gear alone is read")
     return found

@@ -11,27 +11,38 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import Link, assemble
-from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.models.readings.assemble import Assembly, Link, assemble
+from screwgauge.models.readings.overheard import overheard
+from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Names that stand for unlimited.
+#: A limit beyond which there is none: parsers write the largest numbers of several types.
 _UNLIMITED = 1e20
-_FREE, _BALL, _PLANAR = "JointModelFreeFlyer", "JointModelSpherical", "JointModelPlanar"
+#: Joints of Pinocchio -> kind. All others are hinges and slides, or several of them.
+_KINDS = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
+#: Parts of a planar joint, called as MuJoCo does, and how many coordinates they have: of the angle cosine and sine.
+_PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """An elementary joint: where it is in the vectors of coordinates and velocities. `kind` None: hinge or slide."""
+    """An elementary joint.
+
+    Attributes:
+        joint: Number of the joint that it is part of.
+        kind: ``free``, ``ball``, or empty: the Jacobian tells a hinge from a slide.
+        q, n_q, v: Where it is among the coordinates and velocities.
+    """
 
     name: str
     joint: int
-    kind: str | None
-    at: int
+    kind: str
+    q: int
     n_q: int
-    dof: int
+    v: int
 
 
 def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
@@ -42,88 +53,76 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import pinocchio
 
-    try:
-        model = _model(source)
-    except (ValueError, RuntimeError, TypeError, IndexError) as error:
-        raise ModelFileError(f"Pinocchio refuses it ({error})", str(source.path), "mend the file") from None
-    data, q = model.createData(), _start(model)
-    parts = list(_parts(model, source))
+    model, constraints, ignored = _loaded(source)
+    data, q, parts = model.createData(), pinocchio.neutral(model), list(_parts(model, source))
     for part in parts:
-        if part.kind is None and part.name in home:
+        if not part.kind and part.name in home:
             value = home[part.name]
-            q[part.at : part.at + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
+            q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     pinocchio.computeJointJacobians(model, data, q)
     pinocchio.updateFramePlacements(model, data)
     assembly = assemble(_links(model, data, parts), str(source.path))
     J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
     return Reading(
-        source.name,
-        "pinocchio",
-        assembly.bodies,
-        {part.name: _joint(model, data, part, J, home) for part in parts},
-        assembly.fixed,
+        name=source.name,
+        library="pinocchio",
+        bodies=assembly.bodies,
+        joints={part.name: _joint(model, data, part, J[:, part.v], home) for part in parts},
+        fixed=assembly.fixed,
+        closures=_closures(constraints, model, assembly, source),
         couplings=source.mimics,
         gravity=np.array(model.gravity.linear) if source.form == "mjcf" else None,
-        ignored=source.ignored,
+        ignored=tuple(ignored),
     )
 
 
-def _model(source: Source) -> Any:
+def _loaded(source: Source) -> tuple[Any, Any, list[str]]:
+    """Model, constraints, and what was said of a file that was loaded all the same."""
     import pinocchio
 
-    if source.form == "urdf":
-        return pinocchio.buildModelFromXML(source.text)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.xml"
-        path.write_text(source.text, encoding="utf-8")
-        return pinocchio.buildModelFromMJCF(str(path))
-
-
-def _start(model: Any) -> Array:
-    """Neutral, free bodies where the file has them."""
-    import pinocchio
-
-    q: Array = pinocchio.neutral(model)
-    kept = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
-    if "qpos0" in kept:
-        for joint in model.joints[1:]:
-            if joint.shortname() == _FREE:
-                q[joint.idx_q : joint.idx_q + 7] = kept["qpos0"][joint.idx_q : joint.idx_q + 7]
-    return q
+    said: list[str] = []
+    try:
+        with overheard() as said:
+            if source.form == "urdf":
+                model, constraints = pinocchio.buildModelFromXML(source.text), ()
+            else:
+                with tempfile.TemporaryDirectory() as folder:
+                    path = Path(folder) / "model.xml"
+                    path.write_text(source.text, encoding="utf-8")
+                    model, constraints = pinocchio.buildModelAndLegacyConstraintsFromMJCF(str(path))
+    except (ValueError, RuntimeError, TypeError, LookupError) as error:
+        # an exception of Boost begins with its place in the sources
+        reason = "; ".join(said) or str(error).rpartition("message: ")[2]
+        raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
+    return model, constraints, [f"what Pinocchio complains of: {sentence}" for sentence in said]
 
 
 def _parts(model: Any, source: Source) -> Iterator[_Part]:
     """All elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
-        if not i:
-            continue
         short = joint.shortname()
-        if short == _FREE:
-            yield _Part(name, i, "free", joint.idx_q, 7, joint.idx_v)
-        elif short == _BALL:
-            yield _Part(name, i, "ball", joint.idx_q, 4, joint.idx_v)
-        elif joint.nv == 1:
-            yield _Part(name, i, None, joint.idx_q, joint.nq, joint.idx_v)
-        elif short == _PLANAR:  # its angle is kept as cosine and sine
-            for k, n_q in enumerate((1, 1, 2)):
-                yield _Part(f"{name}.{k + 1}", i, None, joint.idx_q + k, n_q, joint.idx_v + k)
+        if i == 0:
+            continue
+        if short in _KINDS or joint.nv == 1:
+            yield _Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
+        elif short == "JointModelPlanar":
+            for k, (end, n_q) in enumerate(_PLANAR):
+                yield _Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
         else:
             yield from _several(model, i, source)
 
 
 def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
-    """Elementary joints of a composite one, by their names in the file if it has as many."""
+    """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
     joint = model.joints[i]
-    subs = list(joint.extract().joints) if "Composite" in joint.shortname() else []
+    subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
+    # three slides at once have no joints of their own
+    subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
     names = [name for frame in model.frames if frame.parentJoint == i for name in source.joints_of(frame.name)]
-    if len(names) != (len(subs) or joint.nv):
-        names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs) or joint.nv)]
-    if not subs:  # three slides
-        for k, name in enumerate(names):
-            yield _Part(name, i, None, joint.idx_q + k, 1, joint.idx_v + k)
-    for name, sub in zip(names, subs, strict=False):
-        kind = {_BALL: "ball", _FREE: "free"}.get(sub.shortname())
-        yield _Part(name, i, kind, sub.idx_q, sub.nq, sub.idx_v)
+    if len(names) != len(subs):
+        names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
+    for name, sub in zip(names, subs, strict=True):
+        yield _Part(name, i, *sub)
 
 
 def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
@@ -174,28 +173,47 @@ def _inertias(model: Any) -> dict[int, Any]:
     return inertias
 
 
-def _joint(model: Any, data: Any, part: _Part, J: Array, home: Mapping[str, float]) -> JointReading:
-    column = J[:, part.dof]  # [linear; angular]
-    where = np.array(data.oMi[part.joint].translation)
-    at, dof = part.at, part.dof
-    kind, axis = part.kind or ("hinge" if column[3:].any() else "slide"), np.zeros(6)
-    if part.kind is None:
-        axis = np.concatenate([column[3:], column[:3]])
-        if kind == "hinge":  # the point of its axis next to the joint
-            point = np.cross(axis[:3], axis[3:])
-            where = point + axis[:3] * (axis[:3] @ where)
-    low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
-    limited = part.kind is None and part.n_q == 1
+def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
+    """Args: column: Of the Jacobian, [linear; angular] at the world origin. Shape (6,)."""
+    centre, axis = np.array(data.oMi[part.joint].translation), np.concatenate([column[3:], column[:3]])
+    kind = part.kind or ("hinge" if axis[:3].any() else "slide")
+    if kind == "hinge":  # the point of its axis next to the joint, which may be one of several
+        centre = np.cross(axis[:3], axis[3:]) + axis[:3] * (axis[:3] @ centre)
+    limits = float(model.lowerPositionLimit[part.q]), float(model.upperPositionLimit[part.q])
+    counts = not part.kind and part.n_q == 1  # a cosine has limits of its own
     return JointReading(
-        kind,
-        axis,
-        where,
-        float(home.get(part.name, 0.0)) if part.kind is None else 0.0,
-        (
-            low if limited and low > -_UNLIMITED else -math.inf,
-            high if limited and high < _UNLIMITED else math.inf,
+        kind=kind,
+        screw=np.zeros(6) if part.kind else axis,
+        centre=centre,
+        home=0.0 if part.kind else float(home.get(part.name, 0.0)),
+        limits=(
+            limits[0] if counts and limits[0] > -_UNLIMITED else -math.inf,
+            limits[1] if counts and limits[1] < _UNLIMITED else math.inf,
         ),
-        float(model.armature[dof]),
-        float(model.damping[dof]),
-        float(model.upperDryFrictionLimit[dof]),
+        armature=float(model.armature[part.v]),
+        damping=float(model.damping[part.v]),
+        friction=float(model.friction[part.v]),
     )
+
+
+def _closures(constraints: Any, model: Any, assembly: Assembly, source: Source) -> dict[str, ClosureReading]:
+    """Closures of an MJCF. Pinocchio keeps them in the order of their names, and forgets the names."""
+    import pinocchio
+
+    kinds = {"connect": "point", "weld": "weld"}
+    entries = [entry for part in source.root.iterfind("equality") for entry in part if entry.tag in kinds]
+    named = sorted((entry.get("name", ""), kinds[entry.tag]) for entry in entries)
+    found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
+    if [kind for _, kind in named] != found:
+        named = [(f"{kind}_{i + 1}", kind) for i, kind in enumerate(found)]
+    at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and the joint's frame in it
+    for frame in model.frames:
+        if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:
+            body, T = assembly.places[frame.name]
+            at[frame.parentJoint] = body, T @ np.linalg.inv(frame.placement.homogeneous)
+    closures = {}
+    for (name, kind), c in zip(named, constraints, strict=True):
+        sides = ((c.joint1_id, c.joint1_placement), (c.joint2_id, c.joint2_placement))
+        (first, T1), (second, T2) = ((at[i][0], at[i][1] @ placement.homogeneous) for i, placement in sides)
+        closures[name] = ClosureReading(kind, first, T1, second, T2)
+    return closures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from screwgauge.models.readings.mujoco import read_mujoco
 from screwgauge.models.readings.pinocchio import read_pinocchio
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source, prepare
+from screwgauge.models.readings.unread import unread
 from screwgauge.models.readings.yourdfpy import read_yourdfpy
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 
-#: Library -> the formats that it reads, the first as its own, and how.
+#: Library -> the formats that it reads, its own first, and how.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {
     "pinocchio": (("urdf", "mjcf"), read_pinocchio),
     "mujoco": (("mjcf", "urdf"), read_mujoco),
@@ -23,7 +25,11 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float
 
 
 def libraries_for(path: Path) -> tuple[str, ...]:
-    """Libraries that read a model file, the one of its format first."""
+    """Libraries that read a model file, the one of its format first.
+
+    Raises:
+        ScrewgaugeError: It is no model, or one that is refused before a library sees it.
+    """
     form = prepare(path).form
     able = [name for name, (forms, _) in LIBRARIES.items() if form in forms]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
@@ -49,7 +55,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
         raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "take another library")
     reading = reader(source, home or {})
     _check(reading, str(path))
-    return reading
+    return replace(reading, ignored=unread(source, reading))
 
 
 def _check(reading: Reading, where: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import without_meshes
+from screwgauge.models.readings.naming import joints_in, name_all
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count
@@ -23,6 +24,8 @@ FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 FLOATING = "root_joint"
 #: Attributes that hold no numbers, though what they hold may look like one.
 _TEXT = ("name", "link", "class", "childclass", "filename", "file", "model")
+#: What makes bodies of an MJCF without naming them.
+_MAKERS = ("replicate", "composite", "flexcomp")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +35,7 @@ class Source:
     Attributes:
         form: ``urdf`` or ``mjcf``.
         root: All of it that a library is to see.
-        ignored: What was taken out, one phrase each.
+        ignored: What was taken out or changed, one phrase each.
     """
 
     path: Path
@@ -62,15 +65,24 @@ class Source:
         for joint in self.root.iterfind("joint") if self.form == "urdf" else ():
             mimic, name = joint.find("mimic"), joint.get("name", "")
             if mimic is not None:
-                ratio = [float(mimic.get("offset", 0.0)), float(mimic.get("multiplier", 1.0))]
+                ratio = [_number(mimic, "offset", 0.0, self.path), _number(mimic, "multiplier", 1.0, self.path)]
                 found[name] = CouplingReading(name, mimic.get("joint", ""), np.array(ratio))
         return found
+
+    def names(self, what: str) -> list[str]:
+        """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made."""
+        if self.form == "urdf":
+            return [e.get("name", "") for e in self.root.iterfind(what) if e.get("type") != "fixed"]
+        tags = ("joint", "freejoint") if what == "joint" else (what,)
+        copied = {id(element) for tag in _MAKERS for maker in self.root.iter(tag) for element in maker.iter()}
+        found = (e for e in _world(self.root) if e.tag in tags and id(e) not in copied)
+        return [element.get("name", "") for element in found]
 
     def joints_of(self, body: str) -> list[str]:
         """Names of the joints of a body of an MJCF, from the ground outwards."""
         for element in self.root.iter("body"):
             if element.get("name") == body:
-                return [joint.get("name", "") for joint in element if joint.tag in ("joint", "freejoint")]
+                return [joint.get("name", "") for joint in joints_in(element)]
         return []
 
 
@@ -93,10 +105,13 @@ def prepare(path: Path, *, floating: bool = False) -> Source:
     form = FORMATS[root.tag]
     said = _include(root, path) if form == "mjcf" else []
     check_count(sum(element.tag in ("link", "body") for element in root.iter()), "links", str(path))
-    _check_numbers(root, path)
+    _check_finite(root, path)
     said += without_meshes(root, form, str(path))
     if form == "mjcf":
-        _name_all(root)
+        name_all(root)
+    elif "name" not in root.attrib:
+        root.set("name", path.stem)  # which some readers refuse to do without
+        said.append("no name of the robot: it has that of the file")
     _check_names(root, form, path)
     if floating:
         _float(root, form, path)
@@ -123,17 +138,28 @@ def _include(root: ET.Element, path: Path) -> list[str]:
             seen.append(name)
             element[i : i + 1] = [*parse(file)]
         waiting += element
-    return [f"include {name}, put in its place before the library reads it" for name in seen]
+    return [f"include {name}, put in its place before a library reads it" for name in seen]
 
 
-def _check_numbers(root: ET.Element, path: Path) -> None:
+def _check_finite(root: ET.Element, path: Path) -> None:
     for element in root.iter():
         for attribute, value in element.items():
             words = value.lower().split() if attribute not in _TEXT else []
             if any(re.fullmatch(r"[+-]?nan(\(.*\))?", word) for word in words):
-                whose = f" {element.get('name')}" if element.get("name") else ""
-                what = f"{attribute} of {element.tag}{whose} is not a number ({value})"
-                raise ModelFileError(what, str(path), "write a number")
+                raise ModelFileError(f"{_said(element, attribute)} is not a number ({value})", str(path), "write one")
+
+
+def _said(element: ET.Element, attribute: str) -> str:
+    return f"{attribute} of {element.tag} {element.get('name', '')}".rstrip()
+
+
+def _number(element: ET.Element, attribute: str, default: float, path: Path) -> float:
+    value = element.get(attribute)
+    try:
+        return default if value is None else float(value)
+    except ValueError:
+        what = f"{_said(element, attribute)} is no number ({value})"
+        raise ModelFileError(what, str(path), "write one") from None
 
 
 def _world(root: ET.Element) -> Iterator[ET.Element]:
@@ -142,59 +168,22 @@ def _world(root: ET.Element) -> Iterator[ET.Element]:
         yield from world.iter()
 
 
-def _name_all(root: ET.Element) -> None:
-    """Names what has no name, so that all libraries call it the same."""
-    taken = {element.get("name") for element in root.iter()}
-
-    def free(name: str) -> str:
-        while name in taken:
-            name += "_"
-        taken.add(name)
-        return name
-
-    bodies = [element for element in _world(root) if element.tag == "body"]
-    for i, body in enumerate(bodies):
-        if "name" not in body.attrib:
-            body.set("name", free(f"body_{i + 1}"))
-    for body in bodies:
-        for k, joint in enumerate(element for element in body.iter() if element.tag in ("joint", "freejoint")):
-            if "name" not in joint.attrib and joint in _own(body):
-                joint.set("name", free(f"{body.get('name')}_joint" + (f"_{k + 1}" if k else "")))
-    for section in ("equality", "actuator"):
-        for i, element in enumerate(entry for part in root.iterfind(section) for entry in part):
-            if "name" not in element.attrib:
-                element.set("name", free(f"{element.tag}_{i + 1}"))
-
-
-def _own(body: ET.Element) -> list[ET.Element]:
-    """What is in a body itself, in frames or not."""
-    found, waiting = list[ET.Element](), [*body]
-    while waiting:
-        element = waiting.pop(0)
-        if element.tag == "frame":
-            waiting = [*element, *waiting]
-        elif element.tag != "body":
-            found.append(element)
-    return found
-
-
 def _check_names(root: ET.Element, form: str, path: Path) -> None:
     """Refuses names that two links or two joints share: most libraries keep one of them in silence."""
-    kinds = (
-        {"link": ("link",), "joint": ("joint",)}
-        if form == "urdf"
-        else {"body": ("body",), "joint": ("joint", "freejoint")}
-    )
+    kinds: dict[str, tuple[str, ...]] = {"body": ("body",), "joint": ("joint", "freejoint")}
+    if form == "urdf":
+        kinds = {"link": ("link",), "joint": ("joint",)}
     places = list(root) if form == "urdf" else list(_world(root))
     for what, tags in kinds.items():
         names = Counter(element.get("name") for element in places if element.tag in tags)
+        if what != "joint" and not names and not any(place.tag in _MAKERS for place in places):
+            raise ModelFileError(f"has no {what}", str(path), "give the file that describes the robot")
         for name, count in names.items():
-            if name is None:
+            if not name:
                 raise ModelFileError(f"a {what} has no name", str(path), "give it one")
             if count > 1:
-                raise ModelFileError(
-                    f"{count} {tags[0]}s are called '{name}'", str(path), "give each a name of its own"
-                )
+                what = f"'{name}' is the name of {count} {tags[0]} elements"
+                raise ModelFileError(what, str(path), "give each a name of its own")
 
 
 def _root_link(root: ET.Element) -> str:
@@ -205,7 +194,7 @@ def _root_link(root: ET.Element) -> str:
 def _float(root: ET.Element, form: str, path: Path) -> None:
     """Hangs the first link of a URDF on a joint that leaves it free."""
     if form != "urdf":
-        raise ModelFileError("is an MJCF, which says itself what floats", str(path), "leave that out")
+        raise ModelFileError("is an MJCF, which says itself what floats", str(path), "do not ask for a floating base")
     base, links = _root_link(root), {link.get("name") for link in root.iterfind("link")}
     world = next(name for name in ("world", "world_", "world__") if name not in links)
     ET.SubElement(root, "link", name=world)

@@ -1,0 +1,42 @@
+"""What a file says and a reading of it does not hold, in words."""
+
+from __future__ import annotations
+
+from screwgauge.models.elements import beyond_reading
+from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.source import Source
+
+#: Things of a kind that are named; the others are counted.
+_NAMED = 3
+_GENERATED = ("replicate", "composite", "flexcomp")
+
+
+def unread(source: Source, reading: Reading) -> tuple[str, ...]:
+    """One phrase for each kind of element or attribute; links and joints that are not there at all come first."""
+    found: dict[str, list[str]] = {}
+    for extra in beyond_reading(source.root, source.form, reading.library):
+        found.setdefault(extra.what, []).append(extra.whose)
+    said = [f"{what}{_listed(whose, ',')}" for what, whose in found.items()]
+    if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
+        said.append("contacts of geoms")
+    return (*_dropped(source, reading), *source.ignored, *reading.ignored, *said)
+
+
+def _listed(things: list[str], comma: str) -> str:
+    rest = len(things) - _NAMED
+    return comma.join(things[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _dropped(source: Source, reading: Reading) -> list[str]:
+    """Links and moving joints of the file that the library has not made anything of."""
+    fixed = (name for body in reading.bodies.values() for name in body.fixed)
+    joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
+    said = []
+    for what, known in (
+        ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
+        ("joint", joints),
+    ):
+        names = [name for name in source.names(what) if name not in known]
+        if names:
+            said.append(f"{what} {_listed(names, ', ')}, which {reading.library} drops")
+    return said
