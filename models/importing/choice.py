@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,13 +27,13 @@ def motions(mechanism: Mechanism) -> Array:
 
 
 def choose(
-    mechanism: Mechanism, actuated: Sequence[str], independent: Sequence[str] | None, where: str
+    mechanism: Mechanism, actuated: Sequence[str], independent: Mapping[str, str] | None, where: str
 ) -> Mechanism:
     """The mechanism with its independent coordinates and actuators.
 
     Args:
         actuated: Coordinates that are driven; none leaves it to what is independent.
-        independent: Coordinates that the user chose.
+        independent: Label -> coordinate that the user chose.
 
     Raises:
         DescriptionError: Nothing moves, or the coordinates chosen do not determine the motion.
@@ -43,19 +43,19 @@ def choose(
         raise DescriptionError("its loops leave no degree of freedom", where, "check the closures")
     names = mechanism.coordinates
     if independent is None:
-        chosen = [names[i] for i in pick(K, preferences(mechanism, actuated))]
+        chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated))}
     else:
-        for name in independent:
+        for name in independent.values():
             if name not in names:
                 raise UnknownNameError("coordinate", name, names, f"{where}, --independent")
-        chosen = list(dict.fromkeys(independent))
-        rank = linear.rank(K[[names.index(name) for name in chosen]]) if chosen else 0
+        chosen = dict(independent)
+        rank = linear.rank(K[[names.index(name) for name in chosen.values()]]) if chosen else 0
         if not rank == len(chosen) == K.shape[1]:
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
             raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
-    driven = {*actuated} or {name for name in chosen if name in {joint.name for joint in mechanism.joints}}
+    driven = {*actuated} or {name for name in chosen.values() if name in {joint.name for joint in mechanism.joints}}
     joints = tuple(replace(joint, actuated=joint.name in driven) for joint in mechanism.joints)
-    return replace(mechanism, joints=joints, independent={name: name for name in chosen})
+    return replace(mechanism, joints=joints, independent=chosen)
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:

@@ -49,17 +49,18 @@ class Imported:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Names (of the description) of coordinates and joints that the user chose; None leaves it to the file."""
+    """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file."""
 
-    independent: Sequence[str] | None = None
+    independent: Mapping[str, str] | None = None
     actuated: Sequence[str] | None = None
 
 
-def describe(reading: Reading, where: str, wanted: Wanted = Wanted()) -> Imported:
+def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Sequence[Joint] = ()) -> Imported:
     """The mechanism that was read.
 
     Args:
         where: The file, to blame.
+        given: Joints that close loops, as they are already known; others are made from the points that coincide.
 
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
@@ -74,7 +75,7 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted()) -> Importe
         raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
     actuated = _actuated(reading, graph, wanted, where)
     alone = {name for entry in reading.couplings.values() for name in (entry.joint, entry.of)}
-    joints, carriers = _joints(reading, graph, frozenset({*actuated, *alone}), length)
+    joints, carriers = _joints(reading, graph, frozenset({*actuated, *alone}), {j.name: j for j in given}, length)
     mechanism = Mechanism(
         name=accepted([reading.name], "model")[reading.name],
         bodies=(*(_body(part, length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
@@ -154,7 +155,9 @@ def _body(part: Part, length: float, where: str) -> Body:
     return Body(part.name, part.mass, part.com, inertia, f"{where}, body '{part.name}'")
 
 
-def _joints(reading: Reading, graph: Graph, alone: frozenset[str], length: float) -> tuple[tuple[Joint, ...], list[Body]]:
+def _joints(
+    reading: Reading, graph: Graph, alone: frozenset[str], given: Mapping[str, Joint], length: float
+) -> tuple[tuple[Joint, ...], list[Body]]:
     """All joints, and the bodies without mass between those of one chain."""
     names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
     used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
@@ -173,7 +176,8 @@ def _joints(reading: Reading, graph: Graph, alone: frozenset[str], length: float
             near = far
     for pin in graph.pins:
         first, second = graph.parts[pin.first], graph.parts[pin.second]
-        joints.append(joint(pinned(pin, first, second), pin.name, first, second, length))
+        made = joint(pinned(pin, first, second), pin.name, first, second, length)
+        joints.append(given.get(pin.name, made))
     return tuple(joints), carriers
 
 

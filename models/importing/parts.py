@@ -83,7 +83,7 @@ def graph_of(reading: Reading, length: float) -> Graph:
     owner = {name: name for name in (GROUND, *reading.bodies)}
     for first, second in rigid:
         a, b = owner[first], owner[second]
-        a, b = (b, a) if b == GROUND else (a, b)
+        a, b = (b, a) if b == GROUND or ("@" in a and a != GROUND) else (a, b)  # BODY@JOINT is a copy of ours
         owner = {name: a if root == b else root for name, root in owner.items()}
         if a != b:
             remarks.append(f"'{b}' is one body with '{a}', as the file welds them")
@@ -118,7 +118,8 @@ def _sorted_closures(
             points.setdefault(pair, []).append((name, _point(reading, closure)))
     pins = []
     for (first, second), named in points.items():
-        name, cloud = named[0][0], np.array([point for _, point in named])
+        name = named[0][0] if len(named) == 1 else named[0][0].removesuffix(".1")
+        cloud = np.array([point for _, point in named])
         _, s, Vt = np.linalg.svd(cloud - cloud.mean(axis=0))
         spread = int(np.sum(s > SAME * length))
         if spread >= 2:
