@@ -31,6 +31,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.scene.preflight import check_home
 
     mechanism = load_mechanism(options.mechanism)
+    _say_imported(options.mechanism)
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
@@ -42,6 +43,33 @@ def models(options: argparse.Namespace) -> int:
     rows = check_models(mechanism, out)
     say(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
+
+
+def import_(options: argparse.Namespace) -> int:
+    """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
+    from screwgauge.models.importing.convert import Wanted
+    from screwgauge.models.importing.model import Options, import_model, notes
+    from screwgauge.scene.imported import write_imported
+
+    independent, actuated = _names(options.independent), _names(options.actuated)
+    wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
+    choice = Options(options.loops, options.reader or "", options.floating, wanted)
+    imported = import_model(options.file, choice)
+    for path in write_imported(imported, options.out or Path(f"{options.file.stem}.toml")):
+        say(str(path))
+    for sentence in notes(imported):
+        say(sentence)
+    return 0
+
+
+def _say_imported(name: str) -> None:
+    """What became of a model file that was named in place of a mechanism or scene."""
+    from screwgauge.models.importing.model import imported_file, is_model, notes
+    from screwgauge.reference.files import beside
+
+    if is_model(name):
+        for sentence in notes(imported_file(beside(Path(), name))[1]):
+            complain(f"screwgauge: {sentence}")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,6 +84,7 @@ def run(options: argparse.Namespace) -> int:
     given = {"seconds": options.limit, "memory": options.memory}
     limits = Limits(**{name: value for name, value in given.items() if value is not None})
     scene = load_scene(options.scene)
+    _say_imported(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
 
@@ -88,6 +117,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.study.bench.journal import NAME
 
     scene = load_scene(options.scene)
+    _say_imported(options.scene)
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run
     plan = study.QUICK if options.quick else study.FULL

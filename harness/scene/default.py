@@ -4,33 +4,73 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import imported_file, is_model, notes, scratch_folder
 from screwgauge.models.tables import key, lines
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.applied import Applied, JointSpring
+from screwgauge.reference.description import read_toml
+from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import exciting
 from screwgauge.scene.preflight import check_home
-from screwgauge.scene.read import DEFAULT_ENGINES
-from screwgauge.scene.scene import RULES, Scene
+from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene
 
 #: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
 
 
+def scene_file(path: Path) -> Path:
+    """The scene that a path means: itself, or that of a description or model file.
+
+    A description has the scene beside it, or else the usual one, as a model file has, in a folder that goes away with
+    the process.
+
+    Raises:
+        ScrewgaugeError: The file cannot be read, or no scene can be made of it.
+    """
+    if is_model(path):
+        description, imported = imported_file(path)
+        acting = acting_on(imported)
+    else:
+        tables = read_toml(path)
+        if "mechanism" in tables or not {"bodies", "joints", "extends"} & tables.keys():
+            return path
+        beside = path.with_name(f"{path.stem}{SUFFIX}")
+        if is_file(beside):
+            return beside
+        description, acting = path.resolve(), dict[str, Any]()
+    file = scratch_folder() / f"{path.stem}{SUFFIX}"
+    file.write_text(default_scene(load_mechanism(description), description, **acting), encoding="utf-8")
+    return file
+
+
+def acting_on(imported: Imported) -> dict[str, Any]:
+    """What `default_scene` takes from a model file besides its mechanism."""
+    return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
+
+
 def default_scene(
-    mechanism: Mechanism, file: Path, *, gravity: Array | None = None, springs: Sequence[JointSpring] = ()
+    mechanism: Mechanism,
+    file: Path,
+    *,
+    gravity: Array | None = None,
+    springs: Sequence[JointSpring] = (),
+    description: str = "",
 ) -> str:
     """A scene as TOML.
 
     Args:
-        file: The description, which lies beside the scene.
+        file: The description, by its full path or beside the scene.
         gravity: World axes [m/s^2]; the usual one by default. Shape (3,).
         springs: Springs and dampers of joints.
 
@@ -39,8 +79,7 @@ def default_scene(
     """
     wanted = compared(mechanism)
     scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs)), wanted))
-    motion = scene.text["motion"]
-    out = lines({"mechanism": file.name, "description": scene.description.strip()})
+    out = lines({"mechanism": str(file), "description": f"{description} {scene.description.strip()}".strip()})
     if gravity is not None:
         out += lines({"gravity": gravity})
     if wanted != GIVEN:
@@ -48,7 +87,7 @@ def default_scene(
         out += ["", f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told", *lines({"quantities": wanted})]
     step = float(scene.t[1] - scene.t[0])
     out += ["", "[time]", *lines({"duration": float(scene.t[-1]), "step": step})]
-    for label, table in motion.items():
+    for label, table in scene.text["motion"].items():
         rows = ", ".join(f"[{', '.join(row)}]" for row in table["harmonics"])
         out += ["", f"[motion.{key(label)}]", f"offset = {table['offset']}", f"harmonics = [{rows}]"]
     for spring in springs:

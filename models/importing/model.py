@@ -125,13 +125,19 @@ def _folder() -> TemporaryDirectory[str]:
     return TemporaryDirectory(prefix="screwgauge-imported-")
 
 
+def scratch_folder() -> Path:
+    """A new folder that goes away with the process."""
+    root = Path(_folder().name)
+    folder = root / str(len([*root.iterdir()]))
+    folder.mkdir()
+    return folder
+
+
 @cache
 def imported_file(path: Path) -> tuple[Path, Imported]:
     """A description made from a model file, in a folder that goes away with the process; made once."""
     imported = import_model(path)
-    folder = Path(_folder().name) / f"{len(list(Path(_folder().name).iterdir()))}"
-    folder.mkdir()
-    file = folder / f"{path.stem}.toml"
+    file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
     return file, imported
 
