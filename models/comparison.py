@@ -10,7 +10,8 @@ import numpy as np
 
 from screwgauge.models.layout import Closure, length_scale
 from screwgauge.models.loops import LoopsFile
-from screwgauge.models.readings.described import Reading
+from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.reading import ClosureReading, CouplingReading, Reading, couplings_of
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -66,39 +67,60 @@ def _short(values: Array) -> str:
 def compare_readings(out: Comparison, expected: Reading, found: Reading, mechanism: Mechanism) -> None:
     """Rows for all that the reading says."""
     length = length_scale(mechanism)
+    found = collapsed(found, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
     out.names("", "body names", sorted(expected.bodies), sorted(found.bodies))
-    out.names("", "coordinate names", sorted(expected.screws), sorted(found.screws))
-    total = sum(body.mass for body in found.bodies.values())
-    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([total]), mechanism.mass)
-    _compare_bodies(out, expected, found, length)
-    for name in _common(expected.screws, found.screws):
-        scale = np.repeat([1.0, length], 3) if expected.screws[name][:3].any() else np.ones(6)
-        out.numbers(name, "joint axis at home", expected.screws[name] / scale, found.screws[name] / scale)
-    if found.gravity is None:
+    out.names("", "coordinate names", sorted(expected.joints), sorted(found.joints))
+    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([found.mass]), mechanism.mass)
+    _compare_bodies(out, expected, found, length, mechanism.mass)
+    for name in _common(expected.joints, found.joints):
+        want, have = expected.joints[name].screw, found.joints[name].screw
+        scale = np.repeat([1.0, length], 3) if want[:3].any() else np.ones(6)
+        out.numbers(name, "joint axis at home", want / scale, have / scale)
+    if found.gravity is None or expected.gravity is None:
         return
-    wanted = np.asarray(expected.gravity)
-    out.numbers("", "gravity", wanted, found.gravity, float(np.linalg.norm(wanted)) or 9.81)
+    scale = float(np.linalg.norm(expected.gravity)) or 9.81
+    out.numbers("", "gravity", expected.gravity, found.gravity, scale)
     out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
     out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
     for name in _common(expected.closures, found.closures):
-        body1, p1, body2, p2 = expected.closures[name]
-        other1, r1, other2, r2 = found.closures[name]
-        if (other1, other2) == (body2, body1):  # which side is named first says nothing
-            other1, r1, other2, r2 = other2, r2, other1, r1
-        out.names(name, "closure bodies", (body1, body2), (other1, other2))
-        metres = np.array([1.0, 1.0, 1.0, length])
-        out.numbers(name, "closure frames", np.array([p1, p2]) / metres, np.array([r1, r2]) / metres)
+        _compare_closures(out, name, expected.closures[name], found.closures[name], length)
+    _compare_couplings(out, expected.couplings, found.couplings)
 
 
-def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float) -> None:
+def _compare_couplings(
+    out: Comparison, expected: Mapping[str, CouplingReading], found: Mapping[str, CouplingReading]
+) -> None:
+    if not (expected or found):
+        return
+    out.names("", "coupling names", sorted(expected), sorted(found))
+    for name in _common(expected, found):
+        want, have = expected[name], found[name]
+        out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
+        size = max(len(want.polynomial), len(have.polynomial))
+        values = [np.pad(one, (0, size - len(one))) for one in (want.polynomial, have.polynomial)]
+        out.numbers(name, "coupling polynomial", *values, scale=float(np.abs(want.polynomial).max()) or 1.0)
+
+
+def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
+    if (have.first, have.second) == (want.second, want.first):  # which side is named first says nothing
+        have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
+    said = ((closure.kind, closure.first, closure.second) for closure in (want, have))
+    out.names(name, "closure bodies", *said)
+    metres = np.array([1.0, 1.0, 1.0, length])
+    frames = [np.array([closure.first_frame, closure.second_frame]) / metres for closure in (want, have)]
+    out.numbers(name, "closure frames", *frames)
+
+
+def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float, total: float) -> None:
     for name in _common(expected.bodies, found.bodies):
         want, have = expected.bodies[name], found.bodies[name]
-        out.names(name, "parent and joints", (want.near, *want.coordinates), (have.near, *have.coordinates))
-        out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass)
-        out.numbers(name, "centre of mass", want.com, have.com, length)
-        # a point has no moments; then the mass and the length of the mechanism say what is small
-        scale = float(np.abs(want.inertia).max()) or want.mass * length**2
-        out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
+        out.names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
+        out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
+        if want.mass:
+            out.numbers(name, "centre of mass", want.com, have.com, length)
+            # a point has no moments; then the mass and the length of the mechanism say what is small
+            scale = float(np.abs(want.inertia).max()) or want.mass * length**2
+            out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
         out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
 
@@ -127,6 +149,8 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
             if want.kind == have.kind:
                 values = _joint_values(want, length), _joint_values(have, length)
                 out.numbers(want.name, "joint axes and frames", *values)
+    said = [couplings_of(file.couplings) for file in (expected, found)]
+    _compare_couplings(out, said[0], said[1])
     closures = {closure.joint: closure for closure in found.closures}
     out.names("", "closure names", sorted(closure.joint for closure in expected.closures), sorted(closures))
     for shut in expected.closures:

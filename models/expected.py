@@ -11,30 +11,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from screwgauge.models.layout import Closure, Link, lay_out
-from screwgauge.models.readings.described import BodyReading, Reading, matrix, screw
+from screwgauge.models.readings.assemble import matrix, screw
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading, couplings_of
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """The reading of a model file that says exactly what the description says."""
-    tree = lay_out(mechanism, cut)
-    poses = home_poses(mechanism)
-    bodies, screws = {}, {}
-    massless: dict[str, tuple[str, tuple[str, ...]]] = {}  # nearest body with mass, and the joints between
+    """The reading of a model file that says exactly what the description says, limits left out."""
+    tree, poses = lay_out(mechanism, cut), home_poses(mechanism)
+    bodies, joints = {}, {}
     for link in tree.links:
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
-        near, between = massless.get(link.near, (link.near, ()))
-        if body.mass:
-            pose = poses[link.original]
-            bodies[link.name] = BodyReading(near, between + names, body.mass, body.com, body.inertia, pose)
-        else:
-            massless[link.name] = near, between + names
-        screws.update(_screws(link, poses))
+        bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, poses[link.original])
+        joints |= _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
-    actuators = {name: joint.coordinates[0] for name, joint in driven}
-    closures = {name: value for closure in tree.closures for name, value in _closures(closure)}
-    return Reading(bodies, screws, closures, actuators, np.asarray(gravity, dtype=float))
+    return Reading(
+        name=mechanism.name,
+        library="screwgauge",
+        bodies=bodies,
+        joints=joints,
+        closures=dict(entry for closure in tree.closures for entry in _closures(closure)),
+        couplings=couplings_of(mechanism.couplings),
+        actuators={name: (joint.coordinates[0], 1.0) for name, joint in driven},
+        gravity=np.asarray(gravity, dtype=float),
+    )
 
 
 def home_poses(mechanism: Mechanism) -> dict[str, Array]:
@@ -68,25 +69,27 @@ def _step(value: float, turns: bool, axis: Array) -> Array:
     return matrix(value * axis, np.eye(3))
 
 
-def _screws(link: Link, poses: dict[str, Array]) -> dict[str, Array]:
-    """Screws of a joint's freedoms, as its outer body moves against the inner one."""
+def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
+    """A joint's freedoms, as its outer body moves against the inner one."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
-    T, screws = poses[joint.parent] @ _matrix(joint.parent_frame), {}
+    T, joints = poses[joint.parent] @ _matrix(joint.parent_frame), {}
     for name, value, (turns, axis) in zip(joint.coordinates, joint.home, joint.freedoms, strict=True):
-        screws[name] = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3])
+        S = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3])
+        joints[name] = JointReading("hinge" if turns else "slide", S, T[:3, 3], float(value))
         T = T @ _step(float(value), turns, axis)
-    return screws
+    return joints
 
 
-def _closures(closure: Closure) -> list[tuple[str, tuple[str, Array, str, Array]]]:
+def _closures(closure: Closure) -> list[tuple[str, ClosureReading]]:
     """Names of the equality constraints and the frames that they join."""
     parent, child = closure.parent, closure.child
     if closure.type != "points":
         frames = _matrix(closure.parent_frame), _matrix(closure.child_frame)
-        return [(closure.joint, (parent, frames[0], child, frames[1]))]
+        kind = "weld" if closure.type == "weld" else "point"
+        return [(closure.joint, ClosureReading(kind, parent, frames[0], child, frames[1]))]
     points = zip(closure.parent_points, closure.child_points, strict=True)
     return [
-        (f"{closure.joint}.{i + 1}", (parent, matrix(p, np.eye(3)), child, matrix(r, np.eye(3))))
+        (f"{closure.joint}.{i + 1}", ClosureReading("point", parent, matrix(p, np.eye(3)), child, matrix(r, np.eye(3))))
         for i, (p, r) in enumerate(points)
     ]

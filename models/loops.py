@@ -11,14 +11,15 @@ import numpy as np
 
 from screwgauge.models.layout import CUTS, Closure, lay_out
 from screwgauge.models.tables import key, lines
-from screwgauge.reference.description import check_keys, read_joint, read_toml, required
+from screwgauge.reference.couplings import Coupling, check_couplings
+from screwgauge.reference.description import check_keys, read_couplings, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.expressions import rotation_matrix, unit_vector, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-_TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "closures")
+_TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "couplings", "closures")
 _SIDES = ("parent", "child")
 #: Type of a closure -> what it names on each side, and how many.
 _CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 1)}
@@ -36,6 +37,7 @@ class LoopsFile:
         joints: All joints of the description, cut ones included.
         independent: Label -> coordinate.
         axial: Joint and direction (child axes, shape (3,)) of the rule ``spherical_axial``.
+        couplings: Tree coordinates that are polynomials of others.
     """
 
     mechanism: str
@@ -46,13 +48,14 @@ class LoopsFile:
     closures: tuple[Closure, ...]
     independent: Mapping[str, str]
     axial: tuple[str, Array] | None
+    couplings: tuple[Coupling, ...] = ()
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
     """What the loops file of a cut mechanism says."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
-    named = mechanism.independent, mechanism.axial
+    named = mechanism.independent, mechanism.axial, mechanism.couplings
     return LoopsFile(mechanism.name, cut, bodies, tree.coordinates, mechanism.joints, tree.closures, *named)
 
 
@@ -64,6 +67,7 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
     if file.axial:
         tables.append(("[spherical_axial]", {"joint": file.axial[0], "direction": file.axial[1]}))
     tables += [(f"[joints.{key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
+    tables += [(f"[couplings.{key(coupling.name)}]", _coupling_entries(coupling)) for coupling in file.couplings]
     tables += [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
     out = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
     for title, entries in tables:
@@ -78,6 +82,11 @@ def _joint_entries(joint: Joint) -> dict[str, Any]:
     if joint.actuated:
         names.append("actuated")
     return {name: getattr(joint, name) for name in (*names, "parent_frame", "child_frame")}
+
+
+def _coupling_entries(coupling: Coupling) -> dict[str, Any]:
+    names = ["coordinate", *(["of"] if coupling.of else []), "polynomial"]
+    return {name: getattr(coupling, name) for name in names}
 
 
 def _closure_entries(closure: Closure) -> dict[str, Any]:
@@ -113,6 +122,7 @@ def read_loops(path: Path) -> LoopsFile:
             ),
             independent=_typed(data, "independent", dict, where),
             axial=_read_axial(data.get("spherical_axial"), tables, f"{where}, spherical_axial"),
+            couplings=read_couplings(data, where),
         )
         _check_names(file, where)
     except ModelFileError:
@@ -197,3 +207,4 @@ def _check_names(file: LoopsFile, where: str) -> None:
     for name in (*file.tree, *file.independent.values()):
         if name not in coordinates:
             raise UnknownNameError("coordinate", str(name), coordinates, where)
+    check_couplings(file.couplings, file.tree)

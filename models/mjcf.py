@@ -1,4 +1,4 @@
-"""Writes MJCF: composite joints as several joints of one body, closures as equality constraints."""
+"""Writes MJCF: composite joints as several joints of one body, closures and couplings as equality constraints."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
 from screwgauge.models.placement import compose, inverse, number_text, quaternion, vector_text
 from screwgauge.models.view import add_contact_pairs, add_geoms, add_sensors
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 from screwgauge.reference.rotations import Array
@@ -19,6 +20,8 @@ from screwgauge.reference.rotations import Array
 LEAST = 1e-15
 #: A limit that is none [rad, m].
 FAR = 1e10
+#: Coefficients of a joint equality.
+POWERS = 5
 #: What a model can have beyond its mechanics. Contacts bring geoms with them.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
@@ -53,6 +56,7 @@ def write_mjcf(
     if "geoms" in include:
         add_geoms(bodies, tree, solid="contacts" in include)
     _closures(root, bodies, tree.closures)
+    _couplings(root, mechanism.couplings)
     if "contacts" in include:
         add_contact_pairs(root, tree)
     _actuators(root, mechanism)
@@ -155,6 +159,22 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
             row = ET.SubElement(equality, "weld" if weld else "connect", name=name, site1=pair[0], site2=pair[1])
             if weld:
                 row.set("torquescale", "1")
+
+
+def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
+    """Couplings as joint equalities, in coordinates that are zero at MuJoCo's qpos0 as they are in the description."""
+    if not couplings:
+        return
+    equality = root.find("equality")
+    equality = ET.SubElement(root, "equality") if equality is None else equality
+    for one in couplings:
+        if len(one.polynomial) > POWERS:
+            equality.append(ET.Comment(f" MuJoCo has no powers above {POWERS - 1}: coupling {one.name} is left out "))
+            continue
+        row = ET.SubElement(equality, "joint", name=one.name, joint1=one.coordinate)
+        if one.of:
+            row.set("joint2", one.of)
+        row.set("polycoef", vector_text([*one.polynomial, *[0.0] * (POWERS - len(one.polynomial))]))
 
 
 def _site(body: ET.Element, name: str, frame: Frame) -> None:

@@ -56,7 +56,15 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
 
     def rank(joint: Joint) -> tuple[bool, bool, bool, bool, bool, int, str]:
         free, wanted, few = joint.kind == "F", joint.name in keep, len(joint.coordinates)
-        return not free, joint.name not in coupled, not wanted, not joint.actuated, joint.kind in POINTS, few, joint.name
+        return (
+            not free,
+            joint.name not in coupled,
+            not wanted,
+            not joint.actuated,
+            joint.kind in POINTS,
+            few,
+            joint.name,
+        )
 
     kept = []
     for joint in sorted(mechanism.joints, key=rank):

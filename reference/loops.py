@@ -125,10 +125,8 @@ class LoopEquations:
     def _couplings(self) -> CouplingRows:
         return self.lay.mechanism.coupling_rows
 
-    def _with_couplings(self, closing: Array, couplings: Array) -> Array:
+    def _over(self, closing: Array, couplings: Array) -> Array:
         """What the loops give, shape (n, m, ...), over what the couplings give, made without dimension."""
-        if not len(self._couplings):  # most mechanisms have none
-            return closing
         size = self.size[self._couplings.columns]
         return np.concatenate([closing, couplings / (size if couplings.ndim == 2 else size[:, None])], axis=1)
 
@@ -140,7 +138,8 @@ class LoopEquations:
         work[..., 3:] = d
         work[..., :3] = np.where(force[:, None], cross(rows.point[:, owner], d), rows.direction)
         closing = (work @ at.S[:, self.unknown].swapaxes(1, 2)) * self._signs
-        closing = self._with_couplings(closing, self._couplings.matrix(at.q)[:, :, self.unknown])
+        if len(self._couplings):
+            closing = self._over(closing, self._couplings.matrix(at.q)[:, :, self.unknown])
         return np.concatenate([closing, self._selection(at)], axis=1) * self.size[self.unknown]
 
     @cached_property
@@ -197,7 +196,9 @@ class LoopEquations:
         rows = self.rows(R, p)
         at = whole_pose(self.lay, self._read(q, R, p), R, p, S) if cut else Pose(q, R, p, S, np.zeros((len(z), 0, 6)))
         error = at.q[:, columns] / self.size[columns] - y
-        residuals = self._with_couplings(self.residuals(rows), self._couplings.residuals(at.q))
+        residuals = self.residuals(rows)
+        if len(self._couplings):
+            residuals = self._over(residuals, self._couplings.residuals(at.q))
         return np.concatenate([residuals, error], axis=1), self._matrix(rows, at)
 
     def _tree(self, z: Array, guess: Array) -> tuple[Array, Array, Array, Array]:
@@ -276,7 +277,7 @@ class LoopEquations:
         velocity = np.where(force[:, None], sliding[:, owner], (w_j - w_i)[:, owner])
         bias = np.sum(rows.direction * along + change * velocity, axis=2)
         bias = np.asarray(np.where(force, bias / self.length, bias))
-        return self._with_couplings(bias, self._couplings.bias(at.q, w))
+        return self._over(bias, self._couplings.bias(at.q, w)) if len(self._couplings) else bias
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:

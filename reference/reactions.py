@@ -52,7 +52,6 @@ class Reactions:
         rows = list(self.joints)
         return np.asarray(np.sum(force[:, rows] * self.force + moment[:, rows] * self.moment, axis=2))
 
-
     def with_couplings(self, couplings: Sequence[Coupling], units: Mapping[str, str]) -> Reactions:
         """The same with a component for each coupling after them.
 

@@ -16,7 +16,8 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.layout import lay_out
 from screwgauge.models.loops import read_loops
 from screwgauge.models.mjcf import write_mjcf
-from screwgauge.models.readings.described import read_mujoco, read_pinocchio
+from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.read import read
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -230,8 +231,8 @@ def test_engines_agree_on_a_reversed_chain_away_from_home(reversed_loop: Mechani
     if cut == "full":  # there the loop is open: the copy hangs on the ball
         expected["tip@ball"] = np.linalg.inv(joint_transform(moved.joints[-1], moved.joints[-1].home))
     for reading in (
-        read_pinocchio(tmp_path / f"{stem}.urdf", values),
-        read_mujoco(tmp_path / f"{stem}.xml", values),
+        collapsed(read(tmp_path / f"{stem}.urdf", "pinocchio", home=values)),
+        read(tmp_path / f"{stem}.xml", "mujoco", home=values),
     ):
         assert set(reading.bodies) == set(expected) - {GROUND}
         for name, body in reading.bodies.items():

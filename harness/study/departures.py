@@ -9,12 +9,11 @@ from xml.etree.ElementTree import ParseError
 
 from screwgauge.engines.registry import ENGINES, Engine, get_engine
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import check_file
+from screwgauge.models.check import SUFFIXES, check_file
 from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
 from screwgauge.models.elements import FORMATS, extras, unread_rows
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.loops import loops_of
-from screwgauge.models.readings.described import READERS
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
@@ -52,7 +51,7 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
 
 def _reader(engine: Engine) -> str:
     """What reads the model files of an engine of another package."""
-    return next(name for name, (ending, _) in READERS.items() if ending == engine.reads)
+    return next(name for name, ending in SUFFIXES.items() if ending == engine.reads)
 
 
 def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from screwgauge.models.mjcf import LEAST
+from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
@@ -177,7 +177,7 @@ def _equalities(
         if off or not model.eq_active0[i]:
             ignored.append(f"equality {name}, which is not active")
         elif kind == _JOINT:
-            couplings[name] = _coupling(model, i)
+            couplings[name] = joint_equality(model, i)
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
             closures[name] = ClosureReading("weld" if kind == _WELD else "point", *sides[0], *sides[1])
@@ -210,15 +210,17 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
     return sides
 
 
-def _coupling(model: Any, i: int) -> CouplingReading:
+def joint_equality(model: Any, i: int) -> CouplingReading:
     """``y - y0 = P(x - x0)``, with the coordinates at qpos0, in powers of x itself."""
     one, other = model.eq_obj1id[i], model.eq_obj2id[i]
     start = float(model.qpos0[model.jnt_qposadr[one]])
     if other < 0:
         return CouplingReading(model.joint(one).name, "", np.array([start + model.eq_data[i, 0]]))
-    shifted = Polynomial([-float(model.qpos0[model.jnt_qposadr[other]]), 1.0])
-    powers = Polynomial(model.eq_data[i, :5])(shifted) + start
-    return CouplingReading(model.joint(one).name, model.joint(other).name, np.trim_zeros(powers.coef, "b"))
+    powers = model.eq_data[i, :POWERS].copy()
+    if zero := float(model.qpos0[model.jnt_qposadr[other]]):
+        powers = Polynomial(powers)(Polynomial([-zero, 1.0])).coef
+    powers[0] += start
+    return CouplingReading(model.joint(one).name, model.joint(other).name, powers)
 
 
 def _actuators(model: Any, ignored: list[str]) -> dict[str, tuple[str, float]]:

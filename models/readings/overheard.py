@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +12,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def overheard() -> Iterator[list[str]]:
-    """Sentences printed inside, known after it; nothing of them reaches the terminal."""
+    """Errors printed inside, known after it; nothing that is printed reaches the terminal."""
     said: list[str] = []
+    sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as file:
         os.dup2(file.fileno(), 2)
@@ -23,5 +25,5 @@ def overheard() -> Iterator[list[str]]:
             os.close(kept)
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()
-            found = (re.fullmatch(r"(?:Error|Warning):\s+(.+)", line) for line in lines)
+            found = (re.fullmatch(r"Error:\s+(.+)", line) for line in lines)
             said += dict.fromkeys(match[1].strip() for match in found if match)

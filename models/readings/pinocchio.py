@@ -54,7 +54,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     import pinocchio
 
     model, constraints, ignored = _loaded(source)
-    data, q, parts = model.createData(), pinocchio.neutral(model), list(_parts(model, source))
+    data, q, parts = model.createData(), _start(model), list(_parts(model, source))
     for part in parts:
         if not part.kind and part.name in home:
             value = home[part.name]
@@ -95,6 +95,22 @@ def _loaded(source: Source) -> tuple[Any, Any, list[str]]:
         reason = "; ".join(said) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
     return model, constraints, [f"what Pinocchio complains of: {sentence}" for sentence in said]
+
+
+def _start(model: Any) -> Array:
+    """Neutral coordinates, free bodies where an MJCF has them.
+
+    Pinocchio keeps that as ``qpos0``, and gives the joint of a turned body a placement besides.
+    """
+    import pinocchio
+
+    q: Array = pinocchio.neutral(model)
+    at = next((np.array(kept.data()) for kept in model.referenceConfigurations if kept.key() == "qpos0"), None)
+    for joint, placement in zip(model.joints, model.jointPlacements, strict=True):
+        if at is not None and joint.shortname() in _KINDS and joint.nq == 7:
+            part = slice(joint.idx_q, joint.idx_q + 7)
+            q[part] = pinocchio.SE3ToXYZQUAT(placement.inverse() * pinocchio.XYZQUATToSE3(at[part]))
+    return q
 
 
 def _parts(model: Any, source: Source) -> Iterator[_Part]:

@@ -8,11 +8,12 @@ the joints before it, from the ground outwards, and of its pose at home (Lynch, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.rotations import Array
 
 #: Kind of a joint -> its velocities. The rates of ``ball`` and ``free`` are the angular velocity of the body that the
@@ -141,3 +142,8 @@ class Reading:
             name: slice(int(end) - FREEDOMS[joint.kind], int(end))
             for end, (name, joint) in zip(ends, self.joints.items(), strict=True)
         }
+
+
+def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
+    """Couplings of a description as readings of them, by name."""
+    return {one.name: CouplingReading(one.coordinate, one.of, one.polynomial) for one in couplings}

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 
+from screwgauge.engines.mujoco.curvature import left_out
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
@@ -87,16 +88,17 @@ class MujocoDynamics:
             mujoco.mj_forward(model, data)
             out[i] = data.qacc
             refine(model, data, out[i], self.settings.passes, same=0.0)
-        cost = clock.cost(evaluations=len(q))
+        cost, notes = clock.cost(evaluations=len(q)), left_out(self.tree.couplings)
         if not self.settings.examine:
-            return Accelerations(out, cost)
+            return Accelerations(out, cost, notes=notes)
         J = data.efc_J[: data.nefc * model.nv].reshape(-1, model.nv).copy()
         moved = np.empty_like(J)
         mujoco.mj_solveM(model, data, moved, J)
         # J M^-1 J^T + R at the last state, with MuJoCo's regularisation R
         condition = linear.condition(J @ moved.T + np.diag(data.efc_R[: len(J)]))
         freedoms = model.nv - linear.rank(J)
-        return Accelerations(out, cost, np.full(len(q), condition), {}, (f"rank leaves {freedoms} freedoms",))
+        notes = (*notes, f"rank leaves {freedoms} freedoms")
+        return Accelerations(out, cost, np.full(len(q), condition), {}, notes)
 
 
 def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
@@ -104,7 +106,8 @@ def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
     root = ET.parse(mjcf).getroot()
     equality = root.find("equality")
     if equality is not None:
-        equality.clear()
+        for row in [row for row in equality if row.tag != "joint"]:
+            equality.remove(row)
         for closure in tree.closures:
             sides = {"site1": f"{closure.joint}@parent", "site2": f"{closure.joint}@child"}
             ET.SubElement(equality, "weld", {"name": closure.joint, **sides})

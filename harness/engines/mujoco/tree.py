@@ -12,11 +12,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from screwgauge.engines.mujoco.curvature import complete, curved
 from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
-from screwgauge.models.mjcf import LEAST
+from screwgauge.models.mjcf import LEAST, POWERS
+from screwgauge.models.readings.mujoco import joint_equality
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
@@ -25,6 +28,7 @@ from screwgauge.reference.rotations import Array, cross
 _BODY = mujoco.mjtObj.mjOBJ_XBODY
 _INERTIAL = mujoco.mjtObj.mjOBJ_BODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
+_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
@@ -64,7 +68,8 @@ class MujocoTree:
         self.bodies = tuple(name for name in names if name != "ground")
         self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
         self.masses, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
-        self.closures = self._closures(file)
+        self.closures, self.couplings = self._closures(file), self._couplings(file)
+        self.curved = curved(self.couplings)
         self._check_motors(file)
 
     def under(self, gravity: Array | None) -> None:
@@ -94,6 +99,8 @@ class MujocoTree:
                 raise ModelFileError(
                     f"its equality constraint {e} is switched off", f"MJCF of {file.mechanism}", "switch it on"
                 )
+            if self.model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT:
+                continue
             if self.model.eq_objtype[e] != _SITE:
                 where = f"constraint {e} of {file.mechanism}"
                 raise ModelFileError("an equality constraint joins no sites", where, "use site1, site2")
@@ -104,6 +111,23 @@ class MujocoTree:
         joints = {joint.name: joint for joint in file.joints}
         closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in found.items()]
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
+
+    def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
+        """Couplings as the joint equalities of the file have them."""
+        where = f"MJCF of {file.mechanism}"
+        model = self.model
+        rows = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT]
+        found = {model.equality(i).name: joint_equality(model, i) for i in rows}
+        for coupling in file.couplings:
+            if coupling.name not in found and len(coupling.polynomial) > POWERS:
+                what = (
+                    f"it cannot have coupling '{coupling.name}': MuJoCo's equalities have no powers above {POWERS - 1}"
+                )
+                raise ModelFileError(what, where, "run other engines")
+        return tuple(
+            Coupling(name, one.joint, one.of, one.polynomial, f"{where}, joint equality '{name}'")
+            for name, one in found.items()
+        )
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
         model, weld = self.model, kind == mujoco.mjtEq.mjEQ_WELD
@@ -120,13 +144,17 @@ class MujocoTree:
         return (self.model.body(body).name if body else "") or "ground"
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
-        """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`."""
+        """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
+        completed where MuJoCo takes a coupling for a straight line."""
         flags = self.model.opt.disableflags
         self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
         for i in range(len(q)):
             self.data.xfrc_applied[:] = 0.0
             self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q[i], v[i], a[i]
             mujoco.mj_inverse(self.model, self.data)
+            if soft and self.curved:
+                complete(self.model, self.data, self.curved)
+                mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
             yield i
         self.model.opt.disableflags |= EQUALITY
 

@@ -107,7 +107,7 @@ class PinocchioDynamics:
             self.constraints.accelerate(q[i], v[i], tau[i], safe)  # places the constraints
             upper = np.triu(pin.crba(model, data, q[i]))
             pin.computeJointJacobians(model, data, q[i])
-            J = self.constraints.jacobian(data)
+            J = self.constraints.jacobian(data, q[i])
             moved = np.linalg.solve(upper + np.triu(upper, 1).T, J.T)
             D = J @ moved
             condition[i] = linear.condition(D + mu * np.eye(len(D)))

@@ -59,7 +59,8 @@ class PinocchioMover:
             self.stale = False
 
     def closure(self) -> tuple[Array, Array]:
-        if not len(self.constraints):
+        couplings = self.constraints.couplings
+        if not len(self.constraints) and not len(couplings):
             return np.zeros(0), np.zeros((0, self.model.nv))
         self._refresh()
         gaps = []
@@ -67,7 +68,8 @@ class PinocchioMover:
             model.calc(self.model, self.kinematics, data)
             apart = data.c1Mc2
             gaps.append(apart.translation if model.type == pin.ContactType.CONTACT_3D else pin.log6(apart).vector)
-        return np.concatenate(gaps), -self.constraints.jacobian(self.kinematics)
+        gaps.append(couplings.residuals(self.q[None])[0])
+        return np.concatenate(gaps), self.constraints.jacobian(self.kinematics, self.q)
 
     def accelerate(self, tau: Array) -> Array:
         a, left, size = self._solve(tau, self.settings)
@@ -84,10 +86,12 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Accelerations, what those of the loops are off by (the last change of the multipliers times mu), and the
-        largest acceleration, 1 at least."""
+        """Accelerations, what those of the loops are off by (the last change of the multipliers times mu) or those of the
+        couplings, and the largest acceleration, 1 at least."""
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
+        if len(self.constraints.couplings):
+            left = max(left, float(np.abs(self.constraints.uncoupled(self.q, self.v, a)).max()))
         return a, left, max(float(np.abs(a).max()), 1.0)
 
     def notes(self) -> tuple[str, ...]:

@@ -6,9 +6,6 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-import os
-import sys
-import tempfile
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -18,35 +15,30 @@ import pinocchio as pin
 
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
+from screwgauge.models.readings.overheard import overheard
+from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
+#: Singular values below this share of the largest are those of couplings that the loops keep already.
+REDUNDANT = 1e-9
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
 def _load(urdf: Path) -> pin.Model:
     """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
-    text = read_model(urdf)
-    sys.stderr.flush()
-    stderr, reason = os.dup(2), ""
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
+    text, reason = read_model(urdf), ""
+    with overheard() as said:
         try:
             model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:
             reason = str(error)
-        finally:
-            os.dup2(stderr, 2)
-            os.close(stderr)
-        said.seek(0)
-        lines = said.read().decode(errors="replace").splitlines()
-    reason = next((line for line in lines if line.startswith("Error:")), reason)
+    reason = next(iter(said), reason)
     if reason:
-        reason = reason.removeprefix("Error:").strip().rstrip(".")
-        raise ModelFileError(f"Pinocchio cannot load it ({reason})", str(urdf), "correct the URDF")
+        raise ModelFileError(f"Pinocchio cannot load it ({reason.rstrip('.')})", str(urdf), "correct the URDF")
     return model
 
 
@@ -63,7 +55,7 @@ class PinocchioTree:
         self.version = pin.__version__
         joints = sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in range(1, self.model.njoints))
         self.coordinates = tuple(name for _, name in joints)
-        self.closures = file.closures
+        self.closures, self.couplings = file.closures, file.couplings
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
         self.frames = [i for i in frames if self.model.frames[i].name != "ground"]
@@ -148,10 +140,11 @@ class PinocchioTree:
 
 
 class Constraints:
-    """The closures of a tree as Pinocchio's constraints.
+    """The closures of a tree as Pinocchio's constraints, and its couplings, for which Pinocchio has none.
 
     Attributes:
         models, datas: A 3D contact for each pair of points, a 6D one for each weld.
+        couplings: In the coordinates of the tree.
     """
 
     def __init__(self, tree: PinocchioTree, *, frames: bool = False, gains: tuple[float, float] | None = None) -> None:
@@ -162,6 +155,7 @@ class Constraints:
             gains: Baumgarte's, of position and velocity; none by default.
         """
         self.model, self.data = tree.model, tree.model.createData()
+        self.couplings, self.gains = bind(tree.couplings, tree.coordinates), gains or (0.0, 0.0)
         self.models, self.datas = _contacts(tree, frames), pin.StdVec_RigidConstraintData()
         for model in self.models:
             if gains is not None:
@@ -174,14 +168,39 @@ class Constraints:
         return len(self.models)
 
     def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Accelerations of the tree; by `aba` where nothing closes it. Shape (n_v,) each."""
+        """Accelerations of the tree; by `aba` where nothing closes it. Shape (n_v,) each.
+
+        They are linear in the forces, so that Pinocchio's answers to unit forces along the couplings give those that
+        keep the couplings; what rounding leaves of them is taken out once more.
+        """
+        a = self._closed(q, v, tau, settings)
+        if not len(self.couplings):
+            return a
+        C = self.couplings.matrix(q[None])[0]
+        answers = np.stack([self._closed(q, v, tau + row, settings) - a for row in C], axis=1)
+        for _ in range(2):
+            tau = tau - C.T @ np.linalg.lstsq(C @ answers, self.uncoupled(q, v, a), rcond=REDUNDANT)[0]
+            a = self._closed(q, v, tau, settings)
+        return a
+
+    def uncoupled(self, q: Array, v: Array, a: Array) -> Array:
+        """What accelerations leave over of the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
+        (stiffness, damping), rows = self.gains, self.couplings
+        C, bias, gap = (of[0] for of in (rows.matrix(q[None]), rows.bias(q[None], v[None]), rows.residuals(q[None])))
+        return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
+
+    def _closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
+        """The same, couplings not kept."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
-    def jacobian(self, data: Any) -> Array:
-        """Rows of the constraints for a placed `data`: velocity of the first side less that of the second."""
-        return np.asarray(pin.getConstraintsJacobian(self.model, data, self.models, self.datas))
+    def jacobian(self, data: Any, q: Array) -> Array:
+        """Derivative of the gaps for a placed `data`: velocity of the second side less that of the first, couplings."""
+        couplings = self.couplings.matrix(q[None])[0]
+        if not len(self.models):
+            return couplings
+        return np.vstack([-pin.getConstraintsJacobian(self.model, data, self.models, self.datas), couplings])
 
 
 def _contacts(tree: PinocchioTree, frames: bool) -> Any:

@@ -45,7 +45,7 @@ def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     y = np.array([unit[name] for name in file.independent.values()])
     anchors = [1.0 if anchor.angular else length for anchor in loops.anchors for _ in range(3)]
     q = np.array([unit[name] for name in tree.coordinates])
-    return Sizes(length, q, y, np.array([*anchors, *y]))
+    return Sizes(length, q, y, np.array([*anchors, *q[loops.couplings.columns], *y]))
 
 
 Charts = dict[str, Chart]
@@ -167,9 +167,32 @@ class ClosedTree:
             for joint in self.loops.cut
         }
 
-    def closing_rows(self, at: BodyPoses, charts: Charts) -> Array:
-        """Derivative of the closure residuals over one row for each independent coordinate. (n, m + k, n_v)."""
-        rows = [self.loops.jacobian(at)]
+    def gaps(self, q: Array, at: BodyPoses) -> Array:
+        """Closure residuals, and below them those of the couplings, at tree coordinates q and their poses. (n, m)."""
+        gaps, couplings = self.loops.gaps(at), self.loops.couplings
+        return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
+
+    def jacobian(self, q: Array, at: BodyPoses) -> Array:
+        """Derivative of the gaps. Shape (n, m, n_v)."""
+        G, couplings = self.loops.jacobian(at), self.loops.couplings
+        return np.concatenate([G, couplings.matrix(q)], axis=1) if len(couplings) else G
+
+    def gap_accelerations(self, motion: tuple[Array, Array, Array], at: BodyPoses, V: Array, A: Array) -> Array:
+        """Second derivative of the gaps. Shape (n, m).
+
+        Args:
+            motion: Coordinates, velocities and accelerations of the tree. Shape (n, n_v) each.
+            V, A: Velocities and accelerations of the bodies, see `Loops.bias`.
+        """
+        (q, v, a), couplings, bias = motion, self.loops.couplings, self.loops.bias(at, V, A)
+        if not len(couplings):
+            return bias
+        along = (couplings.matrix(q) @ a[..., None])[..., 0] + couplings.bias(q, v)
+        return np.concatenate([bias, along], axis=1)
+
+    def closing_rows(self, q: Array, at: BodyPoses, charts: Charts) -> Array:
+        """Derivative of the gaps over one row for each independent coordinate. (n, m + k, n_v)."""
+        rows = [self.jacobian(q, at)]
         cut = self.rate_rows(at, {name: charts[name] for name in self.given})
         for column, name, i in self.loops.independent:
             row = cut[name][:, i] if column is None else np.tile(np.eye(at.J.shape[3])[column], (len(at.J), 1))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
@@ -70,7 +71,7 @@ def closed_forces(
     conditions = {"actuator_force": condition}
     if problem.rule == "spherical_axial":
         alone = closed.tree.transmitted(at, *motion[:3], wrench)
-        f, condition = axial_forces(closed, at, need, alone)
+        f, condition = axial_forces(closed, at, closed.jacobian(motion[0], at), need, alone)
         conditions = dict.fromkeys(("actuator_force", "reaction"), condition)
     values["actuator_force"] = f
     if "reaction" not in wanted:
@@ -85,10 +86,11 @@ def closed_forces(
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
 
 
-def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array, alone: Array) -> tuple[Array, Array]:
+def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone: Array) -> tuple[Array, Array]:
     """Actuator forces for which the force of the spherical joint lies along its line (eq. 56).
 
     Args:
+        G: Derivative of the closing rows. Shape (n, m, n_v).
         need: Joint forces that actuators and closures must deliver together. Shape (n, n_v).
         alone: Wrench on each body from its tree parent without closures. Shape (n, n_body + 1, 6).
 
@@ -105,12 +107,11 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, need: Array, alone: Array) -
     joint = next(joint for joint in closed.file.joints if joint.name == name)
     constant, shares = _force(joint, closed, alone)
     across = across_direction(at.R[:, loops.index[joint.child]], direction)
-    G = loops.jacobian(at)
-    n, m, nv = G.shape
+    (n, m, nv), anchored = G.shape, len(driven) + 3 * len(loops.anchors)
     system = np.zeros((n, nv + 2, len(driven) + m))
     system[:, driven, range(len(driven))] = 1.0
     system[:, :nv, len(driven) :] = G.swapaxes(1, 2)
-    system[:, nv:, len(driven) :] = (shares[:, None] * across[:, :, None]).reshape(n, 2, m)
+    system[:, nv:, len(driven) : anchored] = (shares[:, None] * across[:, :, None]).reshape(n, 2, -1)
     right = np.concatenate([need, -(across @ constant[..., None])[..., 0]], axis=1)
     return linear.solve(system, right[..., None])[:, : len(driven), 0], linear.condition(system)
 
@@ -146,11 +147,12 @@ def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) 
 def joint_reactions(
     closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array
 ) -> tuple[Reactions, Array]:
-    """Reaction components of every joint of the description, tree and cut ones alike.
+    """Reaction components of every joint of the description, tree and cut ones alike, and of its couplings.
 
     Args:
         transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).
-        multipliers: Forces of the anchors on their child side. Shape (n, 3 n_anchor).
+        multipliers: Forces of the anchors on their child side, then those along coupled coordinates.
+            Shape (n, 3 n_anchor + n_coupling).
 
     Returns:
         The components, and their values [N or N m], shape (n, m).
@@ -173,7 +175,8 @@ def joint_reactions(
         [at.R[:, child] for _, child in sides],
         [at.p[:, child] for _, child in sides],
     )
-    return reactions, reactions.read(force, moment)
+    values = np.concatenate([reactions.read(force, moment), multipliers[:, 3 * len(loops.anchors) :]], axis=1)
+    return reactions.with_couplings(file.couplings, joint_units(file.joints)), values
 
 
 def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
+from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
@@ -36,9 +37,10 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The closing rows of a tree: anchors first, then one row for each independent coordinate."""
+    """The closing rows of a tree: anchors first, then couplings, then one row for each independent coordinate."""
 
     anchors: tuple[Anchor, ...]
+    couplings: CouplingRows  # in the coordinates of the tree
     cut: tuple[Joint, ...]  # joints that are in no tree
     index: dict[str, int]
     independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
@@ -105,7 +107,8 @@ class Loops:
         """External wrench on each body, about its origin, of the multipliers of all anchors.
 
         Args:
-            forces: Multipliers, on the child side [N or N m]. Shape (n, 3 n_anchor).
+            forces: Multipliers, on the child side [N or N m]; couplings' after them count for nothing here.
+                Shape (n, 3 n_anchor or more).
 
         Returns:
             Force, then moment. Shape (n, n_body + 1, 6).
@@ -129,6 +132,8 @@ def check_names(tree: Tree, file: LoopsFile) -> None:
         ("has an unknown joint coordinate", set(tree.coordinates) - set(file.tree)),
         ("has no closure of joint", {c.joint for c in file.closures} - {c.joint for c in tree.closures}),
         ("closes an unknown joint", {c.joint for c in tree.closures} - {j.name for j in file.joints}),
+        ("has no coupling", {c.name for c in file.couplings} - {c.name for c in tree.couplings}),
+        ("has an unknown coupling", {c.name for c in tree.couplings} - {c.name for c in file.couplings}),
     )
     for what, names in differences:
         if names:
@@ -158,7 +163,9 @@ def make_loops(tree: Tree, file: LoopsFile) -> Loops:
         if owner is None:
             raise ModelFileError(f"has no coordinate '{name}'", f"model of {tree.engine}", "keep the generated names")
         rows.append((None, owner.name, owner.coordinates.index(name)))
-    return Loops(tuple(anchors), cut, index, tuple(rows))
+    own = {coupling.name: coupling for coupling in tree.couplings}
+    couplings = bind([own[coupling.name] for coupling in file.couplings], tree.coordinates)
+    return Loops(tuple(anchors), couplings, cut, index, tuple(rows))
 
 
 def _anchors(closure: Closure, index: dict[str, int]) -> list[Anchor]:

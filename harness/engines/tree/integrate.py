@@ -44,7 +44,7 @@ class _Run:
     def __init__(self, mover: Mover, forces: Exerted) -> None:
         self.mover, self.forces = mover, forces
         self.n = len(mover.tree.coordinates)
-        self.closed = bool(mover.tree.closures)
+        self.closed = bool(mover.tree.closures or mover.tree.couplings)
         self.tau = np.zeros(self.n)
         self.evaluations = 0
         self.drift = [0.0, 0.0]

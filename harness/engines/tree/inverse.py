@@ -95,14 +95,14 @@ class _Work:
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
                 charts[name] = charts[name].agreeing(i, value)
-        errors = [loops.gaps(at)]
+        errors = [closed.gaps(q, at)]
         for value, (column, name, i) in zip(y.T, loops.independent, strict=True):
             if column is None:  # an angle, read within a turn
                 difference = np.remainder(charts[name].q[:, i] - value + np.pi, 2 * np.pi) - np.pi
             else:
                 difference = q[:, column] - value
             errors.append(difference[:, None])
-        return np.concatenate(errors, axis=1), closed.closing_rows(at, charts)
+        return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts)
 
     def _scaled(self, z: Array, y: Array) -> tuple[Array, Array]:
         """The same without dimension."""
@@ -174,8 +174,9 @@ class _Pass:
         """From ``A a = [-Jdot v; ydd - bias]``, with the engine's own Jdot v."""
         poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
         n, k = poses.motion.ydd.shape
-        V, bias = tree.accelerations(poses.q, self.v, np.zeros_like(self.v))
-        right = np.concatenate([-loops.bias(poses.at, V, bias), poses.motion.ydd], axis=1)
+        still = poses.q, self.v, np.zeros_like(self.v)
+        V, bias = tree.accelerations(*still)
+        right = np.concatenate([-closed.gap_accelerations(still, poses.at, V, bias), poses.motion.ydd], axis=1)
         cut_bias = closed.cut_accelerations(poses.charts, self.cut_v, V, bias)
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
@@ -196,8 +197,9 @@ class _Pass:
 
     def _measure(self, V: Array, A: Array) -> None:
         """Largest closure residual of position, velocity and acceleration, which a stiff constraint turns to force."""
-        at, loops = self.poses.at, self.closed.loops
-        rate, second = loops.jacobian(at) @ self.v[..., None], loops.bias(at, V, A)
+        q, at, closed = self.poses.q, self.poses.at, self.closed
+        rate = closed.jacobian(q, at) @ self.v[..., None]
+        second = closed.gap_accelerations((q, self.v, self.a), at, V, A)
         measured = [self.work.residual, np.abs(rate).max(initial=0.0), np.abs(second).max(initial=0.0)]
         # an engine's own evaluation of the same rows rounds differently
         sizes = [np.abs(array).max(initial=0.0) for array in (at.p, V, A)]

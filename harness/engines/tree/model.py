@@ -176,7 +176,7 @@ def _actuator_forces(
     need = tau - along_coordinates(at, closed.load_wrenches(at, problem.applied))
     if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
-    A = closed.closing_rows(at, closed.loops.charts(at))
+    A = closed.closing_rows(q, at, closed.loops.charts(at))
     K = velocity_map(A, len(closed.loops.independent))
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     return min_norm(K[:, closed.driven], Q), linear.condition(A)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost
 
@@ -42,6 +43,7 @@ class Tree(Protocol):
     coordinates: tuple[str, ...]
     bodies: tuple[str, ...]  # without ground
     closures: tuple[Closure, ...]
+    couplings: tuple[Coupling, ...]
     parents: tuple[str, ...]  # tree parent of each body
     masses: Array  # of each body [kg], shape (n_body,)
     com: Array  # centre of mass in each body's frame [m], shape (n_body, 3)
@@ -95,7 +97,7 @@ class Mover(Protocol):
         """Goes to a state."""
 
     def closure(self) -> tuple[Array, Array]:
-        """Closure residuals there [m or rad], shape (m,), and their derivative G, shape (m, n_v)."""
+        """Closure residuals there, couplings' among them [m or rad], shape (m,), and their derivative G, (m, n_v)."""
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
         """R, p and Jacobian of a body there, see `BodyAt`."""

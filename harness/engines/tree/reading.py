@@ -92,5 +92,5 @@ def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Ar
     cut_v, cut_a = closed.cut_velocities(at, charts, v), dict[str, Array]()
     if closed.loops.cut:
         cut_a = closed.cut_accelerations(charts, cut_v, *closed.tree.accelerations(q, v, a))
-    condition = linear.condition(closed.closing_rows(at, charts))
+    condition = linear.condition(closed.closing_rows(q, at, charts))
     return Reading(closed.joints(q, turned), closed.joints(v, cut_v), closed.joints(a, cut_a), condition)
