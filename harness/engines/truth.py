@@ -237,7 +237,8 @@ def _notes(table: Table, names: Names, mechanism: Mechanism, how_many: str) -> l
             f"redundant loops close only if decimals of {LONG} digits and more are rounded: the radii hold "
             "every mechanism whose frames and axes round to them, as far as its loops close"
         )
-    if 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.independent) > len(mechanism.coordinates):
+    rows = 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.couplings) + len(mechanism.independent)
+    if rows > len(mechanism.coordinates):
         notes.append(
             "the mechanism is overconstrained: that its redundant loops close was seen to hold within the balls, "
             "which is no proof; reactions that they leave open are one choice that balances"

@@ -64,7 +64,8 @@ class Certifier:
         units = np.array([linkage.length if unit == "m" else 1.0 for unit in linkage.mechanism.units])
         self.n, self.columns = len(units), units
         closing = np.tile(np.repeat([1.0, linkage.length], 3), len(linkage.cuts))
-        self.rows = np.concatenate([closing, units[linkage.mechanism.independent_columns]])
+        tied = units[[tie.column for tie in linkage.ties]]
+        self.rows = np.concatenate([closing, tied, units[linkage.mechanism.independent_columns]])
 
     def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
         """Encloses the joint coordinates.
@@ -120,12 +121,13 @@ class Certifier:
         return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Closing errors and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
+        """Closing errors, those of the couplings and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
         jets = [[x] for x in q]
         errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
             check_near(G)
             errors += error(G)
+        errors += [tie.error(jets)[0] for tie in self.linkage.ties]
         chosen = self.linkage.mechanism.independent_columns
         errors += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
         return arb_mat([[errors[i]] for i in rows])

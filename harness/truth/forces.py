@@ -147,6 +147,19 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
     return columns
 
 
+def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
+    """The same of each coupling: 1 along its coordinate and minus the slope along the other."""
+    q, columns = [x[0] for x in now.q], []
+    for tie in linkage.ties:
+        column = [arb(0)] * (6 * len(linkage.masses))
+        for at, share in tie.shares(q):
+            joint, turns, direction, spot = linkage.along(at, now.q, now.bodies)
+            (one,) = balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])
+            column = [a + share * b for a, b in zip(column, one, strict=True)]
+        columns.append(column)
+    return columns
+
+
 def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Newton's and Euler's side: force and moment that joints and actuators must exert on each body. (6 n_body,)."""
     right: list[arb] = []
@@ -170,7 +183,7 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
 def newton_euler(
     linkage: Linkage, now: State, B: arb_mat, gravity: Vector, loads: Sequence[BallLoad], axial: bool
 ) -> tuple[list[arb], arb_mat]:
-    """Route 2: all reaction components and the actuator forces, from the balance of all bodies as one system.
+    """Route 2: all reaction components, couplings last, and the actuator forces, from the balance of all bodies as one system.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
     nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant
@@ -186,7 +199,7 @@ def newton_euler(
         NotCertified: The system may be singular.
     """
     parts = unknowns(linkage, now)
-    reactions = balances(linkage, now, parts)
+    reactions = [*balances(linkage, now, parts), *coupling_balances(linkage, now)]
     drives = arb_mat(balances(linkage, now, driving(linkage, now)))
     driven = drives if axial else B.transpose() * drives
     columns = [*reactions, *driven.tolist()]

@@ -45,7 +45,8 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
     partial = _solve(J, arb_mat([*([[0] * k] * (n - k)), *unit]))
     q1 = (partial * arb_mat([[x[1]] for x in y])).entries()
     q: list[Jet] = [[a, b, arb(0)] for a, b in zip(q0, q1, strict=True)]
-    left = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])] + [-x[2] for x in y]
+    left = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])]
+    left += [*(tie.error(q)[2] for tie in linkage.ties), *(-x[2] for x in y)]
     q2 = _solve(J, arb_mat([[-left[i]] for i in rows])).entries()
     q = [[a, b, c] for a, b, c in zip(q0, q1, q2, strict=True)]
     return State(q, partial, linkage.place(q))
@@ -63,18 +64,21 @@ class LoopsOpen(NotCertified):
 
 
 def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
-    """Every coefficient of every closing error must hold zero, those left out of the solution too.
+    """Every coefficient of every closing error, couplings' too, must hold zero, those left out of the solution too.
 
     Raises:
         LoopsOpen: One does not.
     """
-    for G in linkage.close(q, bodies):
+    ways = linkage.close(q, bodies)
+    for G in ways:
         check_near(G[0])
-        gap = max(float(e.abs_lower()) for coefficient in G for e in error(coefficient))
-        if gap:
-            what = f"redundant loops stay open by {gap:.1g} (rad, m or their derivatives in time)"
-            remedy = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
-            raise LoopsOpen(what, "", remedy)
+    errors = [e for G in ways for coefficient in G for e in error(coefficient)]
+    errors += [e for tie in linkage.ties for e in tie.error(q)]
+    gap = max((float(e.abs_lower()) for e in errors), default=0.0)
+    if gap:
+        what = f"redundant loops stay open by {gap:.1g} (rad, m or their derivatives in time)"
+        remedy = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
+        raise LoopsOpen(what, "", remedy)
 
 
 def spin(T: MatrixJet, order: int) -> Vector:

@@ -11,6 +11,7 @@ from flint import arb, arb_mat
 from screwgauge.reference.description import XYZ
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.truth.couplings import along, directions, owner, read_ties
 from screwgauge.truth.exact import (
     Vector,
     identity,
@@ -82,6 +83,7 @@ class Linkage:
         length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
         axial: Joint and direction, as text, of the rule ``spherical_axial``.
         loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
+        ties: The couplings.
     """
 
     def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any], *, rounded: bool = False) -> None:
@@ -98,6 +100,7 @@ class Linkage:
         self.length = max(abs(float(x.mid())) for x in places) or 1.0
         axial = tables.get("spherical_axial")
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
+        self.ties = read_ties(mechanism, tables)
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
         columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
         tree, index = spanning_tree(mechanism), mechanism.body_index
@@ -144,8 +147,26 @@ class Linkage:
             for parent, child, steps in self.cuts
         ]
 
+    def along(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
+        """A unit force along a joint coordinate that has no power on the joint's others.
+
+        Returns:
+            The joint, whether it is a moment, its direction, and the point of the joint on its child.
+        """
+        joint, i = owner(self.mechanism, column)
+        frames, index, first = self.frames[joint.name], self.mechanism.body_index, column - i
+        steps = []
+        for k, turns in enumerate(KINDS[joint.kind]):
+            axis = frames.axes[min(k, len(frames.axes) - 1)]
+            steps.append((turns, axis, _move(first + k, 1, turns, axis).matrix([q[first + k][0]])[0]))
+        axes = directions(steps, bodies[index[joint.parent]][0] * frames.parent)
+        turning = steps[i][0]
+        alike = [k for k, (turns, _) in enumerate(axes) if turns == turning]
+        child = bodies[index[joint.child]][0] * frames.child
+        return joint, turning, along([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
+
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
-        """Derivative of the closing errors and of the selected coordinates. Shape (6 n_cut + k, n_q)."""
+        """Derivative of the closing errors, of the couplings' and of the selected coordinates. (6 n_cut + m + k, n_q)."""
         jets = [[x] for x in q]
         spots: dict[int, arb_mat] = {}
         bodies = self.place(jets, spots)
@@ -157,6 +178,10 @@ class Linkage:
                 change = spot * G if not on_tree else -(G * spot) if not on_via else spot * G - G * spot
                 for i, value in enumerate(error(change)):
                     rows[6 * c + i][column] = value
+        for tie in self.ties:
+            rows.append([arb(0)] * len(q))
+            for column, share in tie.shares(q):
+                rows[-1][column] = share
         chosen = self.mechanism.independent_columns
         return arb_mat(rows + [[arb(int(i == column)) for i in range(len(q))] for column in chosen])
 

@@ -33,7 +33,8 @@ def complete(model: mujoco.MjModel, data: mujoco.MjData, couplings: Sequence[Cou
         data.efc_aref[np.flatnonzero(rows)] -= own
 
 
-def left_out(couplings: Sequence[Coupling]) -> tuple[str, ...]:
-    """A sentence on couplings of which MuJoCo's own steps and raw accelerations lack the term."""
+def said(couplings: Sequence[Coupling], *, completed: bool) -> tuple[str, ...]:
+    """A sentence on couplings that MuJoCo takes for straight, and on what became of that."""
     names = ", ".join(one.name for one in curved(couplings))
-    return (f"MuJoCo leaves the curvature of its joint equalities out of its accelerations: {names}",) if names else ()
+    fate = "added to what it says" if completed else "missing from what it says"
+    return (f"MuJoCo takes joint equalities for straight lines; their curvature is {fate}: {names}",) if names else ()

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.curvature import left_out
+from screwgauge.engines.mujoco import curvature
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
@@ -21,7 +21,7 @@ from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
-from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
+from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
@@ -42,8 +42,11 @@ class MujocoModel(TreeModel):
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         with heard() as warnings:
             solution = super().solve(problem, progress)
-        said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
-        return replace(solution, notes=(*solution.notes, *said), warnings=said)
+        said, task = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)), problem.task
+        own = isinstance(task, States) and task.tau is not None
+        own |= isinstance(task, InitialValue) and self.dynamics is not None and self.dynamics.dt is not None
+        curves = curvature.said(self.closed.tree.couplings, completed=not own)
+        return replace(solution, notes=(*solution.notes, *curves, *said), warnings=said)
 
 
 class MujocoDynamics:
@@ -88,17 +91,16 @@ class MujocoDynamics:
             mujoco.mj_forward(model, data)
             out[i] = data.qacc
             refine(model, data, out[i], self.settings.passes, same=0.0)
-        cost, notes = clock.cost(evaluations=len(q)), left_out(self.tree.couplings)
+        cost = clock.cost(evaluations=len(q))
         if not self.settings.examine:
-            return Accelerations(out, cost, notes=notes)
+            return Accelerations(out, cost)
         J = data.efc_J[: data.nefc * model.nv].reshape(-1, model.nv).copy()
         moved = np.empty_like(J)
         mujoco.mj_solveM(model, data, moved, J)
         # J M^-1 J^T + R at the last state, with MuJoCo's regularisation R
         condition = linear.condition(J @ moved.T + np.diag(data.efc_R[: len(J)]))
         freedoms = model.nv - linear.rank(J)
-        notes = (*notes, f"rank leaves {freedoms} freedoms")
-        return Accelerations(out, cost, np.full(len(q), condition), {}, notes)
+        return Accelerations(out, cost, np.full(len(q), condition), {}, (f"rank leaves {freedoms} freedoms",))
 
 
 def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:

@@ -13,7 +13,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.curvature import left_out
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import Settings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
@@ -147,8 +146,7 @@ class MujocoStepper:
         return self.forces
 
     def notes(self) -> tuple[str, ...]:
-        held = ("some forces vary with time or pose and are held over each step",) if self.held.elements else ()
-        return (*held, *left_out(self.mover.tree.couplings))
+        return ("some forces vary with time or pose and are held over each step",) if self.held.elements else ()
 
     def look(self, q: Array, v: Array) -> BodyAt:
         self.mover.place(q, v)

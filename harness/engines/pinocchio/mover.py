@@ -37,7 +37,8 @@ class PinocchioMover:
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
         self.more = pin.ProximalSettings(0.0, 0.0, mu, MORE)
-        self.setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
+        setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
+        self.setting = setting + (", couplings by unit forces" if tree.couplings else "")
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
 

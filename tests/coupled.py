@@ -1,0 +1,102 @@
+"""Mechanisms with couplings of every kind, as text of descriptions and scenes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+from numpy.polynomial.polynomial import polyval
+
+Couplings = Mapping[str, tuple[str, Sequence[float]]]
+"""Coupled coordinate -> the one that it depends on, or nothing, and the coefficients."""
+
+
+def homes(couplings: Couplings, start: Mapping[str, float]) -> dict[str, float]:
+    """Home values of all coordinates, those of the coupled ones from the others, which come first."""
+    home = dict(start)
+    for name, (of, polynomial) in couplings.items():
+        home[name] = float(polyval(home.get(of, 0.0), polynomial))
+    return home
+
+
+def coupling_tables(couplings: Couplings) -> str:
+    """The tables ``[couplings.*]``, last coupling first: their order says nothing."""
+    text = ""
+    for name, (of, polynomial) in reversed(couplings.items()):
+        text += f'[couplings."tie.{name}"]\ncoordinate = "{name}"\npolynomial = {list(map(repr, polynomial))}\n'
+        text += f'of = "{of}"\n' if of else ""
+    return text
+
+
+def body(name: str, i: int) -> str:
+    """A body whose numbers differ from those of the others."""
+    xx, yy, zz, xy = 0.02 + 0.003 * i, 0.03 - 0.001 * i, 0.025 + 0.002 * i, 0.002
+    tensor = f"{{ xx = {xx!r}, yy = {yy!r}, zz = {zz!r}, xy = {xy!r} }}"
+    return f'[bodies."{name}"]\nmass = {1.0 + 0.3 * i!r}\ncom = [0.05, {0.02 * i!r}, -0.03]\ninertia = {tensor}\n'
+
+
+#: Coordinates of one joint of each kind on two driven ones, of which they are polynomials, some over others.
+EVERY_KIND: Couplings = {
+    "u.q1": ("a", [0.1, 0.5, 0.4]),
+    "u.q2": ("b", [-0.3, 1.2]),
+    "s.q1": ("a", [0.0, -0.7]),
+    "s.q2": ("b", [0.2, 0.1, 0.3, -0.2]),
+    "s.q3": ("u.q1", [0.05, 1.5]),
+    "c.q1": ("b", [0.0, 3.0]),
+    "c.q2": ("c.q1", [0.1, 0.05]),
+    "p": ("a", [0.02, 0.2, 0.1, 0.05, 0.02]),
+    "r": ("", [0.4]),
+    "f.x": ("b", [0.3, 0.1]),
+    "f.y": ("", [0.2]),
+    "f.z": ("f.x", [0.1, 0.5, 0.5]),
+    "f.q1": ("a", [0.1, 0.8]),
+    "f.q2": ("b", [0.2, -0.3]),
+    "f.q3": ("", [-0.1]),
+}
+_KINDS = (  # joint, kind, parent, child, axes
+    ("a", "R", "ground", "A", [[0, 0, 1]]),
+    ("b", "R", "A", "B", [[0, 1, 0]]),
+    ("u", "U", "B", "C", [[1, 0, 0], [0, 1, 0]]),
+    ("s", "S", "C", "D", [[1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    ("c", "C", "E", "D", [[0, 0, 1]]),
+    ("p", "P", "F", "B", [[1, 0, 0]]),
+    ("r", "R", "D", "G", [[0, 1, 0]]),
+    ("f", "F", "A", "H", [[0, 0, 1], [0, 1, 0], [1, 0, 0]]),
+)
+
+
+def every_kind(couplings: Couplings = EVERY_KIND) -> str:
+    """A tree of joints of every kind, two of them declared towards ground, with two freedoms."""
+    home = homes(couplings, {"a": 0.3, "b": -0.2})
+    text = 'name = "every-kind"\nindependent = { a = "a", b = "b" }\n'
+    text += "".join(body(name, i) for i, name in enumerate("ABCDEFGH"))
+    for i, (name, kind, parent, child, axes) in enumerate(_KINDS):
+        own = [x for x in home if x.partition(".")[0] == name]
+        turned = f'{{ axis = [1, 0, 0], angle = "{0.2 * i:.3f}" }}'
+        text += f'[joints.{name}]\nkind = "{kind}"\nparent = "{parent}"\nchild = "{child}"\naxes = {json.dumps(axes)}\n'
+        text += f"home = {[home[x] for x in own]}\nactuated = {'true' if name in 'ab' else 'false'}\n"
+        text += f"parent_frame = {{ position = [0.1, {0.05 * i!r}, 0.2], rotation = {turned} }}\n"
+        text += "child_frame = { position = [0, 0.02, -0.1] }\n"
+    return text + coupling_tables(couplings)
+
+
+def geared_five_bar(of: str, coordinate: str, polynomial: Sequence[float]) -> str:
+    """The built-in five-bar with one freedom less: a coordinate is a polynomial of another one."""
+    return f"""name = "geared-five-bar"
+extends = "five-bar"
+independent = {{ left = "left" }}
+[joints.right]
+actuated = false
+[couplings.gear]
+coordinate = "{coordinate}"
+of = "{of}"
+polynomial = {list(map(repr, polynomial))}
+"""
+
+
+def scene(mechanism: str, labels: Sequence[str]) -> str:
+    """Sines about home [offsets by label] for some samples."""
+    text = f'mechanism = "{mechanism}.toml"\n'
+    for i, (label, offset) in enumerate(labels.items() if isinstance(labels, dict) else dict.fromkeys(labels, 0.0)):
+        text += f"[motion.{label}]\noffset = {offset!r}\nharmonics = [[{2.0 + i!r}, 0, 0.3], [{5.0 - i!r}, 0, 0.1]]\n"
+    return text + '[time]\nduration = 1.2\nstep = 0.1\n[[loads]]\nby = "environment"\n'
