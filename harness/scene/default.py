@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -79,14 +80,15 @@ def default_scene(
     """
     wanted = compared(mechanism)
     scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs)), wanted))
-    out = lines({"mechanism": str(file), "description": f"{description} {scene.description.strip()}".strip()})
+    out = [f"# {wrap(description, 116)[0]}"] if description else []
+    out += lines({"mechanism": str(file), "description": f"{description} {scene.description.strip()}".strip()})
     if gravity is not None:
         out += lines({"gravity": gravity})
     if wanted != GIVEN:
         left = [name for name in GIVEN if name not in wanted]
         out += ["", f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told", *lines({"quantities": wanted})]
     step = float(scene.t[1] - scene.t[0])
-    out += ["", "[time]", *lines({"duration": float(scene.t[-1]), "step": step})]
+    out += ["", "[time]", *lines({"duration": float(f"{scene.t[-1]:.9g}"), "step": step})]
     for label, table in scene.text["motion"].items():
         rows = ", ".join(f"[{', '.join(row)}]" for row in table["harmonics"])
         out += ["", f"[motion.{key(label)}]", f"offset = {table['offset']}", f"harmonics = [{rows}]"]

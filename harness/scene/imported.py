@@ -13,7 +13,7 @@ from screwgauge.models.importing.write import description
 from screwgauge.reference.errors import OutputError
 from screwgauge.scene.default import SUFFIX, acting_on, default_scene
 
-#: How a description begins that may be written again.
+#: How files begin that may be written again.
 FIRST = "# Imported from "
 
 
@@ -51,4 +51,4 @@ def _ours(path: Path) -> bool:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return False
-    return FIRST in text[:10_000]
+    return text.startswith(FIRST)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.models.importing.closing import Loops
+from screwgauge.models.importing.closing import CLOSED, Loops
 from screwgauge.models.importing.motion import State, at_home, moved_home
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import ClosureError
@@ -21,6 +22,8 @@ REGULAR, REDUNDANT = 2e-3, 1e-8
 #: Room that coordinates keep to their limits, as a share of the range and at most [rad]: a motion needs some.
 MARGIN, ROOM = 0.15, 0.3
 CENTRINGS = 40
+#: How many closures or joints a sentence names.
+SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,17 +31,11 @@ class Assembled:
     """A reading whose home is closed.
 
     Attributes:
-        moved: Joint -> how far it is from the home of the file [rad or m], where it is.
-        opened: Largest residual of the file's own home [rad or lengths of the model].
-        left: The same of the new home.
-        beyond: Joints that are outside their limits even so.
+        said: What was moved and why, a sentence each.
     """
 
     reading: Reading
-    moved: dict[str, float]
-    opened: float
-    left: float
-    beyond: tuple[str, ...]
+    said: tuple[str, ...]
 
 
 def assemble(reading: Reading, where: str) -> Assembled:
@@ -50,10 +47,31 @@ def assemble(reading: Reading, where: str) -> Assembled:
     loops, home = Loops(reading), at_home(reading)
     state, error, rank = _nearest(loops, home, where)
     state, error = _centred(loops, state, error, rank)
+    return Assembled(moved_home(reading, state), _said(loops, home, state, error))
+
+
+def _said(loops: Loops, home: State, state: State, error: float) -> tuple[str, ...]:
     moved = {name: value - home.values[name] for name, value in state.values.items() if value != home.values[name]}
-    opened = float(np.abs(loops.system(home)[0]).max(initial=0.0))
-    beyond = tuple(name for name, joint in reading.joints.items() if outside(joint, state.values.get(name)))
-    return Assembled(moved_home(reading, state), moved, opened, error, beyond)
+    said, opened = [], loops.gaps(home, CLOSED)
+    if moved:
+        most = max(moved, key=lambda name: abs(moved[name]))
+        aim = "closed loops nearest to that of the file" if opened else "room to the limits"
+        what = f"{len(moved)} coordinates are moved, '{most}' most, by {moved[most]:.3g}"
+        said.append(f"Home is a pose with {aim}: {what}.")
+    if opened:
+        said.append(f"At the file's own home loops are open: {some(opened)}.")
+    if error > CLOSED:
+        said.append(f"Even so loops are open, by the rounding of the file: {some(loops.gaps(state, CLOSED))}.")
+    beyond = [name for name, joint in loops.reading.joints.items() if outside(joint, state.values.get(name))]
+    if beyond:
+        said.append(f"Home is beyond the limits of {some(beyond)}.")
+    return tuple(said)
+
+
+def some(phrases: Sequence[str]) -> str:
+    """The first of some phrases, and how many more there are."""
+    more = f" and {len(phrases) - SHOWN} more" if len(phrases) > SHOWN else ""
+    return ", ".join(phrases[:SHOWN]) + more
 
 
 def outside(joint: JointReading, value: float | None) -> bool:
@@ -81,7 +99,7 @@ def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
         if clear and not excess:
             break
     if not found:
-        raise _never(loops, *best, where)
+        raise _never(loops, best[0], where)
     *_, state, error = min(found, key=lambda row: row[:5])
     return state, error, -min(found, key=lambda row: row[:5])[0]
 
@@ -94,11 +112,8 @@ def _distance(loops: Loops, home: State, state: State) -> float:
     return float(np.linalg.norm(way))
 
 
-def _never(loops: Loops, state: State, error: float, where: str) -> ClosureError:
-    residuals = {name: float(np.abs(r).max()) for name, r in loops.residuals(state).items()}
-    worst = sorted(residuals, key=lambda name: -residuals[name])
-    named = [f"'{name}' by {residuals[name]:.2g}" for name in worst if residuals[name] > ROUNDED]
-    what = f"loops do not close from any of {STARTS} starts: {', '.join(named[:5])} (rad, or lengths of the model)"
+def _never(loops: Loops, state: State, where: str) -> ClosureError:
+    what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(state, ROUNDED))}"
     return ClosureError(what, where, "check the frames that they join, or name fewer loops")
 
 

@@ -62,6 +62,18 @@ class Loops:
         """How far each closure and coupling is open [rad or lengths]: 3, 6 or 1 numbers."""
         return self._evaluate(place(self.reading, state), state)[0]
 
+    def gaps(self, state: State, least: float) -> list[str]:
+        """How far closures and couplings that are open are so, in words, the widest first."""
+        found = {name: r for name, r in self.residuals(state).items() if np.abs(r).max() > least}
+        return [self._gap(name, found[name]) for name in sorted(found, key=lambda name: -np.abs(found[name]).max())]
+
+    def _gap(self, name: str, r: Array) -> str:
+        if len(r) > 1:
+            turned = f"{np.abs(r[:-3]).max():.2g} rad and " if len(r) == 6 else ""
+            return f"'{name}' by {turned}{np.linalg.norm(r[-3:]) * self.length:.2g} m"
+        slides = self.reading.joints[self.reading.couplings[name].joint].kind == "slide"
+        return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"
+
     def system(self, state: State) -> tuple[Array, Array]:
         """All residuals and their derivative by the velocities, without dimension. Shapes (m,), (m, n)."""
         residuals, rows = self._evaluate(place(self.reading, state), state)

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.importing.assemble import Assembled, assemble
-from screwgauge.models.importing.closing import CLOSED
+from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.choice import choose
 from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
 from screwgauge.models.importing.left_out import left_out, springs_of
@@ -69,16 +68,15 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Seq
         raise DescriptionError("has no joint that moves", where, "give a model with at least one degree of freedom")
     reading, names = _renamed(reading)
     assembled = assemble(reading, where)
-    reading, length = assembled.reading, length_of(assembled.reading)
-    graph = graph_of(reading, length)
+    reading = assembled.reading
+    graph = graph_of(reading, length_of(reading))
     if not graph.chains:
         raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
     actuated = _actuated(reading, graph, wanted, where)
-    alone = {name for entry in reading.couplings.values() for name in (entry.joint, entry.of)}
-    joints, carriers = _joints(reading, graph, frozenset({*actuated, *alone}), {j.name: j for j in given}, length)
+    joints, carriers = _joints(reading, graph, frozenset(actuated), {one.name: one for one in given})
     mechanism = Mechanism(
         name=accepted([reading.name], "model")[reading.name],
-        bodies=(*(_body(part, length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
+        bodies=(*(_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
         joints=joints,
         independent={},
         title=reading.name,
@@ -93,7 +91,7 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Seq
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
     mechanism = choose(mechanism, actuated, wanted.independent, where)
-    remarks = (*_said(assembled, length), *graph.remarks)
+    remarks = (*assembled.said, *graph.remarks)
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, remarks, left_out(reading, mechanism)
     )
@@ -156,13 +154,13 @@ def _body(part: Part, length: float, where: str) -> Body:
 
 
 def _joints(
-    reading: Reading, graph: Graph, alone: frozenset[str], given: Mapping[str, Joint], length: float
+    reading: Reading, graph: Graph, driven: frozenset[str], given: Mapping[str, Joint]
 ) -> tuple[tuple[Joint, ...], list[Body]]:
     """All joints, and the bodies without mass between those of one chain."""
     names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
     used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
     for chain in graph.chains:
-        steps = _steps(reading, chain, graph, alone, length)
+        steps = _steps(reading, chain, graph, driven)
         near = graph.parts[chain.near]
         for i, group in enumerate(steps):
             far = graph.parts[chain.far]
@@ -171,18 +169,18 @@ def _joints(
                 pose[:3, 3] = group.point
                 far = Part(unused(f"{group.axes[0].name}.carrier", names), pose)
                 carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
-            made = joint(group, _joint_name(group, used), near, far, length)
-            joints.append(made)
+            joints.append(joint(group, _joint_name(group, used), near, far, graph.length))
             near = far
     for pin in graph.pins:
         first, second = graph.parts[pin.first], graph.parts[pin.second]
-        made = joint(pinned(pin, first, second), pin.name, first, second, length)
+        made = joint(pinned(pin, first, second), pin.name, first, second, graph.length)
         joints.append(given.get(pin.name, made))
     return tuple(joints), carriers
 
 
-def _steps(reading: Reading, chain: Chain, graph: Graph, alone: frozenset[str], length: float) -> list[Group]:
+def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str]) -> list[Group]:
     """The joints of a chain, ball and free joints each on its own."""
+    coupled = frozenset(name for entry in reading.couplings.values() for name in (entry.joint, entry.of))
     out, run = list[Group](), list[Axis]()
     for name in chain.joints:
         entry = reading.joints[name]
@@ -191,9 +189,9 @@ def _steps(reading: Reading, chain: Chain, graph: Graph, alone: frozenset[str], 
             continue
         near, far = graph.parts[chain.near], graph.parts[chain.far]
         kind = "S" if entry.kind == "ball" else "F"
-        out += [*groups(run, alone, length), ball(name, kind, near, far, entry.centre)]
+        out += [*groups(run, driven, coupled, graph.length), ball(name, kind, near, far, entry.centre)]
         run = []
-    return [*out, *groups(run, alone, length)]
+    return [*out, *groups(run, driven, coupled, graph.length)]
 
 
 def _joint_name(group: Group, used: set[str]) -> str:
@@ -203,19 +201,3 @@ def _joint_name(group: Group, used: set[str]) -> str:
     parts = {axis.name.rpartition(".")[0] for axis in group.axes}
     whole = parts.pop() if len(parts) == 1 else ""
     return unused(whole or "+".join(axis.name for axis in group.axes), used)
-
-
-def _said(assembled: Assembled, length: float) -> list[str]:
-    """How loops were closed and coordinates brought within limits."""
-    said = []
-    if assembled.opened > CLOSED:
-        said.append(f"the loops of the file are open by {assembled.opened * length:.2g} m or rad at its own home")
-    if assembled.moved:
-        most = max(assembled.moved, key=lambda name: abs(assembled.moved[name]))
-        what = "the home pose is the nearest one found that closes all loops within limits and off singular poses"
-        said.append(f"{what}: {len(assembled.moved)} coordinates moved, '{most}' by {assembled.moved[most]:.3g}")
-    if assembled.left > CLOSED:
-        said.append(f"loops close to {assembled.left * length:.1g} m or rad only, the rounding of the file")
-    if assembled.beyond:
-        said.append(f"home is beyond the limits of {', '.join(assembled.beyond)}, which are left out")
-    return said

@@ -50,13 +50,15 @@ def axis_of(name: str, joint: JointReading) -> Axis:
     return Axis(name, turns, direction, joint.centre, joint.home, joint.limits)
 
 
-def groups(axes: Sequence[Axis], alone: frozenset[str], length: float) -> list[Group]:
-    """Freedoms of a chain as joints; those that are driven or coupled stay alone."""
+def groups(axes: Sequence[Axis], driven: frozenset[str], coupled: frozenset[str], length: float) -> list[Group]:
+    """Freedoms of a chain as joints. Driven ones stay alone, and coupled ones do not become part of S and F."""
     out, i = list[Group](), 0
     while i < len(axes):
         for n, recognise in ((6, _free), (3, _spherical), (2, _pair)):
             part = tuple(axes[i : i + n])
-            if len(part) == n and not {axis.name for axis in part} & alone and (found := recognise(part, length)):
+            names = {axis.name for axis in part}
+            whole = len(part) == n and not names & (driven if n == 2 else driven | coupled)
+            if whole and (found := recognise(part, length)):
                 out.append(found)
                 break
         else:

@@ -13,7 +13,7 @@ from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.models.readings.read import libraries_for, read
-from screwgauge.models.readings.reading import ClosureReading, Reading
+from screwgauge.models.readings.reading import ClosureReading, CouplingReading, Reading
 from screwgauge.models.importing.with_loops_tmp import with_loops
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import is_file
@@ -110,7 +110,8 @@ def _with_own_loops(reading: Reading, file: LoopsFile, where: str) -> Reading:
             name = closure.joint if len(frames[0]) == 1 else f"{closure.joint}.{i + 1}"
             closures[name] = ClosureReading(kind, a, first, b, second)
     actuators = {joint.name: (joint.coordinates[0], 1.0) for joint in file.joints if joint.actuated}
-    return replace(reading, closures=closures, actuators=actuators)
+    couplings = {one.name: CouplingReading(one.coordinate, one.of, one.polynomial) for one in file.couplings}
+    return replace(reading, closures=closures, couplings=couplings, actuators=actuators)
 
 
 def _matrix(frame: Frame) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from screwgauge.models.importing.left_out import listed
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, skew
@@ -67,12 +68,14 @@ class Graph:
     """Parts by name, and what joins them.
 
     Attributes:
-        remarks: What was simplified, a phrase each.
+        length: Of the model [m].
+        remarks: What was simplified, a sentence each.
     """
 
     parts: dict[str, Part]
     chains: list[Chain]
     pins: list[Pin]
+    length: float
     remarks: list[str]
 
 
@@ -86,7 +89,7 @@ def graph_of(reading: Reading, length: float) -> Graph:
         a, b = (b, a) if b == GROUND or ("@" in a and a != GROUND) else (a, b)  # BODY@JOINT is a copy of ours
         owner = {name: a if root == b else root for name, root in owner.items()}
         if a != b:
-            remarks.append(f"'{b}' is one body with '{a}', as the file welds them")
+            remarks.append(f"'{b}' is one body with '{a}', as closures keep them together.")
     parts = {GROUND: Part(GROUND, np.eye(4))}
     for name, body in reading.bodies.items():
         parts[name] = Part(name, body.pose, body.mass, body.com, body.inertia)
@@ -95,8 +98,8 @@ def graph_of(reading: Reading, length: float) -> Graph:
             parts[owner[name]].absorb(parts.pop(name))
     chains = [Chain(owner[body.near], body.joints, (), owner[name]) for name, body in reading.bodies.items()]
     locked = [chain for chain in chains if chain.near == chain.far and chain.joints]
-    remarks += [f"joint '{joint}' joins a body to itself and is left out" for c in locked for joint in c.joints]
-    graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], remarks)
+    remarks += [f"Joint '{joint}' is held by closures, and left out." for c in locked for joint in c.joints]
+    graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], length, remarks)
     for name, first, second, points in pins:
         if owner[first] != owner[second]:
             graph.pins.append(Pin(name, owner[first], owner[second], points))
@@ -148,7 +151,7 @@ def _prune(graph: Graph, followed: set[str]) -> None:
         for chain in idle:
             graph.chains.remove(chain)
             del graph.parts[chain.far]
-            graph.remarks.append(f"'{chain.far}' has no mass and carries nothing: left out with {', '.join(chain.joints)}")
+            graph.remarks.append(f"'{chain.far}' has no mass and carries nothing; left out with {listed(chain.joints)}.")
 
 
 def _ends(graph: Graph, name: str) -> int:
