@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from screwgauge.models.layout import Closure, Link, lay_out
+from screwgauge.models.layout import Link, lay_out
 from screwgauge.models.readings.assemble import matrix, screw
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading, couplings_of
+from screwgauge.models.readings.loops import closure_readings
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading, couplings_of
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
@@ -31,7 +32,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         library="screwgauge",
         bodies=bodies,
         joints=joints,
-        closures=dict(entry for closure in tree.closures for entry in _closures(closure)),
+        closures=closure_readings(tree.closures),
         couplings=couplings_of(mechanism.couplings),
         actuators={name: (joint.coordinates[0], 1.0) for name, joint in driven},
         gravity=np.asarray(gravity, dtype=float),
@@ -79,17 +80,3 @@ def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
         joints[name] = JointReading("hinge" if turns else "slide", S, T[:3, 3], float(value))
         T = T @ _step(float(value), turns, axis)
     return joints
-
-
-def _closures(closure: Closure) -> list[tuple[str, ClosureReading]]:
-    """Names of the equality constraints and the frames that they join."""
-    parent, child = closure.parent, closure.child
-    if closure.type != "points":
-        frames = _matrix(closure.parent_frame), _matrix(closure.child_frame)
-        kind = "weld" if closure.type == "weld" else "point"
-        return [(closure.joint, ClosureReading(kind, parent, frames[0], child, frames[1]))]
-    points = zip(closure.parent_points, closure.child_points, strict=True)
-    return [
-        (f"{closure.joint}.{i + 1}", ClosureReading("point", parent, matrix(p, np.eye(3)), child, matrix(r, np.eye(3))))
-        for i, (p, r) in enumerate(points)
-    ]

@@ -14,6 +14,7 @@ from screwgauge.reference.errors import DescriptionError
 LIMITS = {
     "MB": 16,
     "MB of CSV": 256,
+    "MB of YAML": 1,
     "CSV columns": 1000,
     "samples": 10_000_000,
     "bodies": 500,

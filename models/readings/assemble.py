@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,7 +78,8 @@ def assemble(links: Iterable[Link], where: str) -> Assembly:
             raise ModelFileError(f"a body that moves is called '{GROUND}'", where, "give it another name")
         first = group[0][1]
         near = places[first.near][0] if first.near else GROUND
-        bodies[named.name] = _merged(named, ordered, near, first.joints)
+        body = _merged(named, ordered, near, first.joints)
+        bodies[named.name] = body if named is first else replace(body, first=first.name)
         places |= {name: (named.name, T) for name, T in bodies[named.name].fixed.items()}
         places[named.name] = named.name, np.eye(4)
     return Assembly(bodies, fixed, places)

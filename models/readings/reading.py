@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: Kind of a joint -> its velocities. The rates of ``ball`` and ``free`` are the angular velocity of the body that the
@@ -33,6 +34,7 @@ class BodyReading:
         pose: World pose at the home coordinates. Shape (4, 4).
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
+        first: Link that the last of the joints carries; empty where that is the one that the body is called after.
     """
 
     near: str
@@ -43,6 +45,7 @@ class BodyReading:
     pose: Array
     gravcomp: float = 0.0
     fixed: Mapping[str, Array] = field(default_factory=dict)
+    first: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +131,17 @@ class Reading:
     gravity: Array | None = None
     medium: tuple[float, float] = (0.0, 0.0)
     ignored: tuple[str, ...] = ()
+
+    def place(self, name: str) -> tuple[str, Array] | None:
+        """Body (or ground) that a link, or the link that a joint carries, is part of, and its frame there, (4, 4)."""
+        if name in self.fixed:
+            return GROUND, self.fixed[name]
+        for whole, body in self.bodies.items():
+            if name in body.fixed:
+                return whole, body.fixed[name]
+            if name == whole or name == body.joints[-1]:
+                return whole, body.fixed[body.first] if body.first and name != whole else np.eye(4)
+        return None
 
     @property
     def mass(self) -> float:

@@ -8,7 +8,6 @@ from screwgauge.models.readings.source import Source
 
 #: Things of a kind that are named; the others are counted.
 _NAMED = 3
-_GENERATED = ("replicate", "composite", "flexcomp")
 
 
 def unread(source: Source, reading: Reading) -> tuple[str, ...]:
@@ -16,15 +15,22 @@ def unread(source: Source, reading: Reading) -> tuple[str, ...]:
     found: dict[str, list[str]] = {}
     for extra in beyond_reading(source.root, source.form, reading.library):
         found.setdefault(extra.what, []).append(extra.whose)
-    said = [f"{what}{_listed(whose, ',')}" for what, whose in found.items()]
+    said = [f"{what}{_whose(owners)}" for what, owners in found.items()]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         said.append("contacts of geoms")
     return (*_dropped(source, reading), *source.ignored, *reading.ignored, *said)
 
 
-def _listed(things: list[str], comma: str) -> str:
+def _whose(owners: list[str]) -> str:
+    """`` of joint a, b, c and 9 more``, from `` of joint a``, `` of joint b`` ..."""
+    owners = list(dict.fromkeys(owners))
+    kind = owners[0].rpartition(" ")[0]
+    return _listed([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])])
+
+
+def _listed(things: list[str]) -> str:
     rest = len(things) - _NAMED
-    return comma.join(things[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    return ", ".join(things[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _dropped(source: Source, reading: Reading) -> list[str]:
@@ -38,5 +44,5 @@ def _dropped(source: Source, reading: Reading) -> list[str]:
     ):
         names = [name for name in source.names(what) if name not in known]
         if names:
-            said.append(f"{what} {_listed(names, ', ')}, which {reading.library} drops")
+            said.append(f"{what} {_listed(names)}, which {reading.library} drops")
     return said

@@ -1,0 +1,77 @@
+"""Model files read in processes of their own: a library that crashes, hangs or takes all memory costs its reading only.
+
+Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an MJCF can take MuJoCo minutes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from screwgauge.models.readings.loops import with_loops
+from screwgauge.models.readings.read import read
+from screwgauge.models.readings.reading import Reading
+from screwgauge.problem import Progress
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.solution import Failure
+from screwgauge.study.apart import Limits, apart
+
+#: Of one reading: the largest models take a second.
+LOADING = Limits(seconds=60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A file to be read.
+
+    Attributes:
+        library: Who reads it, see `screwgauge.models.readings.read.LIBRARIES`.
+        loops: File beside it that says what closes its loops.
+        home, floating: See `screwgauge.models.readings.read.read`.
+    """
+
+    path: Path
+    library: str
+    loops: Path | None = None
+    home: Mapping[str, float] = field(default_factory=dict)
+    floating: bool = False
+
+
+def load(request: Request) -> Reading:
+    """Reads a file in this process.
+
+    Raises:
+        ScrewgaugeError: It cannot be read.
+    """
+    reading = read(request.path, request.library, home=request.home, floating=request.floating)
+    return with_loops(reading, request.loops) if request.loops else reading
+
+
+def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[str, Reading | Failure]:
+    """Reads files, all at once as far as cores allow, each in a process that is kept for the next of its library.
+
+    Args:
+        requests: By any name.
+
+    Returns:
+        What each request gives, or why it gives nothing, in their order.
+    """
+    used, processes = Counter[str](), dict[str, str]()
+    for name, request in requests.items():
+        used[request.library] += 1
+        processes[name] = f"{request.library}-reading-{used[request.library]}"
+    works = {processes[name]: partial(_work, request) for name, request in requests.items()}
+    with TemporaryDirectory() as folder:
+        found = apart(works, limits, Path(folder), lambda names, share: None)
+    return {name: found[process] for name, process in processes.items()}
+
+
+def _work(request: Request, progress: Progress) -> Reading | Failure:
+    try:
+        return load(request)
+    except ScrewgaugeError as error:
+        return Failure(request.library, str(error))

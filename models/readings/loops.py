@@ -1,0 +1,163 @@
+"""Loops beside a URDF, which cannot say them: a loops file of our own, or the ``robot.yaml`` of parallel robots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.layout import Closure
+from screwgauge.models.loops import read_loops
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading, couplings_of
+from screwgauge.reference.errors import ModelFileError, UnknownNameError
+from screwgauge.reference.files import read_file
+from screwgauge.reference.rotations import Array
+
+#: How the name of a loops file of our own ends.
+OWN = ".loops.toml"
+#: Type of a closure in a ``robot.yaml`` -> kind.
+_KINDS = {"3d": "point", "6d": "weld"}
+_KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsYaml:
+    """A ``robot.yaml``.
+
+    Attributes:
+        pairs: Names of two links, or of joints for the links that they carry, that coincide.
+        kinds: Of the closures, as `ClosureReading` has them.
+        motors: Joints that are driven; or a part of their names, where the file has one text for all.
+        spherical: Joints that turn about a point.
+        unread: Further entries of the file.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    kinds: tuple[str, ...]
+    motors: tuple[str, ...] | str
+    spherical: tuple[str, ...]
+    unread: tuple[str, ...]
+
+
+def with_loops(reading: Reading, path: Path) -> Reading:
+    """A reading of a URDF with the closures, motors and spherical joints of the file beside it.
+
+    Raises:
+        ScrewgaugeError: The file cannot be read, or names what the reading does not have.
+    """
+    return _with_own(reading, path) if path.name.endswith(OWN) else _with_yaml(reading, path)
+
+
+def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
+    """Closures of our own files by the names that their constraints have in an MJCF; two points are two of them."""
+    found = {}
+    for closure in closures:
+        parent, child = closure.parent, closure.child
+        if closure.type != "points":
+            T1, T2 = (matrix(frame.p, frame.R) for frame in (closure.parent_frame, closure.child_frame))
+            kind = "weld" if closure.type == "weld" else "point"
+            found[closure.joint] = ClosureReading(kind, parent, T1, child, T2)
+            continue
+        for i, points in enumerate(zip(closure.parent_points, closure.child_points, strict=True)):
+            T1, T2 = (matrix(p, np.eye(3)) for p in points)
+            found[f"{closure.joint}.{i + 1}"] = ClosureReading("point", parent, T1, child, T2)
+    return found
+
+
+def _with_own(reading: Reading, path: Path) -> Reading:
+    file, closures = read_loops(path), {}
+    for name, one in closure_readings(file.closures).items():
+        first, T1 = _place(reading, one.first, path)
+        second, T2 = _place(reading, one.second, path)
+        closures[name] = ClosureReading(one.kind, first, T1 @ one.first_frame, second, T2 @ one.second_frame)
+    driven = {joint.name: joint.coordinates[0] for joint in file.joints if joint.actuated}
+    couplings = {**reading.couplings, **couplings_of(file.couplings)}
+    return replace(reading, closures=closures, couplings=couplings, actuators=_motors(reading, driven, path))
+
+
+def read_loops_yaml(path: Path) -> LoopsYaml:
+    """Reads a ``robot.yaml``.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
+    """
+    import yaml
+
+    where = str(path)
+    try:
+        data = yaml.safe_load(read_file(path, "MB of YAML"))
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
+    if not isinstance(data, Mapping):
+        raise ModelFileError("has no entries", where, f"write {', '.join(_KEYS[:3])}")
+    pairs = tuple(tuple(_texts(pair, f"{where}, closed_loop")) for pair in data.get("closed_loop") or ())
+    types = _texts(data.get("type"), f"{where}, type")
+    if len(types) != len(pairs) or any(len(pair) != 2 for pair in pairs):
+        what = f"{len(pairs)} closed loops, {len(types)} types"
+        raise ModelFileError(what, where, "write a pair of names and a type, 3d or 6d, for each loop")
+    for kind in types:
+        if kind.lower() not in _KINDS:
+            raise UnknownNameError("type of a closed loop", kind, _KINDS, f"{where}, type")
+    joints = _texts(data.get("joint_name"), f"{where}, joint_name")
+    turned = _texts(data.get("joint_type"), f"{where}, joint_type")
+    if len(joints) != len(turned):
+        what = f"{len(joints)} joint names, {len(turned)} joint types"
+        raise ModelFileError(what, where, "write a type for each joint")
+    motors = data.get("name_mot")
+    return LoopsYaml(
+        tuple((first, second) for first, second in pairs),
+        tuple(_KINDS[kind.lower()] for kind in types),
+        motors if isinstance(motors, str) else _texts(motors, f"{where}, name_mot"),
+        tuple(name for name, kind in zip(joints, turned, strict=True) if kind.lower() == "spherical"),
+        (
+            *(f"entry {key} of {path.name}" for key in data if key not in _KEYS),
+            *(f"type {k} of joint {n}" for n, k in zip(joints, turned, strict=True) if k.lower() != "spherical"),
+        ),
+    )
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    """A list of texts; none where there is no entry."""
+    if value is None:
+        return ()
+    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
+        raise ModelFileError(f"{value!r} is no list of names", where, "write names in brackets")
+    return tuple(value)
+
+
+def _with_yaml(reading: Reading, path: Path) -> Reading:
+    file = read_loops_yaml(path)
+    closures = {}
+    for i, (kind, pair) in enumerate(zip(file.kinds, file.pairs, strict=True)):
+        (first, T1), (second, T2) = (_place(reading, name, path) for name in pair)
+        closures[f"loop{i + 1}"] = ClosureReading(kind, first, T1, second, T2)
+    names = [n for n in reading.joints if file.motors in n] if isinstance(file.motors, str) else file.motors
+    joints = dict(reading.joints)
+    for name in file.spherical:
+        if name not in joints:
+            raise UnknownNameError("joint", name, joints, f"{path}, joint_name")
+        joints[name] = JointReading("ball", np.zeros(6), joints[name].centre)
+    turning = replace(reading, joints=joints)
+    actuators = _motors(turning, {name: name for name in names}, path)
+    return replace(turning, closures=closures, actuators=actuators, ignored=(*reading.ignored, *file.unread))
+
+
+def _place(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
+    found = reading.place(name)
+    if found is None:
+        links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]
+        raise UnknownNameError("link or joint", name, links, str(path))
+    return found
+
+
+def _motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, tuple[str, float]]:
+    """Actuator -> joint and gear ratio."""
+    for name in driven.values():
+        single = [joint for joint, said in reading.joints.items() if said.kind in ("hinge", "slide")]
+        if name not in single:
+            raise UnknownNameError("hinge or slide", name, single, str(path))
+    return {actuator: (joint, 1.0) for actuator, joint in driven.items()}
