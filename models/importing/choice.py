@@ -27,12 +27,12 @@ def motions(mechanism: Mechanism) -> Array:
 
 
 def choose(
-    mechanism: Mechanism, actuated: Sequence[str], independent: Mapping[str, str] | None, where: str
+    mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
 ) -> Mechanism:
     """The mechanism with its independent coordinates and actuators.
 
     Args:
-        actuated: Coordinates that are driven; none leaves it to what is independent.
+        actuated: Joints that are driven; None are those of independent coordinates that can be.
         independent: Label -> coordinate that the user chose.
 
     Raises:
@@ -43,7 +43,7 @@ def choose(
         raise DescriptionError("its loops leave no degree of freedom", where, "check the closures")
     names = mechanism.coordinates
     if independent is None:
-        chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated))}
+        chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated or ()))}
     else:
         for name in independent.values():
             if name not in names:
@@ -53,8 +53,8 @@ def choose(
         if not rank == len(chosen) == K.shape[1]:
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
             raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
-    driven = {*actuated} or {name for name in chosen.values() if name in {joint.name for joint in mechanism.joints}}
-    joints = tuple(replace(joint, actuated=joint.name in driven) for joint in mechanism.joints)
+    driven = {*chosen.values()} if actuated is None else {*actuated}
+    joints = tuple(replace(joint, actuated=joint.kind in "RP" and joint.name in driven) for joint in mechanism.joints)
     return replace(mechanism, joints=joints, independent=chosen)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.choice import choose
 from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
-from screwgauge.models.importing.left_out import left_out, springs_of
+from screwgauge.models.importing.left_out import left_out, listed, springs_of
 from screwgauge.models.importing.motion import length_of
 from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
@@ -53,6 +53,11 @@ class Wanted:
     independent: Mapping[str, str] | None = None
     actuated: Sequence[str] | None = None
 
+    def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
+        """The same, and these where nothing was chosen."""
+        chosen = independent if self.independent is None else self.independent
+        return Wanted(chosen, actuated if self.actuated is None else self.actuated)
+
 
 def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Sequence[Joint] = ()) -> Imported:
     """The mechanism that was read.
@@ -72,8 +77,8 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Seq
     graph = graph_of(reading, length_of(reading))
     if not graph.chains:
         raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
-    actuated = _actuated(reading, graph, wanted, where)
-    joints, carriers = _joints(reading, graph, frozenset(actuated), {one.name: one for one in given})
+    actuated = _actuated(reading, graph, wanted.actuated, where)
+    joints, carriers = _joints(reading, graph, frozenset(actuated or ()), {one.name: one for one in given})
     mechanism = Mechanism(
         name=accepted([reading.name], "model")[reading.name],
         bodies=(*(_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
@@ -91,9 +96,11 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Seq
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
     mechanism = choose(mechanism, actuated, wanted.independent, where)
-    remarks = (*assembled.said, *graph.remarks)
+    remarks = [*assembled.said, *graph.remarks]
+    if not reading.actuators and wanted.actuated is None:
+        remarks.append(f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}.")
     return Imported(
-        mechanism, springs_of(reading, mechanism), reading.gravity, names, remarks, left_out(reading, mechanism)
+        mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )
 
 
@@ -125,18 +132,19 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
     return reading, changed
 
 
-def _actuated(reading: Reading, graph: Graph, wanted: Wanted, where: str) -> list[str]:
-    """Joints that are driven: those chosen, those of the file, or all of an open chain."""
+def _actuated(reading: Reading, graph: Graph, chosen: Sequence[str] | None, where: str) -> list[str] | None:
+    """Joints that are driven: those chosen, those of the file, or all of an open chain; None where nothing says so."""
     can = [j for chain in graph.chains for j in chain.joints if reading.joints[j].kind in ("hinge", "slide")]
-    if wanted.actuated is not None:
-        for name in wanted.actuated:
+    if chosen is not None:
+        for name in chosen:
             if name not in can:
                 raise UnknownNameError("hinge or slide", name, can, f"{where}, --actuated")
-        return list(wanted.actuated)
+        return list(chosen)
     driven = [name for name, _ in reading.actuators.values() if name in can]
-    if not driven and not reading.closures:  # an open chain
-        driven = [name for name in can if name not in {coupling.joint for coupling in reading.couplings.values()}]
-    return list(dict.fromkeys(driven))
+    if not driven and not reading.closures:
+        coupled = {coupling.joint for coupling in reading.couplings.values()}
+        driven = [name for name in can if name not in coupled]
+    return list(dict.fromkeys(driven)) or None
 
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from screwgauge.models.readings.mujoco import quiet
+from screwgauge.models.readings.mujoco import heard, loaded
 from screwgauge.models.readings.source import prepare
 
 #: Keyframe that users of MJCF call so.
 HOME = "home"
+SINGLE = (2, 3)  # slide and hinge, by MuJoCo's numbers
 
 
 def home_of(path: Path) -> dict[str, float]:
@@ -20,13 +21,8 @@ def home_of(path: Path) -> dict[str, float]:
     source = prepare(path)
     if source.form != "mjcf" or source.root.find(f"keyframe/key[@name='{HOME}']") is None:
         return {}
-    import mujoco
-
-    with quiet():
-        try:
-            model = mujoco.MjSpec.from_string(source.text).compile()
-        except (ValueError, mujoco.FatalError):  # whoever reads it says why
-            return {}
+    with heard():
+        model = loaded(source)
     qpos = model.key(HOME).qpos
-    single = [i for i in range(model.njnt) if model.jnt_type[i] >= mujoco.mjtJoint.mjJNT_SLIDE]
+    single = [i for i in range(model.njnt) if int(model.jnt_type[i]) in SINGLE]
     return {model.joint(i).name: float(qpos[model.jnt_qposadr[i]]) for i in single}
