@@ -76,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
     add("mechanism", metavar="MECHANISM", help="built-in name, or path of a TOML, URDF or MJCF file")
-    add("--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors")
+    add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
 
     add = command(commands.import_, "a URDF or MJCF as description (NAME.toml) and scene (NAME.scene.toml)")

@@ -30,8 +30,8 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.generate import write_models
     from screwgauge.scene.preflight import check_home
 
+    _imported(options.mechanism)
     mechanism = load_mechanism(options.mechanism)
-    _say_imported(options.mechanism)
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
@@ -48,13 +48,14 @@ def models(options: argparse.Namespace) -> int:
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
     from screwgauge.models.importing.convert import Wanted
-    from screwgauge.models.importing.model import Options, import_model, notes
+    from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
+    from screwgauge.study.importing import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
-    imported = import_model(options.file, choice)
+    imported = import_apart(options.file, choice)
     for path in write_imported(imported, options.out or Path(f"{options.file.stem}.toml")):
         say(str(path))
     for sentence in notes(imported):
@@ -62,13 +63,15 @@ def import_(options: argparse.Namespace) -> int:
     return 0
 
 
-def _say_imported(name: str) -> None:
-    """What became of a model file that was named in place of a mechanism or scene."""
-    from screwgauge.models.importing.model import imported_file, is_model, notes
+def _imported(name: str) -> None:
+    """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
+    from screwgauge.models.importing.model import is_model, keep, notes
     from screwgauge.reference.files import beside
+    from screwgauge.study.importing import import_apart
 
     if is_model(name):
-        for sentence in notes(imported_file(beside(Path(), name))[1]):
+        path = beside(Path(), name)
+        for sentence in notes(keep(path, import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
 
 
@@ -83,8 +86,8 @@ def run(options: argparse.Namespace) -> int:
 
     given = {"seconds": options.limit, "memory": options.memory}
     limits = Limits(**{name: value for name, value in given.items() if value is not None})
+    _imported(options.scene)
     scene = load_scene(options.scene)
-    _say_imported(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
 
@@ -116,8 +119,8 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.study.bench import run as given_run
     from screwgauge.study.bench.journal import NAME
 
+    _imported(options.scene)
     scene = load_scene(options.scene)
-    _say_imported(options.scene)
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run
     plan = study.QUICK if options.quick else study.FULL

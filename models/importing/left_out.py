@@ -35,7 +35,8 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")
-    return (*phrases, *reading.ignored)
+    held = ("mimic of", "include ")  # couplings are read from the file itself, and what is included is read
+    return (*phrases, *(phrase for phrase in reading.ignored if not phrase.startswith(held)))
 
 
 def listed(names: Iterable[str]) -> str:

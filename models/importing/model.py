@@ -92,13 +92,20 @@ def scratch_folder() -> Path:
     return folder
 
 
-@cache
+_imported: dict[Path, tuple[Path, Imported]] = {}
+
+
 def imported_file(path: Path) -> tuple[Path, Imported]:
     """A description made from a model file, in a folder that goes away with the process; made once."""
-    imported = import_model(path)
+    return _imported.get(path) or keep(path, import_model(path))
+
+
+def keep(path: Path, imported: Imported) -> tuple[Path, Imported]:
+    """Keeps what was imported from a model file as a description, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
-    return file, imported
+    _imported[path] = file, imported
+    return _imported[path]
 
 
 def notes(imported: Imported) -> tuple[str, ...]:
