@@ -18,7 +18,8 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study.apart import Limits, apart
+from screwgauge.study import apart
+from screwgauge.study.apart import Limits
 
 #: Of one reading: the largest models take a second.
 LOADING = Limits(seconds=60.0)
@@ -66,7 +67,7 @@ def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[
         processes[name] = f"{request.library}-reading-{used[request.library]}"
     works = {processes[name]: partial(_work, request) for name, request in requests.items()}
     with TemporaryDirectory() as folder:
-        found = apart(works, limits, Path(folder), lambda names, share: None)
+        found = apart.apart(works, limits, Path(folder), lambda names, share: None)
     return {name: found[process] for name, process in processes.items()}
 
 

@@ -57,9 +57,13 @@ def _mjcf(root: ET.Element, where: str) -> list[str]:
             continue
         shape.parent.remove(shape.geom)
         weightless = any(_is_zero(values.get(key)) for key in ("mass", "density"))
-        if shape.moves and not weightless and (force or shape.body.find("inertial") is None):
-            what = f"mass of body {shape.body.get('name', '(unnamed)')} comes from meshes, which are not read"
-            raise ModelFileError(what, where, "give the body an <inertial>")
+        if weightless or not (force or shape.body.find("inertial") is None):
+            continue
+        what = f"mass of body {shape.body.get('name', '(unnamed)')}"
+        if shape.moves:
+            raise ModelFileError(f"{what} comes from meshes, which are not read", where, "give the body an <inertial>")
+        if shape.body.tag == "body":
+            said.append(f"{what}, which is fixed and has it from meshes")
     for default in root.iter("default"):
         for child in list(default):
             if child.tag in ("mesh", "material"):
@@ -72,7 +76,7 @@ def _mjcf(root: ET.Element, where: str) -> list[str]:
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
             said.append(f"{child.tag} {child.get('name', '')}".rstrip())
-    return said
+    return list(dict.fromkeys(said))
 
 
 def _is_zero(value: str | None) -> bool:

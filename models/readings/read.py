@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +26,13 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float
 
 
 def libraries_for(path: Path) -> tuple[str, ...]:
-    """Libraries that read a model file, the one of its format first.
+    """Installed libraries that read a model file, the one of its format first.
 
     Raises:
         ScrewgaugeError: It is no model, or one that is refused before a library sees it.
     """
     form = prepare(path).form
-    able = [name for name, (forms, _) in LIBRARIES.items() if form in forms]
+    able = [name for name, (forms, _) in LIBRARIES.items() if form in forms and find_spec(name)]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
 
 
@@ -53,7 +54,12 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
     source = prepare(path, floating=floating)
     if source.form not in forms:
         raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "take another library")
-    reading = reader(source, home or {})
+    try:
+        reading = reader(source, home or {})
+    except ImportError as error:
+        raise ModelFileError(
+            f"{library} cannot be loaded ({error})", str(path), "install it, or take another"
+        ) from None
     _check(reading, str(path))
     return replace(reading, ignored=unread(source, reading))
 

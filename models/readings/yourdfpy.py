@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -26,26 +28,35 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import yourdfpy
 
+    where = str(source.path)
     try:
-        robot = yourdfpy.URDF.load(
-            io.BytesIO(source.text.encode()), load_meshes=False, load_collision_meshes=False, build_scene_graph=True
-        )
+        options = {"load_meshes": False, "load_collision_meshes": False}
+        robot = yourdfpy.URDF.load(io.BytesIO(_independent(source.root)), **options)
         robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
     except Exception as error:  # it raises what its own parts raise
-        raise ModelFileError(f"yourdfpy refuses it ({error})", str(source.path), "mend the file") from None
+        reason = f"{type(error).__name__}: {error}"
+        raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "mend the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
-        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", str(source.path), "use another library")
+        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "take another library")
     joints = {joint.name: joint for joint in robot.joint_map.values() if joint.type in _KINDS}
-    assembly = assemble(_links(robot), str(source.path))
+    assembly = assemble(_links(robot), where)
     return Reading(
-        source.name,
-        "yourdfpy",
-        assembly.bodies,
-        {name: _joint(robot, joint, home.get(name, 0.0)) for name, joint in joints.items()},
-        assembly.fixed,
+        name=source.name,
+        library="yourdfpy",
+        bodies=assembly.bodies,
+        joints={name: _joint(robot, joint, home.get(name, 0.0)) for name, joint in joints.items()},
+        fixed=assembly.fixed,
         couplings=source.mimics,
-        ignored=source.ignored,
     )
+
+
+def _independent(root: ET.Element) -> bytes:
+    """The file without `<mimic>`: yourdfpy would place those joints by others, and couplings are read apart."""
+    root = copy.deepcopy(root)
+    for joint in root.iterfind("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    return ET.tostring(root)
 
 
 def _links(robot: Any) -> Iterator[Link]:

@@ -1,0 +1,255 @@
+"""Every library gives the same reading of a file that they read alike; every kind of joint is read."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.read import libraries_for, read
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
+from screwgauge.reference.mechanism import GROUND
+
+#: Numbers of a file pass through roll-pitch-yaw or quaternions, and through the principal axes that MuJoCo keeps.
+READ = 1e-13
+URDF_LIBRARIES = ["pinocchio", "mujoco", "yourdfpy"]
+MATTER = """<inertial><origin xyz="0.1 0.2 -0.3" rpy="0.3 -0.4 0.5"/><mass value="{}"/>
+<inertia ixx="1" iyy="1.2" izz="1.3" ixy="0.1" ixz="-0.05" iyz="0.02"/></inertial>"""
+INERTIAL = '<inertial pos="0.1 0.2 -0.3" mass="{}" fullinertia="1 1.2 1.3 0.1 -0.05 0.02"/>'
+
+
+def link(name: str, mass: float = 0.0) -> str:
+    return f'<link name="{name}">{MATTER.format(mass) if mass else ""}</link>'
+
+
+def joint(name: str, kind: str, parent: str, child: str, further: str = "") -> str:
+    limit = '<limit lower="-1.5" upper="0.5" effort="10" velocity="3"/>' if kind in ("revolute", "prismatic") else ""
+    return (
+        f'<joint name="{name}" type="{kind}"><origin xyz="0.3 -0.1 0.2" rpy="0.2 0.3 -0.7"/>'
+        f'<parent link="{parent}"/><child link="{child}"/>{limit}{further}</joint>'
+    )
+
+
+URDF = "".join(
+    [
+        '<robot name="arm">',
+        *(link("base", 3), link("mount"), link("upper", 1), link("flange"), link("tool", 2), link("camera", 0.5)),
+        *(link("wheel", 4), link("rod", 0.7)),
+        joint("bolted", "fixed", "base", "mount"),
+        joint("turn", "revolute", "mount", "upper", '<axis xyz="0 0.6 0.8"/><dynamics damping="0.4" friction="0.2"/>'),
+        joint("push", "prismatic", "upper", "flange", '<axis xyz="1 0 0"/>'),
+        joint("welded", "fixed", "flange", "tool"),
+        joint("screwed", "fixed", "tool", "camera"),
+        joint("spin", "continuous", "base", "wheel", '<axis xyz="0 0 -1"/>'),
+        joint(
+            "follow",
+            "revolute",
+            "wheel",
+            "rod",
+            '<axis xyz="1 0 0"/><mimic joint="turn" multiplier="-2" offset="0.1"/>',
+        ),
+        "</robot>",
+    ]
+)
+MJCF = f"""<mujoco model="arm"><compiler angle="radian"/><option gravity="0 0 -9.81"/>
+<default><joint armature="0.01"/><default class="stiff"><joint damping="3" axis="0 1 0"/></default></default>
+<worldbody><body name="base" pos="0 0 0">{INERTIAL.format(3)}
+  <body name="ball" pos="0.1 0.2 0.3" quat="0.5 0.5 0.5 -0.5"><joint name="b" type="ball" pos="0 0 0.1"/>
+    {INERTIAL.format(1)}
+    <body name="cross" pos="1 0 0" euler="0.3 0.2 0.1" childclass="stiff">
+      <joint name="x" range="-1 2"/><joint name="y" axis="1 1 0" pos="0.1 0 0.2" frictionloss="0.3"/>
+      <joint name="z" type="slide"/>{INERTIAL.format(2)}
+      <body name="tip" pos="0 0 1" quat="0 1 0 0"><geom type="capsule" size="0.1 0.3" pos="0.1 0 0" euler="1 0 0"/>
+        <geom type="box" size="0.1 0.2 0.3" density="700"/></body>
+    </body>
+  </body>
+</body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def urdf(write) -> Path:
+    return write("arm.urdf", URDF)
+
+
+@pytest.fixture
+def mjcf(write) -> Path:
+    return write("arm.xml", MJCF)
+
+
+def same_bodies(one: Reading, other: Reading) -> None:
+    assert list(one.bodies) != []
+    assert {name: (body.near, body.joints, body.first) for name, body in one.bodies.items()} == {
+        name: (body.near, body.joints, body.first) for name, body in other.bodies.items()
+    }
+    assert set(one.fixed) == set(other.fixed)
+    for name, body in one.bodies.items():
+        assert close(body, other.bodies[name], "mass", "com", "inertia", "pose", "gravcomp"), name
+        assert set(body.fixed) == set(other.bodies[name].fixed)
+        for fixed, T in body.fixed.items():
+            np.testing.assert_allclose(T, other.bodies[name].fixed[fixed], rtol=0, atol=READ)
+
+
+def same_joints(one: Reading, other: Reading) -> None:
+    assert set(one.joints) == set(other.joints)
+    for name, said in one.joints.items():
+        assert said.kind == other.joints[name].kind
+        assert close(said, other.joints[name], "screw", "home", "limits", "armature", "damping", "friction"), name
+
+
+def close(one: BodyReading | JointReading, other: BodyReading | JointReading, *what: str) -> bool:
+    for name in what:
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=READ, atol=READ, err_msg=name)
+    return True
+
+
+@pytest.mark.parametrize("home", [{}, {"turn": 0.3, "push": -0.2, "spin": 2.5, "follow": 0.4}])
+def test_a_urdf_is_the_same_to_all_libraries(urdf, home):
+    first, *others = (read(urdf, library, home=home) for library in URDF_LIBRARIES)
+    for other in others:
+        same_bodies(first, other)
+        same_joints(first, other)
+        assert other.gravity is None
+    assert first.joints["spin"].home == home.get("spin", 0.0)
+
+
+@pytest.mark.parametrize("home", [{}, {"x": 0.3, "y": -0.8, "z": 0.25}])
+def test_an_mjcf_is_the_same_to_both_engines(mjcf, home):
+    one, other = (read(mjcf, library, home=home) for library in ("mujoco", "pinocchio"))
+    same_bodies(one, other)
+    same_joints(one, other)
+    assert one.bodies["cross"].joints == ("x", "y", "z")
+    assert [one.joints[name].kind for name in ("b", "x", "z")] == ["ball", "hinge", "slide"]
+    np.testing.assert_allclose(one.joints["b"].centre, other.joints["b"].centre, rtol=0, atol=READ)
+    assert one.bodies["cross"].mass > 10.0  # with what its geoms weigh
+
+
+def test_what_a_urdf_says_of_a_joint_is_read(urdf):
+    turn = read(urdf, "pinocchio").joints["turn"]
+    assert (turn.limits, turn.damping, turn.friction) == ((-1.5, 0.5), 0.4, 0.2)
+    assert read(urdf, "pinocchio").joints["spin"].limits == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("library", URDF_LIBRARIES)
+def test_links_that_nothing_moves_are_one_body(urdf, library):
+    """It is called after the first that has mass, and has the mass of all; those of the ground are in the world."""
+    reading = read(urdf, library)
+    tool = reading.bodies["tool"]
+    assert (tool.near, tool.joints, tool.first, set(tool.fixed)) == ("upper", ("push",), "flange", {"flange", "camera"})
+    assert tool.mass == pytest.approx(2.5, rel=1e-15, abs=0)
+    assert set(reading.fixed) == {"base", "mount"}
+    assert reading.bodies["upper"].near == GROUND
+    frames = [np.linalg.inv(tool.fixed["flange"]), tool.fixed["camera"]]
+    np.testing.assert_allclose(*frames, rtol=0, atol=READ)  # both joints have the same origin
+    c = np.array([0.1, 0.2, -0.3])
+    far = frames[1][:3, :3] @ c + frames[1][:3, 3]
+    np.testing.assert_allclose(tool.com, (2 * c + 0.5 * far) / 2.5, rtol=0, atol=READ)
+
+
+@pytest.mark.parametrize("library", URDF_LIBRARIES)
+def test_a_mimic_joint_is_a_coupling(urdf, library):
+    (said,) = read(urdf, library).couplings.values()
+    assert (said.joint, said.of) == ("follow", "turn")
+    assert [*np.trim_zeros(said.polynomial, "b")] == [0.1, -2.0]
+
+
+def test_the_base_of_a_urdf_floats_if_asked(urdf):
+    fixed = read(urdf, "pinocchio")
+    for library in URDF_LIBRARIES:
+        reading = read(urdf, library, floating=True)
+        base = reading.bodies["base"]
+        assert (base.near, base.joints, reading.joints["root_joint"].kind) == (GROUND, ("root_joint",), "free")
+        assert base.mass == pytest.approx(3.0, rel=1e-15, abs=0)
+        assert reading.freedoms["root_joint"].stop - reading.freedoms["root_joint"].start == 6
+        np.testing.assert_allclose(reading.bodies["tool"].pose, fixed.bodies["tool"].pose, rtol=0, atol=READ)
+
+
+def test_a_planar_joint_is_two_slides_and_a_hinge(write):
+    text = f'<robot name="r">{link("a")}{link("b", 1)}{joint("p", "planar", "a", "b", "<axis xyz=@0 0 1@/>")}</robot>'
+    path = write("planar.urdf", text.replace("@", '"'))
+    one, other = (read(path, library) for library in ("pinocchio", "mujoco"))
+    assert one.bodies["b"].joints == other.bodies["b"].joints == ("p_TX", "p_TY", "p_RZ")
+    assert [one.joints[name].kind for name in one.joints] == ["slide", "slide", "hinge"]
+    np.testing.assert_allclose(one.joints["p_RZ"].screw, other.joints["p_RZ"].screw, rtol=0, atol=READ)
+
+
+def test_a_free_body_is_where_the_file_has_it(write):
+    body = f'<body name="a" pos="1 2 3" quat="0.6 0 0.8 0"><freejoint name="f"/>{INERTIAL.format(1)}</body>'
+    path = write("free.xml", f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    one, other = (read(path, library) for library in ("mujoco", "pinocchio"))
+    same_bodies(one, other)
+    assert [*one.bodies["a"].pose[:3, 3]] == [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(one.joints["f"].centre, [1.0, 2.0, 3.0], rtol=0, atol=READ)
+
+
+def test_mujoco_counts_from_ref_and_springs_from_springref(write):
+    joints = '<joint name="j" ref="20" range="-90 90" stiffness="7" springref="30"/>'
+    body = f'<body name="a">{joints}{INERTIAL.format(1)}</body>'
+    path = write("ref.xml", f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    j = read(path, "mujoco").joints["j"]
+    assert (j.home, j.stiffness, j.rest) == pytest.approx((np.pi / 9, 7.0, np.pi / 6), rel=1e-15, abs=0)
+    assert j.limits == pytest.approx((-np.pi / 2, np.pi / 2), rel=1e-15, abs=0)
+    # Pinocchio counts from the pose of the file
+    pinocchio = read(path, "pinocchio").joints["j"]
+    assert (pinocchio.home, pinocchio.stiffness) == (0.0, 0.0)
+    assert pinocchio.limits == pytest.approx((-np.pi / 2 - np.pi / 9, np.pi / 2 - np.pi / 9), rel=1e-15, abs=0)
+
+
+def test_what_has_no_name_gets_one(write):
+    inner = f'<body><joint/><joint axis="1 0 0"/>{INERTIAL.format(1)}</body>'
+    body = f'<body name="a"><freejoint/>{INERTIAL.format(1)}{inner}</body>'
+    path = write("bare.xml", f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    one, other = (read(path, library) for library in ("mujoco", "pinocchio"))
+    assert {name: body.joints for name, body in one.bodies.items()} == {
+        "a": ("a_joint",),
+        "body_2": ("body_2_joint", "body_2_joint_2"),
+    }
+    same_bodies(one, other)
+
+
+def test_actuators_have_a_joint_and_a_gear(write):
+    body = f'<body name="a"><joint name="h"/>{INERTIAL.format(1)}<body name="c"><joint name="b" type="ball"/>'
+    body += f"{INERTIAL.format(1)}</body></body>"
+    rows = '<motor name="m" joint="h" gear="30"/><position joint="h" kp="5"/><motor name="n" joint="b" gear="1 0 0"/>'
+    path = write("driven.xml", f"<mujoco><worldbody>{body}</worldbody><actuator>{rows}</actuator></mujoco>")
+    reading = read(path, "mujoco")
+    assert reading.actuators == {"m": ("h", 30.0), "position_2": ("h", 1.0)}
+    assert "actuator n, which drives no hinge or slide" in reading.ignored
+    assert "force law of 1 actuators, among them position_2: their gear alone is read" in reading.ignored
+
+
+def test_gravity_medium_and_gravcomp_are_read(write):
+    option = '<option gravity="0 1 -3" density="1.2" viscosity="2e-5"/>'
+    inner = f'<body name="b" gravcomp="1">{INERTIAL.format(1)}</body>'
+    body = f'<body name="a" gravcomp="0.25"><joint name="h"/>{INERTIAL.format(3)}{inner}</body>'
+    path = write("wet.xml", f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>")
+    reading = read(path, "mujoco")
+    assert [*reading.gravity] == [0.0, 1.0, -3.0]
+    assert (reading.medium, reading.bodies["a"].gravcomp) == ((1.2, 2e-5), (0.25 * 3 + 1.0) / 4)
+    assert "where the gravcomp of body a acts: it is not the same in all parts" in reading.ignored
+    off = write("off.xml", f'<mujoco><option><flag gravity="disable"/></option><worldbody>{body}</worldbody></mujoco>')
+    assert [*read(off, "mujoco").gravity] == [0.0, 0.0, 0.0]
+    assert [*read(path, "pinocchio").gravity] == [0.0, 0.0, -9.81]
+
+
+def test_a_massless_cross_stays_until_it_is_collapsed(write):
+    parts = [link("base"), link("cross"), link("end", 1), joint("u", "revolute", "base", "cross")]
+    parts.append(joint("v", "revolute", "cross", "end", '<axis xyz="0 1 0"/>'))
+    reading = read(write("cross.urdf", f'<robot name="r">{"".join(parts)}</robot>'), "pinocchio")
+    assert (reading.bodies["cross"].mass, reading.bodies["end"].near) == (0.0, "cross")
+    whole = collapsed(reading)
+    assert {name: (body.near, body.joints) for name, body in whole.bodies.items()} == {"end": (GROUND, ("u", "v"))}
+    assert whole.joints == reading.joints
+    assert collapsed(reading, keep=["cross"]).bodies.keys() == reading.bodies.keys()
+
+
+def test_libraries_are_those_of_the_format_its_own_first(urdf, mjcf):
+    assert libraries_for(urdf) == ("pinocchio", "yourdfpy", "mujoco")
+    assert libraries_for(mjcf) == ("mujoco", "pinocchio")
+
+
+def test_readings_pickle(mjcf):
+    reading = read(mjcf, "mujoco")
+    same_bodies(pickle.loads(pickle.dumps(reading)), reading)
