@@ -14,7 +14,7 @@ from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
 
 #: Starts beside home, and how far they lie from it at most [rad or lengths of the model].
-STARTS, FARTHEST = 60, np.pi
+STARTS, FARTHEST = 40, np.pi
 #: Residual up to which loops of few printed digits count as closed [rad or lengths]: the rest is the file's rounding.
 ROUNDED = 1e-5
 #: Smallest singular value of the loop equations that is far from singular; below the second it is a redundant equation.

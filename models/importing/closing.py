@@ -14,6 +14,7 @@ from screwgauge.reference.rotations import Array, cross, vee
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
 STEPS = 100
+STUCK = 4  # steps that gain less than a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
 
 
@@ -69,8 +70,9 @@ class Loops:
 
     def _gap(self, name: str, r: Array) -> str:
         if len(r) > 1:
-            turned = f"{np.abs(r[:-3]).max():.2g} rad and " if len(r) == 6 else ""
-            return f"'{name}' by {turned}{np.linalg.norm(r[-3:]) * self.length:.2g} m"
+            gaps = {"rad": float(np.linalg.norm(r[:-3])), "m": float(np.linalg.norm(r[-3:]))}
+            said = [f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}" for unit, gap in gaps.items() if gap > CLOSED]
+            return f"'{name}' by {' and '.join(said)}"
         slides = self.reading.joints[self.reading.couplings[name].joint].kind == "slide"
         return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"
 
@@ -132,10 +134,10 @@ class Loops:
             The state reached and its largest residual.
         """
         r, J = self.system(state)
-        damping = 1e-3
+        damping, stuck = 1e-3, 0
         for _ in range(STEPS):
             error = float(np.abs(r).max(initial=0.0))
-            if error <= CLOSED or damping > 1e6:
+            if error <= CLOSED or damping > 1e6 or stuck > STUCK:
                 break
             U, s, Vt = np.linalg.svd(J, full_matrices=False)
             step = -Vt.T @ (s / (s * s + damping * min(float(r @ r), 1.0) + 1e-16) * (U.T @ r))
@@ -143,6 +145,7 @@ class Loops:
             trial = self.stepped(state, step)
             r_trial, J_trial = self.system(trial)
             if r_trial @ r_trial < r @ r:
+                stuck = stuck + 1 if r_trial @ r_trial > 0.99 * (r @ r) else 0
                 state, r, J, damping = trial, r_trial, J_trial, damping / 10.0
             else:
                 damping = max(damping, 1e-8) * 10.0

@@ -149,15 +149,16 @@ def _actuated(reading: Reading, graph: Graph, chosen: Sequence[str] | None, wher
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
     """A coupling; one that depends on nothing that moves holds its joint."""
-    moves = bool(entry.of) and bool(entry.polynomial[1:].any())
-    at = f"{where}, coupling '{name}'"
-    return Coupling(name, entry.joint, entry.of if moves else "", entry.polynomial[: None if moves else 1], at)
+    powers = np.trim_zeros(entry.polynomial[1:], "b") if entry.of else np.zeros(0)
+    of = entry.of if len(powers) else ""
+    return Coupling(name, entry.joint, of, np.append(entry.polynomial[:1], powers), f"{where}, coupling '{name}'")
 
 
 def _body(part: Part, length: float, where: str) -> Body:
     if not part.mass:
         return Body(part.name, 0.0, np.zeros(3), np.zeros((3, 3)))
-    inertia = np.where(np.abs(part.inertia) < ROUNDING * part.mass * length**2, 0.0, part.inertia)
+    inertia = 0.5 * (part.inertia + part.inertia.T)
+    inertia[np.abs(inertia) < ROUNDING * part.mass * length**2] = 0.0
     return Body(part.name, part.mass, part.com, inertia, f"{where}, body '{part.name}'")
 
 

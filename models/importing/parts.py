@@ -86,7 +86,7 @@ def graph_of(reading: Reading, length: float) -> Graph:
     owner = {name: name for name in (GROUND, *reading.bodies)}
     for first, second in rigid:
         a, b = owner[first], owner[second]
-        a, b = (b, a) if b == GROUND or ("@" in a and a != GROUND) else (a, b)  # BODY@JOINT is a copy of ours
+        a, b = (b, a) if b == GROUND else (a, b)
         owner = {name: a if root == b else root for name, root in owner.items()}
         if a != b:
             remarks.append(f"'{b}' is one body with '{a}', as closures keep them together.")
