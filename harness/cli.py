@@ -69,7 +69,13 @@ def _parser() -> argparse.ArgumentParser:
         return added.add_argument
 
     def scene(add: Any) -> None:
-        add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name, or path of a TOML, URDF or MJCF file")
+        add(
+            "scene",
+            nargs="?",
+            default=DEFAULT_SCENE,
+            metavar="SCENE",
+            help="built-in name, or path of a TOML, URDF or MJCF file",
+        )
 
     add = command(commands.list_, "what there is to choose from")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases"])
@@ -81,7 +87,12 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(commands.import_, "a URDF or MJCF as description (NAME.toml) and scene (NAME.scene.toml)")
     add("file", type=Path, metavar="FILE", help="a URDF or MJCF")
-    add("--loops", type=Path, metavar="FILE", help="what closes its loops: robot.yaml or NAME.loops.toml (those beside it)")
+    add(
+        "--loops",
+        type=Path,
+        metavar="FILE",
+        help="what closes its loops: robot.yaml or NAME.loops.toml (those beside it)",
+    )
     add("-o", "--out", type=Path, metavar="NAME.toml", help="default: FILE.toml in this folder")
     add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
     add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")

@@ -36,7 +36,9 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
         return imported_file(path)[0]
     if is_path(str(name)) or (where and is_file(path)):
         return path
-    raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML, URDF or MJCF file"], where)
+    raise UnknownNameError(
+        "mechanism", str(name), [*mechanism_names(), "or the path of a TOML, URDF or MJCF file"], where
+    )
 
 
 def load_mechanism(name: str | Path) -> Mechanism:

@@ -1,4 +1,4 @@
-"""Writes a ``robot.yaml``: frames of a URDF that coincide, and its motors, as public parallel robots say their loops."""
+"""Writes a ``robot.yaml``: frames of a URDF that coincide, and its motors, as public parallel robots say them."""
 
 from __future__ import annotations
 

@@ -114,7 +114,8 @@ GRIPPER = """
 <mujoco model="gripper"><compiler angle="radian"/>
   <default><joint axis="0 1 0"/></default>
   <worldbody><body name="base">
-    <body name="driver"><joint name="driver" armature="0.01"/><inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
+    <body name="driver"><joint name="driver" armature="0.01"/>
+      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
       <body name="coupler" pos="0 0 .2"><joint name="coupler" damping=".02"/>
         <inertial pos=".1 0 0" mass=".5" diaginertia=".01 .02 .03"/></body></body>
     <body name="follower" pos=".3 0 0"><joint name="follower" stiffness="2" springref=".5"/>
@@ -159,11 +160,24 @@ def test_a_gripper_runs(gripper):
 
 #: A four-bar whose loop is open at zero, in the form of public parallel robots; rods are spheres at both ends.
 LOOP = (
-    *(link("base", 1.0), link("crank", 1.0), link("rocker", 1.0), link("rod", 0.5, "0.2 0 0"), link("tip"), link("eye")),
+    *(
+        link("base", 1.0),
+        link("crank", 1.0),
+        link("rocker", 1.0),
+        link("rod", 0.5, "0.2 0 0"),
+        link("tip"),
+        link("eye"),
+    ),
     joint("motor", "revolute", "base", "crank", AXIS.format(-3, 3), "0 0 0"),
     joint("passive", "revolute", "base", "rocker", AXIS.format(-3, 3), "0.4 0.1 0"),
     *(link(f"cross{i}") for i in (1, 2)),
-    joint("rod1", "revolute", "crank", "cross1", '<axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'),
+    joint(
+        "rod1",
+        "revolute",
+        "crank",
+        "cross1",
+        '<axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/>',
+    ),
     '<joint name="rod2" type="revolute"><parent link="cross1"/><child link="cross2"/><axis xyz="0 1 0"/>'
     '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>',
     '<joint name="rod3" type="revolute"><parent link="cross2"/><child link="rod"/><axis xyz="0 0 1"/>'
@@ -195,7 +209,9 @@ def test_a_loop_that_cannot_close_is_named(tmp_path):
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
     path = robot(tmp_path, *far)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
-    with pytest.raises(ClosureError, match=r"loops do not close from any of 40 starts: nearest are 'loop1' by [\d.]+ m"):
+    with pytest.raises(
+        ClosureError, match=r"loops do not close from any of 40 starts: nearest are 'loop1' by [\d.]+ m"
+    ):
         import_model(path)
 
 
@@ -252,7 +268,10 @@ REFUSED = {
         f"{joint('j', 'continuous', 'a', 'b')}</robot>",
         "triangle inequality",
     ),
-    "massless": (f'<robot name="x">{link("a")}{link("b")}{joint("j", "continuous", "a", "b")}</robot>', "nothing in it"),
+    "massless": (
+        f'<robot name="x">{link("a")}{link("b")}{joint("j", "continuous", "a", "b")}</robot>',
+        "nothing in it",
+    ),
 }
 
 

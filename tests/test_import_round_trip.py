@@ -85,7 +85,9 @@ def test_the_same_mechanism_comes_back(name, file, tmp_path):
         assert sorted(joint.coordinates[0] for joint in found.actuators) == driven
     home = mechanism.home[mechanism.independent_columns]
     one, other = forces(mechanism, home, tmp_path), forces(found, home, tmp_path)
-    counted = {f"joint_position {name}" for name in lay_out(mechanism, "minimal").coordinates}  # cut ones anew, from home
+    counted = {
+        f"joint_position {name}" for name in lay_out(mechanism, "minimal").coordinates
+    }  # cut ones anew, from home
     common = {key for key in one.keys() & other.keys() if not key.startswith("joint_position") or key in counted}
     assert {f"generalized_force {label}" for label in found.independent} <= common
     assert len(common) >= len(found.independent) * 2

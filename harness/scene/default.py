@@ -86,7 +86,11 @@ def default_scene(
         out += lines({"gravity": gravity})
     if wanted != GIVEN:
         left = [name for name in GIVEN if name not in wanted]
-        out += ["", f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told", *lines({"quantities": wanted})]
+        out += [
+            "",
+            f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told",
+            *lines({"quantities": wanted}),
+        ]
     step = float(scene.t[1] - scene.t[0])
     out += ["", "[time]", *lines({"duration": float(f"{scene.t[-1]:.9g}"), "step": step})]
     for label, table in scene.text["motion"].items():

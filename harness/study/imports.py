@@ -101,12 +101,12 @@ def listed_models() -> list[Public]:
 
 def models_in(folders: Iterable[Path]) -> list[Public]:
     """All model files in some folders."""
-    return [
-        Public(path, folder.name) for folder in folders for path in sorted(folder.rglob("*")) if is_model(path)
-    ]
+    return [Public(path, folder.name) for folder in folders for path in sorted(folder.rglob("*")) if is_model(path)]
 
 
-def imports(models: Sequence[Public], progress: Callable[[str, float], None] = lambda step, share: None) -> pd.DataFrame:
+def imports(
+    models: Sequence[Public], progress: Callable[[str, float], None] = lambda step, share: None
+) -> pd.DataFrame:
     """A row for each model, columns `COLUMNS`."""
     rows = []
     for i, model in enumerate(models):
@@ -124,7 +124,7 @@ def import_row(model: Public) -> ImportRow:
         imported = import_apart(model.file, Options(floating=model.floating))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
-    row = replace(row, **_counts(imported), import_s=round(process_time() - begin, 2))
+    row = replace(_counted(row, imported), import_s=round(process_time() - begin, 2))
     begin = process_time()
     try:
         with TemporaryDirectory() as folder:
@@ -134,20 +134,26 @@ def import_row(model: Public) -> ImportRow:
             found = judged(run(scene.at(scene.t[rows]), ENGINES))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
-    said = {key: str(found.get(key, "")) for key in ("verdict", "max_scaled", "quantity")}
-    reason = str(found.get("reason") or found.get("judge", ""))
-    return replace(row, **said, reason=reason, run_s=round(process_time() - begin, 2))
+    return replace(
+        row,
+        verdict=str(found["verdict"]),
+        max_scaled=str(found.get("max_scaled", "")),
+        quantity=str(found.get("quantity", "")),
+        reason=str(found.get("reason") or found.get("judge", "")),
+        run_s=round(process_time() - begin, 2),
+    )
 
 
-def _counts(imported: Imported) -> dict[str, int | str]:
+def _counted(row: ImportRow, imported: Imported) -> ImportRow:
     mechanism = imported.mechanism
-    return {
-        "bodies": len(mechanism.bodies),
-        "joints": "".join(joint.kind for joint in mechanism.joints),
-        "freedoms": len(mechanism.independent),
-        "loops": len(mechanism.joints) - len(mechanism.bodies),
-        "couplings": len(mechanism.couplings),
-        "actuators": len(mechanism.actuators),
-        "remarks": " ".join(imported.remarks[1:]),
-        "left_out": "; ".join(imported.left_out),
-    }
+    return replace(
+        row,
+        bodies=len(mechanism.bodies),
+        joints="".join(joint.kind for joint in mechanism.joints),
+        freedoms=len(mechanism.independent),
+        loops=len(mechanism.joints) - len(mechanism.bodies),
+        couplings=len(mechanism.couplings),
+        actuators=len(mechanism.actuators),
+        remarks=" ".join(imported.remarks[1:]),
+        left_out="; ".join(imported.left_out),
+    )

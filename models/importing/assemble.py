@@ -132,7 +132,11 @@ def _centred(loops: Loops, state: State, error: float, rank: int) -> tuple[State
             break
         trial, left = loops.newton(loops.stepped(state, wish))
         s = np.linalg.svd(loops.system(trial)[1], compute_uv=False)
-        if not left <= max(error, 1e-9) or (rank and s[rank - 1] < REGULAR) or _lack(loops, trial) >= _lack(loops, state):
+        if (
+            not left <= max(error, 1e-9)
+            or (rank and s[rank - 1] < REGULAR)
+            or _lack(loops, trial) >= _lack(loops, state)
+        ):
             break
         state, error = trial, left
     return state, error

@@ -1,4 +1,4 @@
-"""The loop equations of a reading: how far its closures and couplings are open in a state, and Newton's method on them."""
+"""The loop equations of a reading: how far closures and couplings are open in a state, and Newton's method on them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,11 @@ class Loops:
     def _gap(self, name: str, r: Array) -> str:
         if len(r) > 1:
             gaps = {"rad": float(np.linalg.norm(r[:-3])), "m": float(np.linalg.norm(r[-3:]))}
-            said = [f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}" for unit, gap in gaps.items() if gap > CLOSED]
+            said = [
+                f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}"
+                for unit, gap in gaps.items()
+                if gap > CLOSED
+            ]
             return f"'{name}' by {' and '.join(said)}"
         slides = self.reading.joints[self.reading.couplings[name].joint].kind == "slide"
         return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"

@@ -21,7 +21,6 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
 ROUNDING = 1e-16
 
@@ -59,7 +58,7 @@ class Wanted:
         return Wanted(chosen, actuated if self.actuated is None else self.actuated)
 
 
-def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Sequence[Joint] = ()) -> Imported:
+def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint] = ()) -> Imported:
     """The mechanism that was read.
 
     Args:
@@ -98,7 +97,9 @@ def describe(reading: Reading, where: str, wanted: Wanted = Wanted(), given: Seq
     mechanism = choose(mechanism, actuated, wanted.independent, where)
     remarks = [*assembled.said, *graph.remarks]
     if not reading.actuators and wanted.actuated is None:
-        remarks.append(f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}.")
+        remarks.append(
+            f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}."
+        )
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )

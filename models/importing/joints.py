@@ -110,10 +110,12 @@ def _pair(axes: tuple[Axis, ...], length: float) -> Group | None:
 def _meet(axes: tuple[Axis, ...], length: float) -> Array | None:
     """The point in which hinges meet, None if they do not."""
     N = [np.eye(3) - np.outer(axis.direction, axis.direction) for axis in axes]
-    point = np.linalg.solve(sum(N, np.zeros((3, 3))), sum((n @ a.point for n, a in zip(N, axes, strict=True)), np.zeros(3)))
+    point = np.linalg.solve(
+        sum(N, np.zeros((3, 3))), sum((n @ a.point for n, a in zip(N, axes, strict=True)), np.zeros(3))
+    )
     off = max(float(np.linalg.norm(n @ (point - a.point))) for n, a in zip(N, axes, strict=True))
     # where one of the points given is the one, it is exact
-    exact = next((a.point for a in axes if np.linalg.norm(a.point - point) < SAME * length), point)
+    exact: Array = next((a.point for a in axes if np.linalg.norm(a.point - point) < SAME * length), point)
     return exact if off < 1e-14 * length else None
 
 

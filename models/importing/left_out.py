@@ -27,7 +27,9 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     found = {
         "armature of": [name for name, joint in joints if joint.armature],
         "friction of": [name for name, joint in joints if joint.friction],
-        "stiffness and damping of": [n for n, joint in joints if (joint.stiffness or joint.damping) and n not in springs],
+        "stiffness and damping of": [
+            n for n, joint in joints if (joint.stiffness or joint.damping) and n not in springs
+        ],
         "compensated gravity of": [name for name, body in reading.bodies.items() if body.gravcomp],
         "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.models.readings.read import libraries_for, read
 from screwgauge.models.readings.keyframe import home_of
 from screwgauge.models.readings.loops import OWN, with_loops
+from screwgauge.models.readings.read import libraries_for, read
 from screwgauge.reference.files import is_file
 
 #: How the names of model files end.
@@ -33,7 +33,7 @@ class Options:
     loops: Path | None = None
     library: str = ""
     floating: bool = False
-    wanted: Wanted = Wanted()
+    wanted: Wanted = field(default_factory=Wanted)
 
 
 def is_model(path: Path | str) -> bool:
@@ -41,12 +41,13 @@ def is_model(path: Path | str) -> bool:
     return str(path).lower().endswith(SUFFIXES)
 
 
-def import_model(path: Path, options: Options = Options()) -> Imported:
+def import_model(path: Path, options: Options | None = None) -> Imported:
     """The mechanism of a model file.
 
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
+    options = options or Options()
     library, loops = options.library or libraries_for(path)[0], options.loops or loops_beside(path)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
     reading = read(path, library, home=_home(path, own), floating=options.floating)

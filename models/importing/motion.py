@@ -1,4 +1,7 @@
-"""Where the bodies of a reading are when its joints move: products of exponentials (Lynch, Park: Modern Robotics, 4.1)."""
+"""Where the bodies of a reading are when its joints move.
+
+Poses are products of exponentials (Lynch, Park: Modern Robotics, 4.1).
+"""
 
 from __future__ import annotations
 

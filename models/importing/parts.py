@@ -151,7 +151,9 @@ def _prune(graph: Graph, followed: set[str]) -> None:
         for chain in idle:
             graph.chains.remove(chain)
             del graph.parts[chain.far]
-            graph.remarks.append(f"'{chain.far}' has no mass and carries nothing; left out with {listed(chain.joints)}.")
+            graph.remarks.append(
+                f"'{chain.far}' has no mass and carries nothing; left out with {listed(chain.joints)}."
+            )
 
 
 def _ends(graph: Graph, name: str) -> int:
