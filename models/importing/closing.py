@@ -14,7 +14,7 @@ from screwgauge.reference.rotations import Array, cross, vee
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
 STEPS = 100
-STUCK = 4  # steps that gain less than a hundredth: it ends there
+STUCK = 8  # steps without a gain of a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
 
 
@@ -152,5 +152,5 @@ class Loops:
                 stuck = stuck + 1 if r_trial @ r_trial > 0.99 * (r @ r) else 0
                 state, r, J, damping = trial, r_trial, J_trial, damping / 10.0
             else:
-                damping = max(damping, 1e-8) * 10.0
+                damping, stuck = max(damping, 1e-8) * 10.0, stuck + 1
         return state, float(np.abs(r).max(initial=0.0))

@@ -115,8 +115,8 @@ def _meet(axes: tuple[Axis, ...], length: float) -> Array | None:
     )
     off = max(float(np.linalg.norm(n @ (point - a.point))) for n, a in zip(N, axes, strict=True))
     # where one of the points given is the one, it is exact
-    exact: Array = next((a.point for a in axes if np.linalg.norm(a.point - point) < SAME * length), point)
-    return exact if off < 1e-14 * length else None
+    exact = [a.point for a in axes if np.linalg.norm(a.point - point) < SAME * length]
+    return np.asarray([*exact, point][0]) if off < 1e-14 * length else None
 
 
 def at_zero(axes: Sequence[Axis]) -> tuple[Array, Array]:
