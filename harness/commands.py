@@ -28,6 +28,7 @@ def models(options: argparse.Namespace) -> int:
     """Writes the model files of a mechanism, and compares what programs read, if asked to."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import write_models
+    from screwgauge.models.mjcf import left_out
     from screwgauge.scene.preflight import check_home
 
     _imported(options.mechanism)
@@ -36,6 +37,8 @@ def models(options: argparse.Namespace) -> int:
     out = options.out or OUT / mechanism.name / "models"
     for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
         say(str(path))
+    for sentence in left_out(mechanism):
+        say(sentence)
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table

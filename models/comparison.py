@@ -78,8 +78,8 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
         out.numbers(name, "joint axis at home", want / scale, have / scale)
     if found.gravity is None or expected.gravity is None:
         return
-    scale = float(np.linalg.norm(expected.gravity)) or 9.81
-    out.numbers("", "gravity", expected.gravity, found.gravity, scale)
+    size = float(np.linalg.norm(expected.gravity)) or 9.81
+    out.numbers("", "gravity", expected.gravity, found.gravity, size)
     out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
     out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
     for name in _common(expected.closures, found.closures):
@@ -97,8 +97,8 @@ def _compare_couplings(
         want, have = expected[name], found[name]
         out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
         size = max(len(want.polynomial), len(have.polynomial))
-        values = [np.pad(one, (0, size - len(one))) for one in (want.polynomial, have.polynomial)]
-        out.numbers(name, "coupling polynomial", *values, scale=float(np.abs(want.polynomial).max()) or 1.0)
+        wanted, other = (np.pad(one.polynomial, (0, size - len(one.polynomial))) for one in (want, have))
+        out.numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 
 def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:

@@ -21,7 +21,8 @@ from screwgauge.reference.rotations import Array, rotation
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
     """The reading of a model file that says exactly what the description says, limits left out."""
     tree, poses = lay_out(mechanism, cut), home_poses(mechanism)
-    bodies, joints = {}, {}
+    bodies: dict[str, BodyReading] = {}
+    joints: dict[str, JointReading] = {}
     for link in tree.links:
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
         bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, poses[link.original])

@@ -161,16 +161,19 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
                 row.set("torquescale", "1")
 
 
+def left_out(mechanism: Mechanism) -> tuple[str, ...]:
+    """Sentences on what the mechanism has and no MJCF can say."""
+    high = (one.name for one in mechanism.couplings if len(one.polynomial) > POWERS)
+    return tuple(f"MJCF lacks coupling '{name}': MuJoCo has no powers above {POWERS - 1}" for name in high)
+
+
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
     """Couplings as joint equalities, in coordinates that are zero at MuJoCo's qpos0 as they are in the description."""
-    if not couplings:
-        return
     equality = root.find("equality")
-    equality = ET.SubElement(root, "equality") if equality is None else equality
     for one in couplings:
         if len(one.polynomial) > POWERS:
-            equality.append(ET.Comment(f" MuJoCo has no powers above {POWERS - 1}: coupling {one.name} is left out "))
             continue
+        equality = ET.SubElement(root, "equality") if equality is None else equality
         row = ET.SubElement(equality, "joint", name=one.name, joint1=one.coordinate)
         if one.of:
             row.set("joint2", one.of)

@@ -43,7 +43,7 @@ class Coupling:
 
     def derivative(self, order: int) -> Array:
         """Coefficients of a derivative of the polynomial, lowest first."""
-        return np.polynomial.polynomial.polyder(self.polynomial, order) if order else self.polynomial
+        return np.asarray(np.polynomial.polynomial.polyder(self.polynomial, order), dtype=float)
 
     def scaled(self, unit: float, of_unit: float) -> Coupling:
         """The same where the two coordinates are counted in other units."""

@@ -14,7 +14,6 @@ from screwgauge.reference.errors import DescriptionError
 LIMITS = {
     "MB": 16,
     "MB of CSV": 256,
-    "MB of YAML": 1,
     "CSV columns": 1000,
     "samples": 10_000_000,
     "bodies": 500,
@@ -27,6 +26,8 @@ LIMITS = {
     "entries": 1000,
     "panels": 24,
     "characters": 1000,
+    "characters of YAML": 50_000,
+    "nested brackets": 10,
 }
 
 

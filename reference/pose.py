@@ -261,7 +261,7 @@ def loop_matrix(lay: Layout, at: Pose) -> Array:
 
 
 def constraint_matrix(lay: Layout, at: Pose) -> Array:
-    """The same over the rows of the couplings: all that velocities must satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
+    """The same over the rows of the couplings: what velocities must satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
     G, couplings = loop_matrix(lay, at), lay.mechanism.coupling_rows
     return np.concatenate([G, couplings.matrix(at.q)], axis=1) if len(couplings) else G
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from numpy.polynomial.polynomial import polyval
 
+import screwgauge
+from screwgauge.scene.scene import Scene
+
+Write = Callable[[str, str], Path]
 Couplings = Mapping[str, tuple[str, Sequence[float]]]
 """Coupled coordinate -> the one that it depends on, or nothing, and the coefficients."""
 
@@ -94,9 +99,26 @@ polynomial = {list(map(repr, polynomial))}
 """
 
 
-def scene(mechanism: str, labels: Sequence[str]) -> str:
-    """Sines about home [offsets by label] for some samples."""
-    text = f'mechanism = "{mechanism}.toml"\n'
-    for i, (label, offset) in enumerate(labels.items() if isinstance(labels, dict) else dict.fromkeys(labels, 0.0)):
-        text += f"[motion.{label}]\noffset = {offset!r}\nharmonics = [[{2.0 + i!r}, 0, 0.3], [{5.0 - i!r}, 0, 0.1]]\n"
-    return text + '[time]\nduration = 1.2\nstep = 0.1\n[[loads]]\nby = "environment"\n'
+def moving(write: Write, text: str, offsets: Mapping[str, float], loaded: str) -> Scene:
+    """A mechanism driven by sines about home, some samples of it, under a force on a body.
+
+    Args:
+        text: Its description.
+        offsets: Label of each independent coordinate -> its home value.
+    """
+    write("coupled.toml", text)
+    scene = 'mechanism = "coupled.toml"\ntime = { times = [0, 0.1, 0.35, 0.6, 0.85] }\n'
+    scene += f'[[loads]]\nby = "environment"\non = "{loaded}"\nforce = [1, 2, 3]\n'
+    for i, (label, offset) in enumerate(offsets.items()):
+        sines = [[2.0 + i, 0.0, 0.3], [5.0 - i, 0.0, 0.1]]
+        scene += f"[motion.{label}]\noffset = {offset!r}\nharmonics = {sines}\n"
+    return screwgauge.load_scene(write("coupled-scene.toml", scene))
+
+
+def started(write: Write, text: str, offsets: Mapping[str, float]) -> Scene:
+    """A mechanism that moves freely from home on, for a third of a second."""
+    write("coupled.toml", text)
+    start = ", ".join(f"{label} = {value!r}" for label, value in offsets.items())
+    rates = ", ".join(f"{label} = 1.0" for label in offsets)
+    scene = f'mechanism = "coupled.toml"\n[forward]\nstart = {{ {start} }}\nrates = {{ {rates} }}\n'
+    return screwgauge.load_scene(write("coupled-free.toml", scene + "[time]\nduration = 0.3\nstep = 0.1\n"))

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tolerances import LINEAR
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -17,7 +18,7 @@ ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one
 NAMES = [
     *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
-    *("stewart", "stewart-legs", "delta", "double-cardan", "arm7"),
+    *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press"),
 ]
 
 
@@ -210,3 +211,42 @@ def test_arm_of_seven_joints_holds_its_weight():
     weights = scene.mechanism.masses[:, None] * [0, 0, 9.81]
     torques = [sum(axes[i] @ np.cross(centres[k] - origins[i], weights[k]) for k in range(i, 7)) for i in range(7)]
     assert results.values("actuator_force")[0] == pytest.approx(np.array(torques), abs=1e-12)
+
+
+def relative(found, wanted) -> float:
+    return np.abs(found - wanted).max() / np.abs(wanted).max()
+
+
+def by_name(name: str, quantity: str) -> dict[str, np.ndarray]:
+    results = solved(name)
+    return dict(zip(results.components(quantity), results.values(quantity).T, strict=True))
+
+
+def test_planetary_gear():
+    q, _, _ = moved("planetary-gear")
+    k, planet = 20 / (20 + 80), 1 - 80 / 30  # of the carrier by the sun, of a planet by the carrier
+    assert relative(q["carrier"], k * q["sun"]) < LINEAR
+    assert relative(20 * (q["sun"] - q["carrier"]), -30 * q["planet1"]) < LINEAR  # Willis: as the carrier sees it
+    s, pulls = by_name("planetary-gear", "joint_acceleration")["sun"], by_name("planetary-gear", "reaction")
+    carrier = 1.1e-3 + 0.8 * 0.004**2 + 3 * 0.4 * 0.05**2
+    inertia = 6e-5 + k**2 * (carrier + 3 * 1.8e-4 * planet**2)
+    torque = inertia * s - 0.8 * 9.81 * 0.004 * k * np.cos(q["carrier"]) + 5 * k
+    assert relative(by_name("planetary-gear", "actuator_force")["sun"], torque) < LINEAR
+    assert relative(pulls["planet3.coupling"], 1.8e-4 * planet * k * s) < LINEAR
+    assert relative(pulls["carrier.coupling"], (torque - 6e-5 * s) / k) < LINEAR
+
+
+def test_screw_press():
+    q, _, _ = moved("screw-press")
+    p = 0.01 / (2 * np.pi)
+    x = 0.2 - p * q["screw"]
+    y = np.sqrt(0.25**2 - x**2)
+    assert q["nut.slide"] == pytest.approx(x, abs=CLOSED)
+    assert q["guide"] == pytest.approx(-y, abs=CLOSED)
+    rate, a = (by_name("screw-press", f"joint_{of}")["screw"] for of in ("velocity", "acceleration"))
+    up, along = 4 + 0.9 / 4, 0.5 + 0.9 / 4  # masses that move with the ram, and with the nut
+    M = 3e-4 + p**2 * (along + up * x**2 / y**2 + 5e-3 / y**2)
+    slope = -(p**3) * (up * 2 * x * 0.25**2 + 5e-3 * 2 * x) / y**4
+    torque = M * a + 0.5 * slope * rate**2 + (2000 - 9.81 * (4 + 0.9 / 2)) * p * x / y
+    assert relative(by_name("screw-press", "actuator_force")["screw"], torque) < LINEAR
+    assert relative(by_name("screw-press", "reaction")["thread.coupling"], (3e-4 * a - torque) / p) < LINEAR

@@ -17,7 +17,7 @@ from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unus
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
-from screwgauge.reference.mechanism import KINDS, Mechanism
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import stays_regular
@@ -53,6 +53,8 @@ FAMILIES: dict[str, Callable[[Sketch], int]] = {
     "3-rps": parallel.three_rps,
     "3-upu": parallel.three_upu,
     "delta": parallel.delta,
+    "gear-train": single.gear_train,
+    "geared-loop": single.geared_loop,
     "redundant": parallel.redundant,
     "underactuated": lambda s: parallel.ups(s, int(s.rng.integers(3, 6)), ""),
 }
@@ -162,8 +164,8 @@ def _drive(sketch: Sketch, K: Array) -> list[int]:
     Returns:
         Rows of the actuated coordinates.
     """
-    first = np.cumsum([0, *(len(KINDS[joint.kind]) for joint in sketch.joints)])
-    rows = {int(first[i]): joint for i, joint in enumerate(sketch.joints) if joint.kind in "RP"}
+    first = sketch.firsts
+    rows = {first[i]: joint for i, joint in enumerate(sketch.joints) if joint.kind in "RP"}
     driven = [row for row, joint in rows.items() if joint.driven] or pick(sketch.rng, K, rows)
     if len(rows) > len(driven) and sketch.rng.random() < 0.15:
         driven.append(int(sketch.rng.choice([row for row in rows if row not in driven])))

@@ -107,5 +107,26 @@ def serial(s: Sketch, kinds: str = "") -> int:
     return sum(len(KINDS[kind]) for kind in kinds)
 
 
+def gear_train(s: Sketch) -> int:
+    """An open chain or tree of which one or two coordinates move all others by couplings."""
+    free = int(s.rng.integers(1, 3))
+    serial(
+        s, "".join([*s.rng.choice(list("RRP"), size=free), *s.rng.choice(list("RRRPUC"), size=s.rng.integers(2, 6))])
+    )
+    for row in range(free, s.firsts[-1]):
+        s.tie(row, int(s.rng.integers(row)))
+    return free
+
+
+def geared_loop(s: Sketch) -> int:
+    """One loop of two freedoms, and a coupling between two of its R joints, not always side by side."""
+    kinds = str(s.rng.choice(["RRRRRRRR", "RUSRR", "RRSCR"]))
+    freedoms = loop(s, kinds)
+    turning = [s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"]
+    row, of = s.rng.permutation(turning)[:2].tolist()
+    s.tie(row, of)
+    return freedoms - 1
+
+
 def _bar(i: int, n: int) -> str:
     return GROUND if i % n == 0 else f"{i}"

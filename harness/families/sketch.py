@@ -47,6 +47,19 @@ class Placed:
         return np.array(pairs).reshape(-1, 6)
 
 
+@dataclass(frozen=True, slots=True)
+class Tied:
+    """A coupling about home: coordinate `row` moves by slope x + bend x^2 where coordinate `of` moves by x.
+
+    Rows count all coordinates, joint by joint.
+    """
+
+    row: int
+    of: int
+    slope: float
+    bend: float
+
+
 @dataclass(slots=True)
 class Sketch:
     """What a family draws on. Lengths are about 1 m.
@@ -54,10 +67,12 @@ class Sketch:
     Attributes:
         rng: Where all chance comes from.
         joints: Those placed so far.
+        ties: Couplings between their coordinates.
     """
 
     rng: np.random.Generator
     joints: list[Placed] = field(default_factory=list)
+    ties: list[Tied] = field(default_factory=list)
 
     @property
     def bodies(self) -> list[str]:
@@ -102,6 +117,16 @@ class Sketch:
             axis = way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
             self.join(kind, names[i], names[i + 1], points[i], axis, driven=i == driven)
 
+    @property
+    def firsts(self) -> list[int]:
+        """Row of the first coordinate of each joint, and behind them the number of all coordinates."""
+        return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
+
+    def tie(self, row: int, of: int) -> None:
+        """Couples a coordinate to another one, about as fast, in one case of two by a straight line."""
+        slope, bend = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1]), self.rng.choice([0.0, 0.3])
+        self.ties.append(Tied(row, of, float(slope), float(bend)))
+
     def flip(self) -> None:
         """Exchanges parent and child of joints at random."""
         for i, joint in enumerate(self.joints):
@@ -109,7 +134,7 @@ class Sketch:
                 self.joints[i] = replace(joint, a=joint.b, b=joint.a, axes=joint.axes[::-1])
 
     def freedoms(self) -> Array | None:
-        """Joint velocities of all motions at home, from the twists of the bodies; None where in doubt.
+        """Joint velocities of all motions at home, from the twists of the bodies and the ties; None where in doubt.
 
         Returns:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
@@ -119,7 +144,10 @@ class Sketch:
         for i, joint in enumerate(self.joints):  # twist of b - twist of a - screws . rates = 0
             ends[i, place.get(joint.a, -1)], ends[i, place.get(joint.b, -1)] = 1.0, -1.0
         A = np.hstack([block_diag(*(screws.T for screws in S)), np.kron(ends[:, :-1], np.eye(6))])
-        _, s, Vt = np.linalg.svd(A)
+        tied = np.zeros((len(self.ties), A.shape[1]))
+        for row, tie in zip(tied, self.ties, strict=True):
+            row[tie.row], row[tie.of] = 1.0, -tie.slope
+        _, s, Vt = np.linalg.svd(np.vstack([A, tied]))
         if ((s > ZERO) & (s < REGULAR)).any():
             return None
         Q, R = np.linalg.qr(Vt[int((s > ZERO).sum()) :, :n].T)
@@ -154,7 +182,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         R, p = frames[body] = (W, origin) if plain else (sketch.turned(), middle + 0.3 * rng.normal(size=3))
         names[body] = unused(rng, used)
         bodies[names[body]] = _body(rng, R.T @ (middle - p))
-    joints, coordinates = {}, []
+    joints, coordinates, homes = {}, [], list[float]()
     for placed in sketch.joints:
         n, label = len(KINDS[placed.kind]), unused(rng, used)
         own = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
@@ -163,6 +191,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         if placed.kind == "S":  # the second angle is the one that its axes include
             home[1] = placed.tilt()
         J = np.eye(3) if plain else sketch.turned()
+        homes += home.tolist()
         point, ready, back = W @ placed.point + origin, [], np.eye(3)
         slide = np.zeros(3)
         for (turn, axis), value in zip(placed.freedoms, home, strict=True):
@@ -182,7 +211,22 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
             **({"coordinates": own} if own else {}),
             **({"actuated": True} if placed.driven else {}),
         }
-    return {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}, coordinates
+    tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
+    if sketch.ties:
+        couplings = _couplings(sketch.ties, [name for own in coordinates for name in own], homes)
+        tables["couplings"] = shuffled(rng, {unused(rng, used): coupling for coupling in couplings})
+    return tables, coordinates
+
+
+def _couplings(ties: Sequence[Tied], names: Sequence[str], homes: Sequence[float]) -> list[Tables]:
+    """Couplings in coordinates that are not zero at home."""
+    couplings = []
+    for tie in ties:
+        x, bend = homes[tie.of], tie.bend
+        polynomial = [homes[tie.row] - tie.slope * x + bend * x * x, tie.slope - 2.0 * bend * x, bend]
+        table = {"coordinate": names[tie.row], "of": names[tie.of], "polynomial": polynomial}
+        couplings.append(table)
+    return couplings
 
 
 def shuffled(rng: np.random.Generator, table: Tables) -> Tables:

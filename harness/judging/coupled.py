@@ -53,7 +53,7 @@ def coupling_shares(mechanism: Mechanism, q: Array) -> Iterator[tuple[str, str, 
         yield f"{one.name}.coupling", "N m" if units[one.coordinate] == "rad" else "N", shares
 
 
-def along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
+def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
     """Force and moment of a unit force along a coordinate of a joint: no power on its other coordinates. (n, 3) each.
 
     Args:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.judging.answer import Answer
-from screwgauge.judging.coupled import along, coupling_shares
+from screwgauge.judging.coupled import coupling_shares, force_along
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, cross
 
@@ -91,7 +91,7 @@ def _of_couplings(answer: Answer) -> Iterator[Unit]:
             joint = owner[coordinate]
             parent, child = (mechanism.body_index[side] for side in (joint.parent, joint.child))
             near, q = bodies.R[:, parent] @ joint.parent_frame.R, answer.q[:, mechanism.columns(joint.coordinates)]
-            force, moment = (share[:, None] * part for part in along(joint, coordinate, near, q))
+            force, moment = (share[:, None] * part for part in force_along(joint, coordinate, near, q))
             acts.append(Act(joint, force, moment, bodies.p[:, child] + bodies.R[:, child] @ joint.child_frame.p))
         yield Unit("reaction", name, unit, tuple(acts))
 

@@ -57,14 +57,13 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def along(axes: Sequence[Vector], i: int) -> Vector:
-    """The vector in the span of one to three axes whose component along axis i is 1, and 0 along the others.
-
-    Two axes of one joint stand at right angles.
-    """
-    if len(axes) < 3:
-        return axes[i]
-    normal = cross(axes[(i + 1) % 3], axes[(i + 2) % 3])
-    volume = dot(axes[i], normal)
+    """The vector in the span of one to three axes whose component along axis i is 1, and 0 along the others."""
+    if len(axes) == 1:
+        return axes[0]
+    # of two, whose decimals are at right angles to rounding only, the third is at right angles to both
+    beside = [*axes, cross(axes[0], axes[1])][:3]
+    normal = cross(beside[(i + 1) % 3], beside[(i + 2) % 3])
+    volume = dot(beside[i], normal)
     return [x / volume for x in normal]
 
 

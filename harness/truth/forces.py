@@ -183,7 +183,7 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
 def newton_euler(
     linkage: Linkage, now: State, B: arb_mat, gravity: Vector, loads: Sequence[BallLoad], axial: bool
 ) -> tuple[list[arb], arb_mat]:
-    """Route 2: all reaction components, couplings last, and the actuator forces, from the balance of all bodies as one system.
+    """Route 2: all reaction components, couplings last, and the actuator forces, from the balance of all bodies.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
     nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant

@@ -166,7 +166,7 @@ class Linkage:
         return joint, turning, along([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
-        """Derivative of the closing errors, of the couplings' and of the selected coordinates. (6 n_cut + m + k, n_q)."""
+        """Derivative of the errors of loops and ties, and of the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
         jets = [[x] for x in q]
         spots: dict[int, arb_mat] = {}
         bodies = self.place(jets, spots)

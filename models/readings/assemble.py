@@ -65,9 +65,9 @@ def assemble(links: Iterable[Link], where: str) -> Assembly:
     groups: dict[str, list[tuple[int, Link]]] = {"": []}  # first link -> distance from it, link
     at = {"": ("", 0)}
     for link in links:
-        first, far = (link.name, 0) if link.joints else (at[link.near][0], at[link.near][1] + 1)
-        at[link.name] = first, far
-        groups.setdefault(first, []).append((far, link))
+        key, far = (link.name, 0) if link.joints else (at[link.near][0], at[link.near][1] + 1)
+        at[link.name] = key, far
+        groups.setdefault(key, []).append((far, link))
     fixed = {link.name: link.pose for _, link in groups.pop("")}
     places = {name: (GROUND, pose) for name, pose in fixed.items()}
     bodies: dict[str, BodyReading] = {}

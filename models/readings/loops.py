@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading, couplings_of
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import check_count, read_file
 from screwgauge.reference.rotations import Array
 
 #: How the name of a loops file of our own ends.
@@ -87,14 +89,21 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
     """
     import yaml
 
-    where = str(path)
+    where, text = str(path), read_file(path)
+    check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds for them
+    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of those
     try:
-        data = yaml.safe_load(read_file(path, "MB of YAML"))
+        data = yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
     if not isinstance(data, Mapping):
         raise ModelFileError("has no entries", where, f"write {', '.join(_KEYS[:3])}")
-    pairs = tuple(tuple(_texts(pair, f"{where}, closed_loop")) for pair in data.get("closed_loop") or ())
+    loops = data.get("closed_loop") or []
+    if not isinstance(loops, list):
+        raise ModelFileError(
+            f"{reprlib.repr(loops)[:60]} is no list of pairs", f"{where}, closed_loop", "write pairs of names"
+        )
+    pairs = tuple(_texts(pair, f"{where}, closed_loop") for pair in loops)
     types = _texts(data.get("type"), f"{where}, type")
     if len(types) != len(pairs) or any(len(pair) != 2 for pair in pairs):
         what = f"{len(pairs)} closed loops, {len(types)} types"
@@ -120,12 +129,18 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
     )
 
 
+def _nesting(text: str) -> int:
+    """How deep brackets nest in it."""
+    steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
+    return max(accumulate(steps), default=0)
+
+
 def _texts(value: Any, where: str) -> tuple[str, ...]:
     """A list of texts; none where there is no entry."""
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise ModelFileError(f"{value!r} is no list of names", where, "write names in brackets")
+        raise ModelFileError(f"{reprlib.repr(value)[:60]} is no list of names", where, "write names in brackets")
     return tuple(value)
 
 

@@ -115,14 +115,15 @@ def _shapes(root: ET.Element) -> Iterator[_Shape]:
 def _classes(root: ET.Element) -> dict[str, dict[str, str]]:
     """Class -> attributes that its geoms have by default; the outermost one is also called by the empty name."""
     found: dict[str, dict[str, str]] = {}
-    waiting = [(default, {}) for default in root.iterfind("default")]
+    outermost = root.findall("default")
+    waiting: list[tuple[ET.Element, dict[str, str]]] = [(default, {}) for default in outermost]
     while waiting:
         default, above = waiting.pop(0)
-        values: dict[str, str] = {**above, **found.get(default.get("class", ""), {})}
+        values = {**above, **found.get(default.get("class", ""), {})}
         for geom in default.iterfind("geom"):
             values |= geom.attrib
         found[default.get("class", "")] = values
-        if default in list(root):
+        if default in outermost:
             found[""] = {**found.get("", {}), **values}
         waiting += [(child, values) for child in default.iterfind("default")]
     return found

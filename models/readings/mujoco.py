@@ -48,7 +48,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
     assembly = assemble(_links(model, data, source.root_link), str(source.path))
-    ignored += _uneven(model, assembly)
+    ignored += [*_uneven(model, assembly), *_beyond(model)]
     closures, couplings = _equalities(model, assembly, ignored)
     says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
     gravity = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
@@ -144,6 +144,17 @@ def _uneven(model: Any, assembly: Assembly) -> Iterator[str]:
     for name, values in shares.items():
         if len(values) > 1 and name != GROUND:
             yield f"where the gravcomp of body {name} acts: it is not the same in all parts"
+
+
+def _beyond(model: Any) -> Iterator[str]:
+    """What joints have that a reading of them does not."""
+    for i in range(model.njnt):
+        name, dof = model.joint(i).name, model.jnt_dofadr[i]
+        if model.jnt_limited[i] and not _single(model, i):
+            yield f"range of ball joint {name}"
+        for what, powers in (("damping", "dof_dampingpoly"), ("stiffness", "jnt_stiffnesspoly")):
+            if hasattr(model, powers) and getattr(model, powers)[dof if what == "damping" else i].any():
+                yield f"{what} of joint {name} by its higher powers"
 
 
 def _joint(model: Any, data: Any, i: int) -> JointReading:

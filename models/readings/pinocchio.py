@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import Assembly, Link, assemble
+from screwgauge.models.readings.anchors import as_file, closures
+from screwgauge.models.readings.assemble import Link, assemble
 from screwgauge.models.readings.overheard import overheard
-from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading
+from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: A limit beyond which there is none: parsers write the largest numbers of several types.
@@ -53,7 +51,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import pinocchio
 
-    model, constraints, ignored = _loaded(source)
+    model, ignored = _loaded(source)
     data, q, parts = model.createData(), _start(model), list(_parts(model, source))
     for part in parts:
         if not part.kind and part.name in home:
@@ -63,38 +61,38 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     pinocchio.updateFramePlacements(model, data)
     assembly = assemble(_links(model, data, parts), str(source.path))
     J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
+    if source.form == "urdf":
+        ignored += _planar_axes(source)
     return Reading(
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
         joints={part.name: _joint(model, data, part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
-        closures=_closures(constraints, model, assembly, source),
+        closures=closures(model, assembly, source.root, ignored) if source.form == "mjcf" else {},
         couplings=source.mimics,
         gravity=np.array(model.gravity.linear) if source.form == "mjcf" else None,
         ignored=tuple(ignored),
     )
 
 
-def _loaded(source: Source) -> tuple[Any, Any, list[str]]:
-    """Model, constraints, and what was said of a file that was loaded all the same."""
+def _loaded(source: Source) -> tuple[Any, list[str]]:
+    """The model, and what was said of a file that was loaded all the same."""
     import pinocchio
 
     said: list[str] = []
     try:
         with overheard() as said:
             if source.form == "urdf":
-                model, constraints = pinocchio.buildModelFromXML(source.text), ()
+                model = pinocchio.buildModelFromXML(source.text)
             else:
-                with tempfile.TemporaryDirectory() as folder:
-                    path = Path(folder) / "model.xml"
-                    path.write_text(source.text, encoding="utf-8")
-                    model, constraints = pinocchio.buildModelAndLegacyConstraintsFromMJCF(str(path))
+                with as_file(source.root) as path:
+                    model = pinocchio.buildModelFromMJCF(path)
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
         # an exception of Boost begins with its place in the sources
         reason = "; ".join(said) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
-    return model, constraints, [f"what Pinocchio complains of: {sentence}" for sentence in said]
+    return model, [f"what Pinocchio complains of: {sentence}" for sentence in said]
 
 
 def _start(model: Any) -> Array:
@@ -150,14 +148,16 @@ def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
     for i, frame in enumerate(model.frames):
         if frame.type != kinds.BODY:
             continue
-        joints, above = (), frame.parentFrame
+        joints: tuple[str, ...] = ()
+        above = frame.parentFrame
         while above and model.frames[above].type != kinds.BODY:
             if model.frames[above].type == kinds.JOINT:
                 joints = names[model.frames[above].parentJoint] + joints
             above = model.frames[above].parentFrame
         Y, near = inertias.get(i), model.frames[above].name if above else ""
-        moments = (float(Y.mass), np.array(Y.lever), np.array(Y.inertia)) if Y else (0.0, np.zeros(3), np.zeros((3, 3)))
-        yield Link(frame.name, near, joints, *moments, np.array(data.oMf[i].homogeneous))
+        com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
+        mass = float(Y.mass) if Y else 0.0
+        yield Link(frame.name, near, joints, mass, com, inertia, np.array(data.oMf[i].homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:
@@ -189,6 +189,15 @@ def _inertias(model: Any) -> dict[int, Any]:
     return inertias
 
 
+def _planar_axes(source: Source) -> Iterator[str]:
+    """Pinocchio lets every planar joint move in the plane of x and y; URDF's own default is that of y and z."""
+    for joint in source.root.iterfind("joint"):
+        axis = joint.find("axis")
+        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+        if joint.get("type") == "planar" and [float(word) for word in xyz.split()][:2] != [0.0, 0.0]:
+            yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
+
+
 def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
     """Args: column: Of the Jacobian, [linear; angular] at the world origin. Shape (6,)."""
     centre, axis = np.array(data.oMi[part.joint].translation), np.concatenate([column[3:], column[:3]])
@@ -210,26 +219,3 @@ def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str,
         damping=float(model.damping[part.v]),
         friction=float(model.friction[part.v]),
     )
-
-
-def _closures(constraints: Any, model: Any, assembly: Assembly, source: Source) -> dict[str, ClosureReading]:
-    """Closures of an MJCF. Pinocchio keeps them in the order of their names, and forgets the names."""
-    import pinocchio
-
-    kinds = {"connect": "point", "weld": "weld"}
-    entries = [entry for part in source.root.iterfind("equality") for entry in part if entry.tag in kinds]
-    named = sorted((entry.get("name", ""), kinds[entry.tag]) for entry in entries)
-    found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
-    if [kind for _, kind in named] != found:
-        named = [(f"{kind}_{i + 1}", kind) for i, kind in enumerate(found)]
-    at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and the joint's frame in it
-    for frame in model.frames:
-        if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:
-            body, T = assembly.places[frame.name]
-            at[frame.parentJoint] = body, T @ np.linalg.inv(frame.placement.homogeneous)
-    closures = {}
-    for (name, kind), c in zip(named, constraints, strict=True):
-        sides = ((c.joint1_id, c.joint1_placement), (c.joint2_id, c.joint2_placement))
-        (first, T1), (second, T2) = ((at[i][0], at[i][1] @ placement.homogeneous) for i, placement in sides)
-        closures[name] = ClosureReading(kind, first, T1, second, T2)
-    return closures

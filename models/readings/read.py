@@ -16,6 +16,7 @@ from screwgauge.models.readings.source import Source, prepare
 from screwgauge.models.readings.unread import unread
 from screwgauge.models.readings.yourdfpy import read_yourdfpy
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
+from screwgauge.reference.rotations import Array
 
 #: Library -> the formats that it reads, its own first, and how.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {
@@ -73,7 +74,12 @@ def _check(reading: Reading, where: str) -> None:
     if not reading.joints:
         raise ModelFileError(f"has no degree of freedom, as {reading.library} reads it", where, "give it a joint")
     for name, body in reading.bodies.items():
-        values = {"mass": body.mass, "centre of mass": body.com, "inertia": body.inertia, "pose": body.pose}
+        values: dict[str, float | Array] = {
+            "mass": body.mass,
+            "centre of mass": body.com,
+            "inertia": body.inertia,
+            "pose": body.pose,
+        }
         for what, value in values.items():
             if not np.isfinite(value).all():
                 raise ModelFileError(f"{what} of body {name} is not finite", where, "write finite numbers")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.readings.checks import MAKERS, check_names, check_numbers, check_tree, number, root_link, world
 from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import without_meshes
 from screwgauge.models.readings.naming import joints_in, name_all
@@ -22,10 +20,8 @@ from screwgauge.reference.files import check_count
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 #: Name of the joint of a base that floats, as Pinocchio calls its own.
 FLOATING = "root_joint"
-#: Attributes that hold no numbers, though what they hold may look like one.
-_TEXT = ("name", "link", "class", "childclass", "filename", "file", "model")
-#: What makes bodies of an MJCF without naming them.
-_MAKERS = ("replicate", "composite", "flexcomp")
+#: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
+_MIMIC = (("offset", 0.0), ("multiplier", 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +52,7 @@ class Source:
     @property
     def root_link(self) -> str:
         """Name of the first link of a URDF; empty of an MJCF."""
-        return _root_link(self.root) if self.form == "urdf" else ""
+        return root_link(self.root) if self.form == "urdf" else ""
 
     @property
     def mimics(self) -> dict[str, CouplingReading]:
@@ -65,7 +61,7 @@ class Source:
         for joint in self.root.iterfind("joint") if self.form == "urdf" else ():
             mimic, name = joint.find("mimic"), joint.get("name", "")
             if mimic is not None:
-                ratio = [_number(mimic, "offset", 0.0, self.path), _number(mimic, "multiplier", 1.0, self.path)]
+                ratio = [number(mimic, key, default, str(self.path)) for key, default in _MIMIC]
                 found[name] = CouplingReading(name, mimic.get("joint", ""), np.array(ratio))
         return found
 
@@ -74,8 +70,8 @@ class Source:
         if self.form == "urdf":
             return [e.get("name", "") for e in self.root.iterfind(what) if e.get("type") != "fixed"]
         tags = ("joint", "freejoint") if what == "joint" else (what,)
-        copied = {id(element) for tag in _MAKERS for maker in self.root.iter(tag) for element in maker.iter()}
-        found = (e for e in _world(self.root) if e.tag in tags and id(e) not in copied)
+        copied = {id(element) for tag in MAKERS for maker in self.root.iter(tag) for element in maker.iter()}
+        found = (e for e in world(self.root) if e.tag in tags and id(e) not in copied)
         return [element.get("name", "") for element in found]
 
     def joints_of(self, body: str) -> list[str]:
@@ -105,14 +101,16 @@ def prepare(path: Path, *, floating: bool = False) -> Source:
     form = FORMATS[root.tag]
     said = _include(root, path) if form == "mjcf" else []
     check_count(sum(element.tag in ("link", "body") for element in root.iter()), "links", str(path))
-    _check_finite(root, path)
+    check_numbers(root, str(path))
     said += without_meshes(root, form, str(path))
     if form == "mjcf":
         name_all(root)
     elif "name" not in root.attrib:
         root.set("name", path.stem)  # which some readers refuse to do without
         said.append("no name of the robot: it has that of the file")
-    _check_names(root, form, path)
+    check_names(root, form, str(path))
+    if form == "urdf":
+        check_tree(root, str(path))
     if floating:
         _float(root, form, path)
     return Source(path, form, root, tuple(said))
@@ -141,61 +139,11 @@ def _include(root: ET.Element, path: Path) -> list[str]:
     return [f"include {name}, put in its place before a library reads it" for name in seen]
 
 
-def _check_finite(root: ET.Element, path: Path) -> None:
-    for element in root.iter():
-        for attribute, value in element.items():
-            words = value.lower().split() if attribute not in _TEXT else []
-            if any(re.fullmatch(r"[+-]?nan(\(.*\))?", word) for word in words):
-                raise ModelFileError(f"{_said(element, attribute)} is not a number ({value})", str(path), "write one")
-
-
-def _said(element: ET.Element, attribute: str) -> str:
-    return f"{attribute} of {element.tag} {element.get('name', '')}".rstrip()
-
-
-def _number(element: ET.Element, attribute: str, default: float, path: Path) -> float:
-    value = element.get(attribute)
-    try:
-        return default if value is None else float(value)
-    except ValueError:
-        what = f"{_said(element, attribute)} is no number ({value})"
-        raise ModelFileError(what, str(path), "write one") from None
-
-
-def _world(root: ET.Element) -> Iterator[ET.Element]:
-    """All elements below the world bodies of an MJCF."""
-    for world in root.iterfind("worldbody"):
-        yield from world.iter()
-
-
-def _check_names(root: ET.Element, form: str, path: Path) -> None:
-    """Refuses names that two links or two joints share: most libraries keep one of them in silence."""
-    kinds: dict[str, tuple[str, ...]] = {"body": ("body",), "joint": ("joint", "freejoint")}
-    if form == "urdf":
-        kinds = {"link": ("link",), "joint": ("joint",)}
-    places = list(root) if form == "urdf" else list(_world(root))
-    for what, tags in kinds.items():
-        names = Counter(element.get("name") for element in places if element.tag in tags)
-        if what != "joint" and not names and not any(place.tag in _MAKERS for place in places):
-            raise ModelFileError(f"has no {what}", str(path), "give the file that describes the robot")
-        for name, count in names.items():
-            if not name:
-                raise ModelFileError(f"a {what} has no name", str(path), "give it one")
-            if count > 1:
-                what = f"'{name}' is the name of {count} {tags[0]} elements"
-                raise ModelFileError(what, str(path), "give each a name of its own")
-
-
-def _root_link(root: ET.Element) -> str:
-    children = {child.get("link") for child in root.iterfind("joint/child")}
-    return next((link.get("name", "") for link in root.iterfind("link") if link.get("name") not in children), "")
-
-
 def _float(root: ET.Element, form: str, path: Path) -> None:
     """Hangs the first link of a URDF on a joint that leaves it free."""
     if form != "urdf":
         raise ModelFileError("is an MJCF, which says itself what floats", str(path), "do not ask for a floating base")
-    base, links = _root_link(root), {link.get("name") for link in root.iterfind("link")}
+    base, links = root_link(root), {link.get("name") for link in root.iterfind("link")}
     world = next(name for name in ("world", "world_", "world__") if name not in links)
     ET.SubElement(root, "link", name=world)
     joint = ET.SubElement(root, "joint", name=FLOATING, type="floating")

@@ -75,9 +75,9 @@ def _links(robot: Any) -> Iterator[Link]:
             mass, com = float(inertial.mass), origin[:3, 3]
             if inertial.inertia is not None:
                 inertia = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
-        moves = joint is not None and joint.type in _KINDS
+        moving = (joint.name,) if joint and joint.type in _KINDS else ()
         pose = robot.get_transform(name, robot.base_link)
-        yield Link(name, joint.parent if joint else "", (joint.name,) if moves else (), mass, com, inertia, pose)
+        yield Link(name, joint.parent if joint else "", moving, mass, com, inertia, pose)
 
 
 def _joint(robot: Any, joint: Any, home: float) -> JointReading:

@@ -120,9 +120,7 @@ class MujocoTree:
         found = {model.equality(i).name: joint_equality(model, i) for i in rows}
         for coupling in file.couplings:
             if coupling.name not in found and len(coupling.polynomial) > POWERS:
-                what = (
-                    f"it cannot have coupling '{coupling.name}': MuJoCo's equalities have no powers above {POWERS - 1}"
-                )
+                what = f"lacks coupling '{coupling.name}': MuJoCo has no powers above {POWERS - 1}"
                 raise ModelFileError(what, where, "run other engines")
         return tuple(
             Coupling(name, one.joint, one.of, one.polynomial, f"{where}, joint equality '{name}'")

@@ -87,7 +87,7 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Accelerations, what those of the loops are off by (the last change of the multipliers times mu) or those of the
+        """Accelerations, what those of loops are off by (the last change of the multipliers times mu) or those of
         couplings, and the largest acceleration, 1 at least."""
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0

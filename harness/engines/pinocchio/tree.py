@@ -197,7 +197,7 @@ class Constraints:
 
     def jacobian(self, data: Any, q: Array) -> Array:
         """Derivative of the gaps for a placed `data`: velocity of the second side less that of the first, couplings."""
-        couplings = self.couplings.matrix(q[None])[0]
+        couplings: Array = self.couplings.matrix(q[None])[0]
         if not len(self.models):
             return couplings
         return np.vstack([-pin.getConstraintsJacobian(self.model, data, self.models, self.datas), couplings])

@@ -1,0 +1,73 @@
+"""Closures of an MJCF as Pinocchio reads them: two frames in the frames of two of its joints."""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from screwgauge.models.readings.assemble import Assembly
+from screwgauge.models.readings.reading import ClosureReading
+from screwgauge.reference.mechanism import GROUND
+
+_KINDS = {"connect": "point", "weld": "weld"}
+_JOINED = ("body1", "body2", "site1", "site2")
+
+
+@contextmanager
+def as_file(root: ET.Element) -> Iterator[str]:
+    """Path of a file with an MJCF: Pinocchio reads no text."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.xml"
+        path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+        yield str(path)
+
+
+def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str]) -> dict[str, ClosureReading]:
+    """Closures by name.
+
+    Pinocchio 4.1 crashes on those of bodies that it has dropped, and gives sites of bodies that do not move a placement
+    of uninitialised memory: such closures it is not shown, and they are said in `ignored`.
+    """
+    import pinocchio
+
+    known = {frame.name for frame in model.frames}
+    root = copy.deepcopy(root)
+    named = []
+    for section in root.iterfind("equality"):
+        for row in [row for row in section if row.tag in _KINDS]:
+            if missing := [row.get(side, "") for side in _JOINED if side in row.attrib and row.get(side) not in known]:
+                section.remove(row)
+                ignored.append(f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}")
+            else:
+                named.append((_KINDS[row.tag], row.get("name", "")))
+                row.set("name", f"{len(named):06}")
+    build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
+    if build is None:  # before Pinocchio 4
+        ignored += [f"closure {name}" for _, name in named]
+    if build is None or not named:
+        return {}
+    with as_file(root) as path:
+        model, constraints = build(path)
+    found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
+    # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
+    named.sort(key=lambda entry: entry[0])
+    if [kind for kind, _ in named] != found:
+        named = [(kind, f"{kind}_{i + 1}") for i, kind in enumerate(found)]
+    at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and the joint's frame in it
+    for frame in model.frames:
+        if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:
+            body, T = assembly.places[frame.name]
+            at[frame.parentJoint] = body, T @ np.linalg.inv(frame.placement.homogeneous)
+    closed = {}
+    for (kind, name), c in zip(named, constraints, strict=True):
+        sides = ((c.joint1_id, c.joint1_placement), (c.joint2_id, c.joint2_placement))
+        (first, T1), (second, T2) = ((at[i][0], at[i][1] @ placement.homogeneous) for i, placement in sides)
+        closed[name] = ClosureReading(kind, first, T1, second, T2)
+    return closed

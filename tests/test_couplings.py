@@ -1,0 +1,142 @@
+"""Couplings: every engine and the truth agree on them, in motion, forces and simulations; the judge looks at them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
+from numpy.polynomial import Polynomial
+from planar import Bar, four_bar
+from tolerances import LINEAR, ROUND_TRIP
+
+import screwgauge
+from screwgauge.judging.judge import judge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.forward import Forces, forward, forward_dense
+from screwgauge.reference.kinematics import accelerations, positions, velocities
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.precision import in_precision
+
+ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+#: The driven joint's neighbour, and the joint that would be cut if it were not coupled.
+GEARS = {"right": [0.0, 0.5, 0.3, -0.2], "tip": [np.pi / 3, 0.5, -0.3]}
+
+
+@pytest.mark.parametrize("engines", [ENGINES, ["screw", "truth"]], ids=["engines", "truth"])
+@pytest.mark.parametrize("gear", [None, *GEARS])
+def test_polynomials_between_joints_of_every_kind(gear, engines, write):
+    if engines[-1] == "truth":
+        pytest.importorskip("flint")
+    text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
+    load = "G" if gear is None else "right.rod"
+    scene = moving(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}, load)
+    results = screwgauge.run(scene, engines=engines)
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert (results.errors["max_scaled"] < 1e-10).all() or gear  # redundant constraints leave some reactions open
+    q = dict(zip(results.components("joint_position"), results.values("joint_position", engines[-1]).T, strict=True))
+    for name, (of, p) in (EVERY_KIND if gear is None else {gear: ("left", GEARS[gear])}).items():
+        assert np.abs(q[name] - Polynomial(p)(q[of] if of else 0 * q[name])).max() < LINEAR
+
+
+@pytest.mark.parametrize("gear", [None, *GEARS])
+def test_simulations_agree_and_keep_the_energy(gear, write):
+    text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
+    results = screwgauge.run(started(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}))
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert set(results.solutions) == {"screw", "pinocchio", "mujoco"}
+    assert any("curvature is added" in note for note in results.solutions["mujoco"].notes)
+
+
+def test_a_coupling_that_a_loop_keeps_already_is_redundant(write):
+    bars = four_bar([Bar(0.3), Bar(0.5), Bar(0.3)], 0.5, 1.0)
+    gear = '[couplings.gear]\ncoordinate = "c"\nof = "a"\npolynomial = [0, 1]\n'
+    text = f'name = "parallelogram"\nindependent = {{ a = "a" }}\n{bars}{gear}'
+    scene = moving(write, text, {"a": 1.0}, "rocker")
+    results = screwgauge.run(scene, engines=["screw", "pinocchio", "mujoco-full"])
+    assert results.ok
+    row = results.errors[results.errors["component"] == "gear.coupling"]
+    assert (row["rule"] == "undetermined").all()
+    assert screwgauge.run(started(write, text, {"a": 1.0})).ok
+
+
+def test_mobility_counts_them(write):
+    mechanism = load_mechanism(write("every-kind.toml", every_kind()))
+    lay = layout(mechanism)
+    counted = mobility(lay, pose(lay, mechanism.home[None]))
+    assert counted.mobility == 2
+    assert counted.joint_freedoms == 17
+    assert counted.kutzbach == 2
+    assert counted.overconstraints == 0
+    assert all(counted.unique)
+
+
+@pytest.mark.parametrize("gear", [None, *GEARS])
+def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_power(gear, write):
+    text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
+    mechanism = load_mechanism(write("coupled.toml", text))
+    lay, k = layout(mechanism), len(mechanism.independent)
+    y = mechanism.home[mechanism.independent_columns] + np.array([[0.1, -0.2]])[:, :k]
+    rate = velocities(lay, positions(lay, y, np.zeros(1)), np.full((1, k), 2.0))
+    forces = Forces(actuators=np.full(len(mechanism.actuators), 0.7))
+    dense = forward_dense(lay, rate, forces)
+    ydd = forward(lay, rate, forces).ydd
+    assert dense.qdd[:, mechanism.independent_columns] == pytest.approx(ydd, rel=ROUND_TRIP, abs=0)
+    assert (mechanism.coupling_rows.matrix(rate.pose.q) @ rate.w[..., None]) == pytest.approx(0.0, abs=1e-13)
+
+
+def test_single_precision_stays_single(write):
+    mechanism = in_precision(load_mechanism(write("every-kind.toml", every_kind())), np.float32)
+    lay = layout(mechanism)
+    rate = velocities(lay, pose(lay, mechanism.home[None]), np.ones((1, 2), np.float32))
+    assert accelerations(lay, rate, np.ones((1, 2), np.float32))[0].dtype == rate.A.dtype == np.float32
+
+
+def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):
+    scene = moving(write, every_kind(), {"a": 0.3, "b": -0.2}, "G")
+    scene = scene.at(scene.t[1:3])
+    solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+
+    def faults(quantity: str, name: str) -> set[str]:
+        values = solution.values[quantity]
+        array = values.array.copy()
+        array[:, values.components.index(name)] += 1e-6
+        wrong = replace(solution, values={**solution.values, quantity: replace(values, array=array)})
+        rows = judge(scene.mechanism, scene.problem(GIVEN), wrong)
+        return {*rows["residual"][~rows["ok"]]}
+
+    assert faults("reaction", "tie.c.q2.coupling") == {"newton_euler"}
+    assert faults("reaction", "tie.s.q3.coupling") == {"newton_euler"}
+    assert "loop_closure" in faults("joint_position", "p")
+    assert "loop_rate" in faults("joint_velocity", "f.z")
+    assert "loop_acceleration" in faults("joint_acceleration", "u.q1")
+
+
+def test_gears_join_two_loops(write):
+    """Two four-bars whose cranks mesh: each has its own loop, and one freedom is left."""
+    one = four_bar([Bar(0.2), Bar(0.6), Bar(0.4)], 0.5, 1.2)
+    names = ("crank", "coupler", "rocker", "joints.a", "joints.b", "joints.c", "joints.d")
+    two = one
+    for name in names:
+        two = (
+            two.replace(f".{name}]", f".{name}2]").replace(f'"{name}"', f'"{name}2"').replace(f"[{name}]", f"[{name}2]")
+        )
+    gear = '[couplings.mesh]\ncoordinate = "a2"\nof = "a"\npolynomial = ["1.2 + 1.5*1.2", -1.5]\n'
+    text = f'name = "two"\nindependent = {{ a = "a" }}\n{one}{two.replace("actuated = true", "")}{gear}'
+    results = screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES)
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+
+
+def test_the_independent_coordinate_may_be_the_coupled_one(write):
+    couplings = {"b": ("a", [0.1, 2.0])}
+    joints = "".join(
+        f'[joints.{name}]\nkind = "R"\nparent = "{parent}"\nchild = "{child}"\naxes = [[0, 1, 0]]\nhome = [{home}]\n'
+        f"parent_frame.position = [0.3, 0, 0]\nactuated = {'true' if name == 'a' else 'false'}\n"
+        for name, parent, child, home in (("a", "ground", "A", 0.2), ("b", "A", "B", 0.5))
+    )
+    text = f'name = "pair"\nindependent = {{ y = "b" }}\n{body("A", 0)}{body("B", 1)}{joints}'
+    scene = moving(write, text + coupling_tables(couplings), {"y": 0.5}, "B")
+    assert screwgauge.run(scene, engines=ENGINES).ok

@@ -1,0 +1,152 @@
+"""Closures and couplings of an MJCF are those that MuJoCo itself keeps closed, in whatever form the file has them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from screwgauge.models.readings.read import read
+from screwgauge.models.readings.reading import ClosureReading, Reading
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+READ = 1e-13
+MATTER = '<inertial pos="0.1 0 0.2" mass="1" diaginertia="1 2 2"/>'
+#: Two arms of two links with a bracket fixed to one, none of them straight; the joints' references are not zero.
+ARMS = f"""<mujoco><compiler angle="radian"/><worldbody><site name="w" pos="0.3 0.2 0.1" euler="1 0.2 0"/>
+<body name="a" pos="0.1 0 0" euler="0.3 0.1 0"><joint name="a1" axis="0 1 0.2" ref="0.4"/>{MATTER}
+  <body name="b" pos="0 0 0.5" euler="0 0.5 1"><joint name="b1" axis="1 0 0" ref="-0.3"/>{MATTER}
+    <site name="sb" pos="0.1 0.2 0.3" euler="0.1 0.9 0"/>
+    <body name="bracket" pos="0.2 0 0.1" euler="0 1 0.4"><site name="sk" pos="0 0.1 0" euler="2 0 0"/>
+    </body></body></body>
+<body name="c" pos="0.6 0 0" euler="0 0.2 0"><joint name="c1" axis="0 1 0"/>{MATTER}
+  <body name="d" pos="0 0.1 0.5"><joint name="d1" type="slide" axis="1 0 1" ref="0.2"/>{MATTER}
+    <site name="sd" pos="0.2 0 0" euler="0 0 1"/></body></body>
+</worldbody><equality>@</equality></mujoco>"""
+JOINTS = {"a1": 0.7, "b1": 0.2, "c1": -0.5, "d1": 0.3}
+FORMS = {
+    "anchor": '<connect name="e" body1="b" body2="d" anchor="0.1 0.2 0.3"/>',
+    "anchor in the world": '<connect name="e" body1="d" anchor="0.1 0.2 0.3"/>',
+    "on a fixed body": '<connect name="e" body1="bracket" body2="c" anchor="0.1 0 0.3"/>',
+    "points by sites": '<connect name="e" site1="sb" site2="sd"/>',
+    "a site of the world": '<connect name="e" site1="w" site2="sk"/>',
+    "weld": '<weld name="e" body1="b" body2="d"/>',
+    "weld with anchor": '<weld name="e" body1="c" body2="b" anchor="0.2 0.1 0"/>',
+    "relpose and anchor": '<weld name="e" body1="b" body2="d" relpose="0.1 0.2 0.3 0.5 0.5 -0.5 0.5" anchor="1 0 0"/>',
+    "welded sites": '<weld name="e" site1="sk" site2="sd"/>',
+    "weld to the world": '<weld name="e" body1="a" relpose="0 1 0 0.6 0.8 0 0"/>',
+}
+
+
+def world(reading: Reading, body: str, frame: Array) -> Array:
+    return frame if body == GROUND else reading.bodies[body].pose @ frame
+
+
+def sides(reading: Reading, closure: ClosureReading) -> tuple[Array, Array]:
+    return world(reading, closure.first, closure.first_frame), world(reading, closure.second, closure.second_frame)
+
+
+def residual(path: Path) -> Array:
+    """What MuJoCo calls the error of the constraint, at `JOINTS`: metres, and half the angle of a weld."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for name, value in JOINTS.items():
+        data.joint(name).qpos[0] = value
+    mujoco.mj_fwdPosition(model, data)
+    return data.efc_pos[: data.ne].copy()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_closures_are_open_by_what_mujoco_says(form, write):
+    path = write("arms.xml", ARMS.replace("@", FORMS[form]))
+    reading = read(path, "mujoco", home=JOINTS)
+    (closure,) = reading.closures.values()
+    T1, T2 = sides(reading, closure)
+    error = residual(path)
+    assert closure.kind == ("weld" if len(error) == 6 else "point")
+    np.testing.assert_allclose(T1[:3, 3] - T2[:3, 3], error[:3], rtol=0, atol=READ)
+    if closure.kind == "weld":
+        R = T2[:3, :3].T @ T1[:3, :3]
+        half = np.sqrt((3.0 - np.trace(R)) / 4.0)  # sine of half the angle
+        assert half == pytest.approx(np.linalg.norm(error[3:]), rel=1e-12, abs=0)
+        assert half > 0.1
+
+
+def test_pinocchio_reads_the_same_closures_but_for_some_anchors(write):
+    """One tree, without references: those it takes otherwise. An anchor in a body that is fixed to another one it takes
+    for one in that, and beside a relpose it is placed otherwise.
+    """
+    forms = {name: row.replace('"e"', f'"{name}"') for name, row in FORMS.items()}
+    text = re.sub(' ref="[^"]*"', "", ARMS.replace("@", "".join(forms.values())))
+    text = re.sub(r'</body>\s*<body name="c"', '<body name="c"', text).replace("</worldbody>", "</body></worldbody>")
+    path = write("arms.xml", text)
+    one, other = (read(path, library, home=JOINTS) for library in ("mujoco", "pinocchio"))
+    assert set(one.closures) == set(FORMS)
+    assert set(one.closures) - set(other.closures) == {"a site of the world"}
+    different = set()
+    for name, said in other.closures.items():
+        want = one.closures[name]
+        assert (said.kind, said.first, said.second) == (want.kind, want.first, want.second)
+        gaps = [np.linalg.inv(T1) @ T2 for T1, T2 in (sides(one, want), sides(other, said))]
+        apart = np.abs(gaps[0] - gaps[1]).max()
+        if said.kind == "point":  # the axes of which mean nothing
+            apart = abs(np.linalg.norm(gaps[0][:3, 3]) - np.linalg.norm(gaps[1][:3, 3]))
+        different |= {name} if apart > READ else set()
+    assert different == {"on a fixed body", "relpose and anchor"}
+
+
+def test_closures_that_crash_pinocchio_are_not_shown_to_it_and_said(write):
+    rows = FORMS["anchor"] + FORMS["a site of the world"].replace('"e"', '"g"') + '<weld name="f" body1="a" body2="b"/>'
+    reading = read(write("arms.xml", ARMS.replace("@", rows)), "pinocchio")
+    assert list(reading.closures) == ["f"]
+    said = ["connect e: Pinocchio cannot place d", "connect g: Pinocchio cannot place w"]
+    assert [phrase for phrase in reading.ignored if "cannot place" in phrase] == said
+
+
+def test_closures_keep_their_names_and_those_without_get_one(write):
+    rows = FORMS["anchor"].replace('"e"', '"z"') + FORMS["weld"].replace('"e"', '"m"') + FORMS["anchor"]
+    rows += '<connect body1="b" body2="d" anchor="0 0 0"/>'
+    reading = read(write("arms.xml", ARMS.replace("@", rows)), "mujoco")
+    assert {name: closure.kind for name, closure in reading.closures.items()} == {
+        "z": "point",
+        "m": "weld",
+        "e": "point",
+        "connect_4": "point",
+    }
+
+
+@pytest.mark.parametrize(
+    ("row", "of", "value"),
+    [
+        ('joint1="d1" joint2="a1" polycoef="0.1 2 0.5 -0.3 0.7"', "a1", None),
+        ('joint1="d1" joint2="c1" polycoef="0 1 0 0 0"', "c1", None),
+        ('joint1="d1" polycoef="0.1 0 0 0 0"', "", 0.3),
+    ],
+)
+def test_a_coupling_is_a_polynomial_of_coordinates_as_they_count(row, of, value, write):
+    path = write("arms.xml", ARMS.replace("@", f"<joint name='k' {row}/>"))
+    said = read(path, "mujoco").couplings["k"]
+    assert (said.joint, said.of) == ("d1", of)
+    x = JOINTS[of] if of else 0.0
+    (error,) = residual(path)
+    assert JOINTS["d1"] - np.polynomial.polynomial.polyval(x, said.polynomial) == pytest.approx(error, rel=0, abs=READ)
+    if value is not None:
+        assert said.polynomial == pytest.approx([value], rel=1e-15, abs=0)
+
+
+def test_what_is_not_active_is_no_closure_and_said(write):
+    rows = FORMS["anchor"].replace("/>", ' active="false"/>')
+    reading = read(write("arms.xml", ARMS.replace("@", rows)), "mujoco")
+    assert (reading.closures, "equality e, which is not active" in reading.ignored) == ({}, True)
+
+
+def test_what_couples_tendons_is_said(write):
+    tendon = '<tendon><fixed name="t"><joint joint="a1" coef="1"/></fixed></tendon>'
+    text = ARMS.replace("@", '<tendon name="e" tendon1="t"/>').replace("<equality>", f"{tendon}<equality>")
+    reading = read(write("arms.xml", text), "mujoco")
+    assert "equality e, which is not of bodies or joints" in reading.ignored
+    assert "fixed t" in reading.ignored

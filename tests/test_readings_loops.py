@@ -1,0 +1,143 @@
+"""Loops that stand beside a URDF, in a file of our own or in the `robot.yaml` of parallel robots, close its reading."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import write_models
+from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.loops import read_loops_yaml, with_loops
+from screwgauge.models.readings.read import read
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.mechanism import GROUND
+
+MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
+    limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind == "revolute" else ""
+    ends = f'<origin xyz="{xyz}"/><parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="0 1 0"/>{limit}</joint>'
+
+
+#: Two legs, the left one of two links; a massless frame at each end, and one in the ground.
+LEGS = "".join(
+    [
+        '<robot name="legs">',
+        *(f'<link name="{name}"/>' for name in ("base", "left_end", "right_end", "stand")),
+        *(f'<link name="{name}">{MATTER}</link>' for name in ("thigh", "shin", "rod")),
+        joint("hip_mot", "revolute", "base", "thigh", "0 0 0"),
+        joint("knee", "revolute", "thigh", "shin", "0 0 -0.4"),
+        joint("heel", "fixed", "shin", "left_end", "0.1 0 -0.3"),
+        joint("rod_mot", "revolute", "base", "rod", "0.5 0 0"),
+        joint("tip", "fixed", "rod", "right_end", "-0.2 0 -0.7"),
+        joint("floor", "fixed", "base", "stand", "0 0 -1"),
+        "</robot>",
+    ]
+)
+YAML = """
+closed_loop: [['left_end', 'right_end'], [knee, stand]]
+type: ['3d', '6D']
+name_mot: ['hip_mot', 'rod_mot']
+"""
+
+
+@pytest.fixture
+def legs(write) -> Reading:
+    return read(write("robot.urdf", LEGS), "pinocchio")
+
+
+def test_a_robot_yaml_closes_pairs_of_frames(legs, write):
+    reading = with_loops(legs, write("robot.yaml", YAML))
+    one, two = reading.closures["loop1"], reading.closures["loop2"]
+    assert (one.kind, one.first, one.second) == ("point", "shin", "rod")
+    np.testing.assert_allclose(one.first_frame[:3, 3], [0.1, 0.0, -0.3], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(one.second_frame[:3, 3], [-0.2, 0.0, -0.7], rtol=0, atol=1e-15)
+    # a joint stands for the link that it carries
+    assert (two.kind, two.first, two.second) == ("weld", "shin", GROUND)
+    assert np.array_equal(two.first_frame, np.eye(4))
+    assert [*two.second_frame[:3, 3]] == [0.0, 0.0, -1.0]
+    assert reading.actuators == {"hip_mot": ("hip_mot", 1.0), "rod_mot": ("rod_mot", 1.0)}
+
+
+def test_joints_of_a_robot_yaml_become_spherical_and_motors_go_by_parts_of_names(legs, write):
+    further = "joint_name: [knee, hip_mot]\njoint_type: [SPHERICAL, revolute]\nspeed: 3\n"
+    reading = with_loops(legs, write("robot.yaml", YAML.replace("['hip_mot', 'rod_mot']", "_mot") + further))
+    assert {name: said.kind for name, said in reading.joints.items()} == {
+        "hip_mot": "hinge",
+        "knee": "ball",
+        "rod_mot": "hinge",
+    }
+    assert reading.joints["knee"].centre == pytest.approx([0.0, 0.0, -0.4], rel=0, abs=1e-15)
+    assert list(reading.actuators) == ["hip_mot", "rod_mot"]
+    assert reading.ignored[-2:] == ("entry speed of robot.yaml", "type revolute of joint hip_mot")
+
+
+@pytest.mark.parametrize("library", ["pinocchio", "yourdfpy", "mujoco"])
+def test_a_joint_stands_for_the_link_that_it_carries_whatever_the_body_is_called_after(library, write):
+    cross = joint("ankle", "fixed", "foot", "sole", "0.1 0 0.2") + joint("turn", "revolute", "base", "foot", "0 0 0")
+    links = f'<link name="base"/><link name="foot"/><link name="sole">{MATTER}</link>'
+    reading = read(write("robot.urdf", f'<robot name="r">{links}{cross}</robot>'), library)
+    assert reading.bodies["sole"].first == "foot"
+    (closure,) = with_loops(reading, write("l.yaml", "closed_loop: [[turn, base]]\ntype: [3d]")).closures.values()
+    assert closure.first == "sole"
+    np.testing.assert_allclose(closure.first_frame[:3, 3], [-0.1, 0.0, -0.2], rtol=0, atol=1e-15)
+
+
+BAD = {
+    "closed_loop: [[a, b": "is no YAML (",
+    "- 1": "has no entries; write closed_loop, type, name_mot",
+    "closed_loop: [[knee, rod]]\ntype: [3d, 6d]": "1 closed loops, 2 types",
+    "closed_loop: [[knee, rod, rod]]\ntype: [3d]": "write a pair of names and a type, 3d or 6d, for each loop",
+    "closed_loop: [[knee, rod]]\ntype: [4d]": "unknown type of a closed loop '4d'",
+    "closed_loop: [[knee, lod]]\ntype: [3d]": "unknown link or joint 'lod'; did you mean 'rod'?",
+    "closed_loop: 3\ntype: []": "3 is no list of pairs",
+    "closed_loop: [knee, rod]\ntype: [3d, 3d]": "'knee' is no list of names",
+    "name_mot: [tip]": "unknown hinge or slide 'tip'",
+    "name_mot: 3": "3 is no list of names",
+    "joint_name: [tip]\njoint_type: [SPHERICAL]": "unknown joint 'tip'",
+    "joint_name: [knee]": "1 joint names, 0 joint types",
+    "a: !!python/object/apply:os.getcwd []": "is no YAML (",
+    "[" * 1000: "1000 nested brackets, more than 10",
+    "- " * 5000: "is no YAML (",
+    "a: 1\n" * 20_000: "100000 characters of YAML, more than 50000",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_robot_yaml_is_refused(text, legs, write):
+    with pytest.raises(ScrewgaugeError, match=re.escape(BAD[text])):
+        with_loops(legs, write("robot.yaml", text))
+
+
+def test_aliases_of_a_yaml_are_no_bomb(write):
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    text = "a: &a [x, x]\n" + "".join(f"{n}: &{n} [*{m}, *{m}]\n" for m, n in pairwise(letters))
+    assert len(read_loops_yaml(write("robot.yaml", text)).unread) == 26
+    with pytest.raises(ScrewgaugeError, match="is no list of names"):
+        read_loops_yaml(write("robot.yaml", f"{text}name_mot: *z"))
+
+
+@pytest.mark.parametrize("name", ["3ups-upu-s", "five-bar"])
+def test_a_loops_file_of_our_own_says_what_the_mjcf_says(name, tmp_path: Path):
+    mechanism = load_mechanism(name)
+    write_models(mechanism, tmp_path)
+    for stem in (name, f"{name}-full"):
+        expected = read(tmp_path / f"{stem}.xml", "mujoco")
+        reading = with_loops(read(tmp_path / f"{stem}.urdf", "pinocchio"), tmp_path / f"{stem}.loops.toml")
+        assert set(collapsed(reading).bodies) == set(expected.bodies)
+        assert set(reading.closures) == set(expected.closures)
+        assert len(reading.actuators) == len(expected.actuators)
+        for key, want in expected.closures.items():
+            said = reading.closures[key]
+            frames = {said.first: said.first_frame, said.second: said.second_frame}
+            assert said.kind == want.kind
+            np.testing.assert_allclose(frames[want.first], want.first_frame, rtol=0, atol=1e-14)
+            np.testing.assert_allclose(frames[want.second], want.second_frame, rtol=0, atol=1e-14)

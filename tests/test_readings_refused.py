@@ -1,0 +1,170 @@
+"""A model file that nobody here wrote is refused in one sentence, before a library could do harm."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
+from screwgauge.reference.files import LIMITS
+
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+BODY = f'<body name="a"><joint name="j"/>{INERTIAL}</body>'
+MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+HINGE = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'
+ARM = f'<robot name="r"><link name="a"/><link name="b">{MATTER}</link>{HINGE}</robot>'
+
+
+def mjcf(body: str, further: str = "") -> str:
+    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"
+
+
+BOMB = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
+REFUSED = {
+    "nothing": ("", "is no model: not well-formed XML"),
+    "text": ("no model", "is no model: not well-formed XML"),
+    "cut off": ("<robot><link name='a'>", "is no model: not well-formed XML"),
+    "html": ("<html></html>", "is no model: its root element is <html>; give a URDF (<robot>) or an MJCF (<mujoco>)"),
+    "entities": (BOMB, "declares the entity 'a'; write out what it stands for"),
+    "outside entity": (
+        '<!DOCTYPE robot [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="&x;"/>',
+        "declares the entity 'x'",
+    ),
+    "xacro": (
+        '<robot name="r" xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
+        "is a xacro file, from which a URDF is made; expand it first: xacro model > robot.urdf",
+    ),
+    "empty robot": ('<robot name="r"/>', "has no link"),
+    "empty world": (mjcf(""), "has no body"),
+    "one link": ('<robot name="r"><link name="a"/></robot>', "has no degree of freedom, as pinocchio reads it"),
+    "fixed": (mjcf(f'<body name="a">{INERTIAL}</body>'), "has no degree of freedom, as mujoco reads it"),
+    "two links": (ARM.replace('link name="b"', 'link name="a"'), "'a' is the name of 2 link elements"),
+    "two joints": (ARM.replace("</robot>", f"{HINGE}</robot>"), "'j' is the name of 2 joint elements"),
+    "two bodies": (mjcf(BODY + BODY.replace('"j"', '"k"')), "'a' is the name of 2 body elements"),
+    "unnamed link": (ARM.replace('link name="a"', "link"), "a link has no name; give it one"),
+    "not a number": (ARM.replace('value="1"', 'value="nan"'), "value of mass is not a finite number (nan); write one"),
+    "infinite": (ARM.replace('value="1"', 'value="-inf"'), "value of mass is not a finite number (-inf); write one"),
+    "infinite mjcf": (mjcf(BODY.replace('pos="0', 'pos="infinity')), "pos of inertial is not a finite number"),
+    "no such link": (ARM.replace('child link="b"', 'child link="x"'), "unknown link 'x'; choose one of: a, b"),
+    "no child": (ARM.replace('<child link="b"/>', ""), "joint j has no child; name that link"),
+    "two roots": (ARM.replace("</robot>", '<link name="c"/></robot>'), "2 links hang on no joint (a, c)"),
+    "no root": (ARM.replace('<link name="a"/>', "").replace('"a"', '"b"'), "every link hangs on a joint"),
+    "loop": (
+        ARM.replace("</robot>", HINGE.replace('"j"', '"k"') + "</robot>"),
+        "link b hangs on two joints; cut the loop",
+    ),
+    "mimic": (
+        ARM.replace("</joint>", '<mimic joint="j" multiplier="x"/></joint>'),
+        "multiplier value (x) is not a valid",
+    ),
+    "meshes": (
+        mjcf(
+            '<body name="b" childclass="m"><joint name="j"/><geom mesh="x"/></body>',
+            '<default><default class="m"><geom type="mesh"/></default></default>'
+            '<asset><mesh name="x" file="x.stl"/></asset>',
+        ),
+        "mass of body b comes from meshes, which are not read; give the body an <inertial>",
+    ),
+    "ground that moves": (ARM.replace('"b"', '"ground"'), "a body that moves is called 'ground'"),
+    "include outside": (mjcf(BODY, '<include file="../other.xml"/>'), "includes '../other.xml', which lies outside"),
+    "include absolute": (mjcf(BODY, '<include file="/etc/passwd"/>'), "includes '/etc/passwd', which lies outside"),
+    "include missing": (mjcf(BODY, '<include file="other.xml"/>'), "cannot be read (it does not exist)"),
+    "include itself": (mjcf(BODY, '<include file="model"/>'), "includes 'model' twice"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_files_are_refused(case, write):
+    text, said = REFUSED[case]
+    path = write("model", text)
+    with pytest.raises(ScrewgaugeError) as caught:
+        read(path, libraries_for(path)[0])
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    for path in (tmp_path / "none.urdf", tmp_path):
+        with pytest.raises(ScrewgaugeError, match="cannot be read"):
+            read(path, "pinocchio")
+
+
+def test_no_file_outside_the_folder_is_opened_by_a_link(write, tmp_path):
+    outside = write("secret.xml", "<mujoco/>")
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    os.symlink(outside, folder / "inside.xml")
+    path = folder / "model.xml"
+    path.write_text(mjcf(BODY, '<include file="inside.xml"/>'), encoding="utf-8")
+    with pytest.raises(ModelFileError, match="lies outside its folder"):
+        read(path, "mujoco")
+
+
+def test_too_many_or_too_deep_links_are_refused(write):
+    n = LIMITS["links"] + 1
+    many = '<robot name="r">' + "".join(f'<link name="l{i}"/>' for i in range(n)) + "</robot>"
+    with pytest.raises(ScrewgaugeError, match=f"{n} links, more than"):
+        read(write("many.urdf", many), "pinocchio")
+    deep = "<frame>" * n + "</frame>" * n
+    with pytest.raises(ScrewgaugeError, match="nest deeper"):
+        read(write("deep.xml", mjcf(deep)), "mujoco")
+
+
+def test_libraries_and_formats_that_do_not_meet_are_named(write):
+    path = write("model.xml", mjcf(BODY))
+    with pytest.raises(UnknownNameError, match="did you mean 'mujoco'"):
+        read(path, "mujco")
+    with pytest.raises(ModelFileError, match="yourdfpy reads no MJCF"):
+        read(path, "yourdfpy")
+    with pytest.raises(ModelFileError, match="is an MJCF, which says itself what floats"):
+        read(path, "mujoco", floating=True)
+
+
+REFUSALS = {
+    "massless": (ARM.replace(MATTER, ""), "mujoco", "give that link a share of its neighbour's mass"),
+    "without moments": (ARM.replace('ixx="1"', 'ixx="0"'), "mujoco", "three positive principal moments"),
+    "no body is so long": (ARM.replace('ixx="1"', 'ixx="3"'), "mujoco", "the tensor of a body that can be"),
+    "no limits": (ARM.replace("continuous", "prismatic"), "pinocchio", "Joint [j] is of type PRISMATIC without limits"),
+    "wrong word": (mjcf(BODY.replace("<joint", "<joit")), "mujoco", "unrecognized"),
+    "unknown class": (mjcf(BODY.replace("<joint", '<joint class="x"')), "pinocchio", "Pinocchio refuses it ("),
+    "mimic": (
+        ARM.replace("</joint>", '<mimic joint="j" multiplier="x"/></joint>'),
+        "yourdfpy",
+        "multiplier of mimic is no number (x)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_what_one_library_refuses_is_said_with_its_reason(case, write, capfd):
+    text, library, said = REFUSALS[case]
+    with pytest.raises(ModelFileError) as caught:
+        read(write("model", text), library)
+    assert said in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_nothing_is_written_beside_the_user(library, write, tmp_path, monkeypatch):
+    """MuJoCo's own handler of warnings would leave MUJOCO_LOG.TXT."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    text = ARM if library != "mujoco" else mjcf(BODY, '<compiler settotalmass="3"/>')
+    reading = read(write("model", text), library)
+    assert list(folder.iterdir()) == []
+    assert library != "mujoco" or any(said.startswith("what MuJoCo warns of: ") for said in reading.ignored)
+
+
+def test_prefixes_need_no_declaration(write):
+    """As in the files of simulators and planners, whose readers do not mind."""
+    text = ARM.replace("</robot>", "<drake:tag/></robot>")
+    assert read(write("model.urdf", text), "pinocchio").bodies.keys() == {"b"}
+
+
+def test_a_library_that_is_not_installed_is_named(write, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "yourdfpy", None)
+    with pytest.raises(ModelFileError, match="yourdfpy cannot be loaded"):
+        read(write("model.urdf", ARM), "yourdfpy")

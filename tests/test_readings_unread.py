@@ -1,0 +1,104 @@
+"""What a file says and a reading does not hold is said by name."""
+
+from __future__ import annotations
+
+import pytest
+
+from screwgauge.models.readings.read import read
+
+MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+LINK = f'<link name="@">{MATTER}</link>'
+ARM = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}{LINK.replace("@", "c")}
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><limit lower="-1" upper="1" effort="3" velocity="4"/>
+<dynamics damping="1" friction="2"/></joint>
+<joint name="k" type="revolute"><parent link="b"/><child link="c"/><limit lower="-1" upper="1" effort="5" velocity="4"/>
+<mimic joint="j"/></joint></robot>"""
+PLANAR = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}
+<joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>"""
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+JOINT = '<joint name="j" armature="0.1" damping="1" frictionloss="2" stiffness="3" range="-1 1"/>'
+BODY = f'<body name="a" gravcomp="0.5">{JOINT}{INERTIAL}</body>'
+
+
+def mjcf(body: str, further: str = "") -> str:
+    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"
+
+
+EFFORT = ("limit effort of joint j, k", "limit velocity of joint j, k")
+CASES = [
+    ("pinocchio", ARM, (*EFFORT, "mimic of joint k")),
+    ("mujoco", ARM, EFFORT),
+    ("yourdfpy", ARM, EFFORT),
+    ("pinocchio", ARM.replace("</robot>", "<transmission/><gazebo/></robot>"), ("transmission", "gazebo")),
+    ("pinocchio", ARM.replace("<dynamics", "<new/><dynamics"), ("new of joint j",)),
+    ("mujoco", mjcf(BODY), ()),
+    ("mujoco", mjcf(BODY, '<option wind="1 0 0" density="1"/>'), ("option wind",)),
+    ("mujoco", mjcf(BODY.replace("range", 'solreflimit="0.1 1" range')), ("solreflimit of joint j",)),
+    ("mujoco", mjcf(BODY.replace(INERTIAL, '<geom size="0.1"/>')), ("contacts of geoms",)),
+    ("pinocchio", mjcf(BODY), ("gravcomp of body a", "stiffness of joint j")),
+    ("pinocchio", mjcf(BODY, '<option gravity="0 0 -1"/>'), ("option gravity",)),
+    ("pinocchio", mjcf(BODY, '<compiler settotalmass="3"/>'), ("compiler settotalmass",)),
+    ("pinocchio", mjcf(f"{BODY}<frame><body name='b'/></frame>"), ("body b, which pinocchio drops", "frame")),
+    ("pinocchio", mjcf(BODY + "<replicate count='2'><geom size='1'/></replicate>"), ("replicate",)),
+    ("mujoco", mjcf(BODY.replace('damping="1"', 'damping="1 2"')), ("damping of joint j by its higher powers",)),
+    ("mujoco", mjcf(BODY.replace(JOINT, '<joint type="ball" range="0 1" name="j"/>')), ("range of ball joint j",)),
+    ("pinocchio", PLANAR, ("axis 0 1 0 of planar joint j: Pinocchio takes 0 0 1",)),
+    ("pinocchio", PLANAR.replace('<axis xyz="0 1 0"/>', ""), ("axis 1 0 0 of planar joint j: Pinocchio takes 0 0 1",)),
+    (
+        "pinocchio",
+        mjcf(BODY).replace("</mujoco>", "<actuator><motor name='m' joint='j'/></actuator></mujoco>"),
+        ("actuator",),
+    ),
+]
+
+
+@pytest.mark.parametrize(("library", "text", "said"), CASES)
+def test_what_is_not_read_is_said(library, text, said, write):
+    ignored = read(write("model", text), library).ignored
+    assert [phrase for phrase in said if phrase not in ignored] == []
+    if not said:
+        assert ignored == ()
+
+
+def test_branches_that_pinocchio_drops_are_named(write):
+    """It keeps the first tree below the world only."""
+    root = f'<body name="@">{INERTIAL}<joint name="@1"/><body name="@tip">{INERTIAL}<joint name="@2"/></body></body>'
+    path = write("roots.xml", mjcf("".join(root.replace("@", name) for name in "abcd")))
+    assert len(read(path, "mujoco").bodies) == 8
+    reading = read(path, "pinocchio")
+    assert list(reading.bodies) == ["a", "atip"]
+    assert reading.ignored[:2] == (
+        "body b, btip, c and 3 more, which pinocchio drops",
+        "joint b1, b2, c1 and 3 more, which pinocchio drops",
+    )
+
+
+def test_what_the_urdf_parser_complains_of_is_said(write, capfd):
+    path = write("heavy.urdf", ARM.replace('value="1"', 'value="heavy"', 1))
+    ignored = read(path, "pinocchio").ignored
+    assert any(said.startswith("what Pinocchio complains of: ") and "heavy" in said for said in ignored)
+    assert capfd.readouterr().err == ""
+
+
+def test_includes_meshes_and_files_are_said(write):
+    write("joints.xml", '<mujoco><default><default class="x"><joint armature="7"/></default></default></mujoco>')
+    further = '<include file="joints.xml"/><asset><mesh name="m" file="missing.stl"/></asset>'
+    further += '<contact><pair name="p"/></contact>'
+    body = BODY.replace("<joint", '<geom mesh="m" type="mesh"/><joint class="x"').replace('armature="0.1"', "")
+    fixed = '<body name="stand"><geom type="mesh" mesh="m"/></body>'
+    for library in ("mujoco", "pinocchio"):
+        reading = read(write("model.xml", mjcf(body + fixed, further)), library)
+        assert reading.joints["j"].armature == 7.0
+        assert reading.bodies["a"].mass == 1.0
+        said = [
+            "include joints.xml, put in its place before a library reads it",
+            "contact pairs",
+            "mass of body stand, which is fixed and has it from meshes",
+        ]
+        assert [phrase for phrase in said if phrase not in reading.ignored] == []
+
+
+def test_a_mesh_from_which_mujoco_would_take_a_mass_is_said(write):
+    mesh = '<collision><geometry><mesh filename="package://x/y.stl"/></geometry></collision>'
+    path = write("shell.urdf", ARM.replace('<link name="a"/>', f'<link name="a">{mesh}</link>'))
+    assert "mesh of link a, from which MuJoCo would take its mass" in read(path, "mujoco").ignored
