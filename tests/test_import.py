@@ -285,3 +285,54 @@ def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, capsys)
     assert reason in said
     assert said.count("\n") == 1
     assert not (tmp_path / "bad.toml").exists()
+
+
+def planar(folder: Path, right_angle: str) -> Path:
+    """A planar four-bar, one axis of which is written by a right angle, closed by a point."""
+    parts = [
+        link("base"),
+        *(link(name, 1.0, com) for name, com in (("a", "0 0.1 0"), ("b", "0.1 0 0"), ("c", "0 0 0.1"))),
+    ]
+    wide = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
+    hinges = (
+        ("ja", "base", "a", "0 0 0", f"{right_angle} 0 0", "0 0 1"),
+        ("jb", "a", "b", "0 0.2 0", f"-{right_angle} 0 0", "0 1 0"),
+        ("jc", "base", "c", "0.3 0 0", "0 0 0", "0 1 0"),
+    )
+    for name, near, far, xyz, rpy, axis in hinges:
+        ends = f'<parent link="{near}"/><child link="{far}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
+        parts.append(f'<joint name="{name}" type="revolute">{ends}<axis xyz="{axis}"/>{wide}</joint>')
+    for name, near, xyz in (("eye1", "b", "0.35 0 0"), ("eye2", "c", "0 0 0.25")):
+        ends = f'<parent link="{near}"/><child link="{name}"/><origin xyz="{xyz}"/>'
+        parts += [link(name), f'<joint name="{name}" type="fixed">{ends}</joint>']
+    (folder / "planar.yaml").write_text("closed_loop: [[eye1, eye2]]\ntype: [3d]\nname_mot: [ja]\n", encoding="utf-8")
+    return robot(folder, *parts, name="planar.urdf")
+
+
+def test_redundant_loops_move(tmp_path):
+    mechanism = import_model(planar(tmp_path, "1.5707963267948966")).mechanism
+    assert [joint.name for joint in mechanism.actuators] == [*mechanism.independent] == ["ja"]
+
+
+def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
+    with pytest.raises(DescriptionError, match=r"for roundings of about 1e-06 they would leave 1 more; write angles"):
+        import_model(planar(tmp_path, "1.5708"))
+
+
+def test_loops_written_as_robot_yaml_come_back(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["models", "slider-crank", "--include", "yaml", "--out", "."]) == 0
+    imported = import_model(Path("slider-crank.urdf"), Options(loops=Path("slider-crank.yaml")))
+    mechanism = load_mechanism("slider-crank")
+    assert len(imported.mechanism.independent) == len(mechanism.independent)
+    assert imported.mechanism.mass == pytest.approx(mechanism.mass, rel=1e-15, abs=0)
+    check_home(imported.mechanism)
+
+
+def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
+    mimic = AXIS.format(0.5, 1.0) + '<mimic joint="shoulder" multiplier="-0.1"/>'
+    parts = [part.replace(AXIS.format(0.5, 2.5), mimic) for part in ARM]
+    imported = import_model(robot(tmp_path, *parts))
+    assert any("keep elbow-joint beyond limits, which are left out" in sentence for sentence in imported.remarks)
+    assert np.isinf(imported.mechanism.joint("elbow-joint").limits).all()
+    assert "elbow-joint" not in imported.mechanism.independent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ MARGIN, ROOM = 0.15, 0.3
 CENTRINGS = 40
 #: How many closures or joints a sentence names.
 SHOWN = 5
+#: Limits of a joint that has none.
+FREE = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +49,10 @@ def assemble(reading: Reading, where: str) -> Assembled:
     loops, home = Loops(reading), at_home(reading)
     state, error, rank = _nearest(loops, home, where)
     state, error = _centred(loops, state, error, rank)
+    free = {
+        name: replace(joint, limits=FREE) for name, joint in reading.joints.items() if name in _beyond(loops, state)
+    }
+    reading = replace(reading, joints={**reading.joints, **free})
     return Assembled(moved_home(reading, state), _said(loops, home, state, error))
 
 
@@ -61,11 +67,17 @@ def _said(loops: Loops, home: State, state: State, error: float) -> tuple[str, .
     if opened:
         said.append(f"At the file's own home loops are open: {some(opened)}.")
     if error > CLOSED:
-        said.append(f"Even so loops are open, by the rounding of the file: {some(loops.gaps(state, CLOSED))}.")
-    beyond = [name for name, joint in loops.reading.joints.items() if outside(joint, state.values.get(name))]
-    if beyond:
-        said.append(f"Home is beyond the limits of {some(beyond)}.")
+        rounding = some(loops.gaps(state, CLOSED))
+        said.append(f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}.")
+    if beyond := _beyond(loops, state):
+        said.append(f"Loops or couplings keep {some(beyond)} beyond limits, which are left out.")
     return tuple(said)
+
+
+def _beyond(loops: Loops, state: State) -> list[str]:
+    """Joints that are outside their limits."""
+    joints = loops.reading.joints.items()
+    return [name for name, joint in joints if _outside(joint, state.values.get(name))]
 
 
 def some(phrases: Sequence[str]) -> str:
@@ -74,7 +86,7 @@ def some(phrases: Sequence[str]) -> str:
     return ", ".join(phrases[:SHOWN]) + more
 
 
-def outside(joint: JointReading, value: float | None) -> bool:
+def _outside(joint: JointReading, value: float | None) -> bool:
     """Whether a coordinate is beyond the limits of its joint."""
     low, high = joint.limits
     return value is not None and low < high and not low <= value <= high
@@ -94,7 +106,7 @@ def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
         s = np.linalg.svd(loops.system(state)[1], compute_uv=False)
         rank = int(np.sum(s > REDUNDANT))
         clear = not rank or s[rank - 1] > REGULAR
-        excess = sum(outside(joint, state.values.get(name)) for name, joint in loops.reading.joints.items())
+        excess = sum(_outside(joint, state.values.get(name)) for name, joint in loops.reading.joints.items())
         found.append((-rank, not clear, excess, _distance(loops, home, state), i, state, error))
         if clear and not excess:
             break

@@ -18,18 +18,40 @@ from screwgauge.reference.rotations import Array
 OWN = 0.05
 
 
-def motions(mechanism: Mechanism) -> Array:
-    """Orthonormal basis of all joint velocities that the loops allow at home, without dimension. Shape (n_q, k)."""
+#: Singular values of the loop equations below this are likely to be zeros that printed digits hide.
+HIDDEN = 1e-4
+
+
+#: What to do about them.
+FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
+
+
+def rounded(hidden: Array) -> str:
+    """That equations are independent by rounding only."""
+    return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
+
+
+def motions(mechanism: Mechanism) -> tuple[Array, Array]:
+    """What the loops allow at home, without dimension.
+
+    Returns:
+        Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are
+        nearly, but not quite, redundant.
+    """
     lay = layout(replace(mechanism, independent={}))
     lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
     G = constraint_matrix(lay, at)[0]
-    return linear.null_space(G) if G.size else np.eye(len(mechanism.coordinates))
+    if not G.size:
+        return np.eye(len(mechanism.coordinates)), np.zeros(0)
+    K, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
+    s = s[: G.shape[1] - K.shape[1]]
+    return K, s[s < HIDDEN * s[0]] if len(s) else s
 
 
 def choose(
     mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
-) -> Mechanism:
-    """The mechanism with its independent coordinates and actuators.
+) -> tuple[Mechanism, str]:
+    """The mechanism with its independent coordinates and actuators, and what is doubtful about its freedoms.
 
     Args:
         actuated: Joints that are driven; None are those of independent coordinates that can be.
@@ -38,9 +60,11 @@ def choose(
     Raises:
         DescriptionError: Nothing moves, or the coordinates chosen do not determine the motion.
     """
-    K = motions(mechanism)
+    K, hidden = motions(mechanism)
     if not K.shape[1]:
-        raise DescriptionError("its loops leave no degree of freedom", where, "check the closures")
+        said = f"; {rounded(hidden)}" if len(hidden) else ""
+        remedy = FULL if said else "check the closures"
+        raise DescriptionError(f"its loops leave no degree of freedom{said}", where, remedy)
     names = mechanism.coordinates
     if independent is None:
         chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated or ()))}
@@ -55,7 +79,8 @@ def choose(
             raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
     driven = {*chosen.values()} if actuated is None else {*actuated}
     joints = tuple(replace(joint, actuated=joint.kind in "RP" and joint.name in driven) for joint in mechanism.joints)
-    return replace(mechanism, joints=joints, independent=chosen)
+    doubt = f"Its loops leave {K.shape[1]} freedoms; {rounded(hidden)}: {FULL}." if len(hidden) else ""
+    return replace(mechanism, joints=joints, independent=chosen), doubt
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:

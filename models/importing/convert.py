@@ -94,8 +94,8 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     )
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
-    mechanism = choose(mechanism, actuated, wanted.independent, where)
-    remarks = [*assembled.said, *graph.remarks]
+    mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
+    remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
         remarks.append(
             f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}."
