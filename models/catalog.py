@@ -37,7 +37,7 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     if is_path(str(name)) or (where and is_file(path)):
         return path
     raise UnknownNameError(
-        "mechanism", str(name), [*mechanism_names(), "or the path of a TOML, URDF or MJCF file"], where
+        "mechanism", str(name), [*mechanism_names(), "or the path of a TOML file, URDF or MJCF"], where
     )
 
 

@@ -52,7 +52,7 @@ def load_scene(name: str | Path) -> Scene:
     elif is_path(str(name)) or is_model(name):
         path = scene_file(beside(Path(), str(name)))
     else:
-        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML, URDF or MJCF file"])
+        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
     file = mechanism_path(read_text(data, "mechanism", where), path.parent, where)

@@ -41,11 +41,13 @@ class Public:
     """A model file of others.
 
     Attributes:
+        name: Its path in there, without the ending.
         source: Package, or folder, that it is from.
         floating: Its base moves freely, which a URDF does not say.
     """
 
     file: Path
+    name: str
     source: str
     floating: bool = False
 
@@ -95,13 +97,22 @@ def listed_models() -> list[Public]:
             raise DescriptionError(f"{package} is not installed", "public models", "pip install '.[study]'") from None
         for name in models["files"]:
             path = Path(str(root.locate_file(f"{models['folder']}/{name}")))
-            found.append(Public(path, package, name in models.get("floating", ())))
+            found.append(Public(path, _label(name), package, name in models.get("floating", ())))
     return found
 
 
 def models_in(folders: Iterable[Path]) -> list[Public]:
     """All model files in some folders."""
-    return [Public(path, folder.name) for folder in folders for path in sorted(folder.rglob("*")) if is_model(path)]
+    return [
+        Public(path, _label(path.relative_to(folder)), folder.name)
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
+        if is_model(path)
+    ]
+
+
+def _label(path: Path | str) -> str:
+    return Path(path).with_suffix("").as_posix()
 
 
 def imports(
@@ -110,15 +121,14 @@ def imports(
     """A row for each model, columns `COLUMNS`."""
     rows = []
     for i, model in enumerate(models):
-        progress(model.file.stem, i / len(models))
+        progress(model.name, i / len(models))
         rows.append(import_row(model))
     return frame(rows, COLUMNS)
 
 
 def import_row(model: Public) -> ImportRow:
     """Imports a model, and drives all engines with its default scene at a few samples."""
-    name = model.file.stem if model.file.stem not in ("robot", "urdf") else model.file.parent.name
-    row = ImportRow(name, model.source, "URDF" if model.file.suffix == ".urdf" else "MJCF")
+    row = ImportRow(model.name, model.source, "URDF" if model.file.suffix == ".urdf" else "MJCF")
     begin = process_time()
     try:
         imported = import_apart(model.file, Options(floating=model.floating))
