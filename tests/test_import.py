@@ -270,7 +270,7 @@ REFUSED = {
     ),
     "massless": (
         f'<robot name="x">{link("a")}{link("b")}{joint("j", "continuous", "a", "b")}</robot>',
-        "nothing in it",
+        "carries nothing",
     ),
 }
 

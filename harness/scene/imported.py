@@ -27,7 +27,9 @@ def write_imported(imported: Imported, file: Path) -> tuple[Path, Path]:
         OutputError: They cannot be written, or a file is there that no import has written.
         ScrewgaugeError: No scene can be made.
     """
-    scene = file.with_name(f"{file.name.removesuffix('.toml')}{SUFFIX}")
+    if file.suffix != ".toml":
+        raise OutputError("is no name of a description", str(file), "let it end in .toml")
+    scene = file.with_name(f"{file.stem}{SUFFIX}")
     for path in (file, scene):
         if path.exists() and not _ours(path):
             raise OutputError("is there, and no import has written it", str(path), "name another file by --out")

@@ -18,6 +18,7 @@ from screwgauge.models.readings.reading import CouplingReading, Reading
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -68,32 +69,17 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
-    if not reading.joints:
-        raise DescriptionError("has no joint that moves", where, "give a model with at least one degree of freedom")
-    reading, names = _renamed(reading)
-    assembled = assemble(reading, where)
+    own, names = _renamed(reading)
+    assembled = assemble(own, where)
     reading = assembled.reading
     graph = graph_of(reading, length_of(reading))
     if not graph.chains:
-        raise DescriptionError("has no degree of freedom", where, "nothing in it can move")
+        said = " ".join(graph.remarks)
+        raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
     actuated = _actuated(reading, graph, wanted.actuated, where)
-    joints, carriers = _joints(reading, graph, frozenset(actuated or ()), {one.name: one for one in given})
-    mechanism = Mechanism(
-        name=accepted([reading.name], "model")[reading.name],
-        bodies=(*(_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND), *carriers),
-        joints=joints,
-        independent={},
-        title=reading.name,
-        group="imported",
-        where=where,
-        couplings=tuple(
-            _coupling(name, entry, where)
-            for name, entry in reading.couplings.items()
-            if any(entry.joint in chain.joints for chain in graph.chains)
-        ),
-    )
-    if not mechanism.mass:
-        raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
+    moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
+    known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
+    mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
     remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
@@ -103,6 +89,30 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )
+
+
+def _mechanism(
+    reading: Reading, graph: Graph, driven: frozenset[str], known: Mapping[str, Joint], where: str
+) -> Mechanism:
+    """The mechanism, nothing being independent or actuated yet."""
+    joints, carriers = _joints(reading, graph, driven, known)
+    solid = [_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND]
+    for count, what in ((len(solid) + len(carriers), "bodies"), (len(joints), "joints")):
+        check_count(count, what, where)
+    left = {name for chain in graph.chains for name in chain.joints}
+    mechanism = Mechanism(
+        name=accepted([reading.name], "model")[reading.name],
+        bodies=(*solid, *carriers),
+        joints=joints,
+        independent={},
+        title=reading.name,
+        group="imported",
+        where=where,
+        couplings=tuple(_coupling(n, entry, where) for n, entry in reading.couplings.items() if entry.joint in left),
+    )
+    if not mechanism.mass:
+        raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
+    return mechanism
 
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:

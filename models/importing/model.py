@@ -13,10 +13,12 @@ from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.models.readings.keyframe import home_of
 from screwgauge.models.readings.loops import OWN, with_loops
 from screwgauge.models.readings.read import libraries_for, read
+from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import is_file
 
 #: How the names of model files end.
-SUFFIXES = (".urdf", ".xml", ".mjcf")
+URDF = ".urdf"
+SUFFIXES = (URDF, ".xml", ".mjcf")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,8 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
     reading = read(path, library, home=_home(path, own), floating=options.floating)
     if loops is not None:
+        if path.suffix != URDF:
+            raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
         reading = with_loops(reading, loops)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
@@ -70,7 +74,7 @@ def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
 
 def loops_beside(path: Path) -> Path | None:
     """The file beside a URDF that says what closes its loops: of the same name, or called ``robot.yaml``."""
-    if path.suffix != ".urdf":
+    if path.suffix != URDF:
         return None
     stem = path.with_suffix("")
     for file in (stem.with_name(f"{stem.name}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml")):
