@@ -71,15 +71,35 @@ def _parser() -> argparse.ArgumentParser:
         return added.add_argument
 
     def scene(add: Any) -> None:
-        add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help="built-in name or path of a TOML file")
+        add(
+            "scene",
+            nargs="?",
+            default=DEFAULT_SCENE,
+            metavar="SCENE",
+            help="built-in name, or path of a TOML, URDF or MJCF file",
+        )
 
     add = command(commands.list_, "what there is to choose from")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
-    add("mechanism", metavar="MECHANISM", help="built-in name or path of a TOML file")
-    add("--include", default="", metavar="A,B", help="parts to add: contacts, limits, geoms, sensors")
+    add("mechanism", metavar="MECHANISM", help="built-in name, or path of a TOML, URDF or MJCF file")
+    add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
+
+    add = command(commands.import_, "a URDF or MJCF as description (NAME.toml) and scene (NAME.scene.toml)")
+    add("file", type=Path, metavar="FILE", help="a URDF or MJCF")
+    add(
+        "--loops",
+        type=Path,
+        metavar="FILE",
+        help="what closes its loops: robot.yaml or NAME.loops.toml (those beside it)",
+    )
+    add("-o", "--out", type=Path, metavar="NAME.toml", help="default: FILE.toml in this folder")
+    add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
+    add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")
+    add("--floating", action="store_true", help="the base of a URDF moves freely")
+    add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
 
     add = command(
         commands.run, "drive the engines with a scene, compare them, write the report", out="SCENE", epilog=EXIT_STATUS

@@ -31,6 +31,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.mjcf import left_out
     from screwgauge.scene.preflight import check_home
 
+    _imported(options.mechanism)
     mechanism = load_mechanism(options.mechanism)
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
@@ -47,6 +48,36 @@ def models(options: argparse.Namespace) -> int:
     return 0 if all(row.ok for row in rows) else 1
 
 
+def import_(options: argparse.Namespace) -> int:
+    """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
+    from screwgauge.models.importing.convert import Wanted
+    from screwgauge.models.importing.model import Options, notes
+    from screwgauge.scene.imported import write_imported
+    from screwgauge.study.importing import import_apart
+
+    independent, actuated = _names(options.independent), _names(options.actuated)
+    wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
+    choice = Options(options.loops, options.reader or "", options.floating, wanted)
+    imported = import_apart(options.file, choice)
+    for path in write_imported(imported, options.out or Path(f"{options.file.stem}.toml")):
+        say(str(path))
+    for sentence in notes(imported):
+        say(sentence)
+    return 0
+
+
+def _imported(name: str) -> None:
+    """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
+    from screwgauge.models.importing.model import is_model, keep, notes
+    from screwgauge.reference.files import beside
+    from screwgauge.study.importing import import_apart
+
+    if is_model(name):
+        path = beside(Path(), name)
+        for sentence in notes(keep(path, import_apart(path))[1]):
+            complain(f"screwgauge: {sentence}")
+
+
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
     from screwgauge.environment import json_text
@@ -58,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
 
     given = {"seconds": options.limit, "memory": options.memory}
     limits = Limits(**{name: value for name, value in given.items() if value is not None})
+    _imported(options.scene)
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
@@ -90,6 +122,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.study.bench import run as given_run
     from screwgauge.study.bench.journal import NAME
 
+    _imported(options.scene)
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run

@@ -1,4 +1,4 @@
-"""Finds mechanisms: built-in names or paths to TOML files."""
+"""Finds mechanisms: built-in names, paths to TOML files, or model files, which are imported."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from screwgauge.models.importing.model import imported_file, is_model
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import beside, is_file, is_path
@@ -20,7 +21,7 @@ def mechanism_names() -> list[str]:
 
 
 def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> Path:
-    """Path of the description of a built-in mechanism, or of what a name means in a folder.
+    """Path of the description of a built-in mechanism, or of what a name means in a folder; a model file is imported.
 
     Args:
         where: What to blame.
@@ -31,9 +32,13 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
     path = beside(folder, str(name))
+    if is_model(path):
+        return imported_file(path)[0]
     if is_path(str(name)) or (where and is_file(path)):
         return path
-    raise UnknownNameError("mechanism", str(name), [*mechanism_names(), "or the path of a TOML file"], where)
+    raise UnknownNameError(
+        "mechanism", str(name), [*mechanism_names(), "or the path of a TOML file, URDF or MJCF"], where
+    )
 
 
 def load_mechanism(name: str | Path) -> Mechanism:

@@ -9,10 +9,11 @@ from pathlib import Path
 
 from screwgauge.models.layout import CUTS
 from screwgauge.models.loops import write_loops
-from screwgauge.models.mjcf import write_mjcf
+from screwgauge.models.loops_yaml import PART, write_loops_yaml
+from screwgauge.models.mjcf import PARTS, write_mjcf
 from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.applied import GRAVITY
-from screwgauge.reference.errors import OutputError
+from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -29,14 +30,22 @@ def model_texts(
 
     Args:
         gravity: World axes [m/s^2], written to the MJCF. Shape (3,).
-        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`.
+        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`; ``yaml``: see `models.loops_yaml`.
+
+    Raises:
+        UnknownNameError: There is no such part.
     """
-    texts = {}
+    texts, solid = {}, include - {PART}
+    for part in sorted(solid):
+        if part not in PARTS:
+            raise UnknownNameError("part", part, (*PARTS, PART))
     for cut in CUTS:
         name = stem(mechanism.name, cut)
         texts[f"{name}.urdf"] = write_urdf(mechanism, cut, include=include)
-        texts[f"{name}.xml"] = write_mjcf(mechanism, cut, gravity=gravity, include=include)
+        texts[f"{name}.xml"] = write_mjcf(mechanism, cut, gravity=gravity, include=solid)
         texts[f"{name}.loops.toml"] = write_loops(mechanism, cut)
+        if PART in include:
+            texts[f"{name}.yaml"] = write_loops_yaml(mechanism, cut)
     return texts
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sized
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.layout import CUTS, Closure, lay_out
-from screwgauge.models.placement import number_text
+from screwgauge.models.tables import key, lines
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import check_keys, read_couplings, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
@@ -68,13 +66,13 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
     tables: list[tuple[str, Mapping[str, Any]]] = [("[independent]", file.independent)]
     if file.axial:
         tables.append(("[spherical_axial]", {"joint": file.axial[0], "direction": file.axial[1]}))
-    tables += [(f"[joints.{_key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
-    tables += [(f"[couplings.{_key(coupling.name)}]", _coupling_entries(coupling)) for coupling in file.couplings]
+    tables += [(f"[joints.{key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
+    tables += [(f"[couplings.{key(coupling.name)}]", _coupling_entries(coupling)) for coupling in file.couplings]
     tables += [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
-    lines = ["# What the URDF beside this file cannot say; written by screwgauge models.", *_lines(head)]
+    out = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
     for title, entries in tables:
-        lines += ["", title, *_lines(entries)]
-    return "\n".join(lines) + "\n"
+        out += ["", title, *lines(entries)]
+    return "\n".join(out) + "\n"
 
 
 def _joint_entries(joint: Joint) -> dict[str, Any]:
@@ -95,27 +93,6 @@ def _closure_entries(closure: Closure) -> dict[str, Any]:
     what, _ = _CLOSURES[closure.type]
     names = ["joint", "type", *(name for side in _SIDES for name in (side, f"{side}_{what}"))]
     return {name: getattr(closure, name) for name in names}
-
-
-def _lines(entries: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_toml(value)}" for key, value in entries.items()]
-
-
-def _toml(value: Any) -> str:
-    match value:
-        case bool():
-            return str(value).lower()
-        case str():  # JSON strings are TOML strings but for DEL
-            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-        case Frame():
-            return f"{{ position = {_toml(value.p)}, rotation = {{ matrix = {_toml(value.R)} }} }}"
-        case tuple() | np.ndarray():
-            return "[" + ", ".join(map(_toml, value)) + "]"
-    return number_text(value)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
 def read_loops(path: Path) -> LoopsFile:

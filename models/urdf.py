@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.layout import Freedom, Link, lay_out
+from screwgauge.models.loops_yaml import PART, closure_frames
 from screwgauge.models.placement import inverse, number_text, rpy, vector_text
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 
@@ -22,7 +23,8 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
 
     Args:
         cut: ``minimal`` or ``full``.
-        include: ``limits`` writes the description's finite limits instead of wide ones.
+        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that
+            a ``robot.yaml`` names.
     """
     tree = lay_out(mechanism, cut)
     robot = ET.Element("robot", name=mechanism.name)
@@ -30,6 +32,12 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
     ET.SubElement(robot, "link", name=GROUND)
     for link in tree.links:
         _add(robot, link, "limits" in include)
+    if PART in include:
+        for name, link_name, frame in (side for one in tree.closures for pair in closure_frames(one) for side in pair):
+            ET.SubElement(robot, "link", name=name)
+            joint = ET.SubElement(robot, "joint", name=f"{name}.fixed", type="fixed")
+            _placement(joint, frame)
+            _ends(joint, link_name, name)
     ET.indent(robot)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 

@@ -17,6 +17,7 @@ from screwgauge.reference.dynamics import body_motion, partial_motion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Drive, read_drive
@@ -72,6 +73,7 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
     rate = velocities(lay, pose(lay, mechanism.home[None]), np.zeros((1, len(columns))))
     size = loop_equations(lay).size
     heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
+    heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
     for amplitude in AMPLITUDES:
         omega = pace / np.sqrt(amplitude)
@@ -90,6 +92,14 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
             continue
     what = f"no motion of {AMPLITUDES[-1]:.1g} rad or lengths about home stays within limits and off singular poses"
     raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
+
+
+def _room(mechanism: Mechanism) -> Array:
+    """How far the independent coordinates are from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    columns = mechanism.independent_columns
+    low, high = mechanism.limits[columns].T
+    room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
+    return np.where(room > 0.0, room, np.inf)
 
 
 def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, step: float) -> Scene:

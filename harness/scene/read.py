@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.models.importing.model import is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
@@ -18,14 +19,14 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import beside, is_path
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.default import scene_file
 from screwgauge.scene.elements import read_load, read_motor, read_spring
 from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_items, read_models, read_names
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
-from screwgauge.scene.scene import RULES, Scene, check_order
+from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
 FOLDER = Path(__file__).parents[1] / "scenes"
-DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
 METHODS = ("DOP853", "Radau", "BDF")
 _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
@@ -41,17 +42,17 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name: str | Path) -> Scene:
-    """Reads a scene by built-in name or path of a TOML file.
+    """Reads a scene by built-in name or path of a TOML file; a description or model file gets the usual scene.
 
     Raises:
         ScrewgaugeError: It does not exist or is no scene.
     """
     if str(name) in scene_names():
         path = FOLDER / f"{name}.toml"
-    elif is_path(str(name)):
-        path = beside(Path(), str(name))
+    elif is_path(str(name)) or is_model(name):
+        path = scene_file(beside(Path(), str(name)))
     else:
-        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file"])
+        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
     file = mechanism_path(read_text(data, "mechanism", where), path.parent, where)
@@ -60,8 +61,8 @@ def load_scene(name: str | Path) -> Scene:
     tolerances = data.get("tolerances", {})
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
     return Scene(
-        name=path.stem,
-        title=read_text(data, "title", where, path.stem),
+        name=(stem := path.stem.removesuffix(".scene")),
+        title=read_text(data, "title", where, stem),
         description=read_text(data, "description", where, ""),
         mechanism=mechanism,
         mechanism_file=file,

@@ -23,6 +23,7 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published
 
 RULES = ("min_norm", "spherical_axial")
+DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
 
 
 @dataclass(frozen=True, eq=False)

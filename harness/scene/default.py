@@ -1,0 +1,131 @@
+"""The scene that a description gets if it has none: an exciting motion, and all forces that can be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import imported_file, is_model, notes, scratch_folder
+from screwgauge.models.tables import key, lines
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.reference.applied import Applied, JointSpring
+from screwgauge.reference.description import read_toml
+from screwgauge.reference.files import is_file
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import pose
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.exciting import exciting
+from screwgauge.scene.preflight import check_home
+from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene
+
+#: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
+SUFFIX = ".scene.toml"
+
+
+def scene_file(path: Path) -> Path:
+    """The scene that a path means: itself, or that of a description or model file.
+
+    A description has the scene beside it, or else the usual one, as a model file has, in a folder that goes away with
+    the process.
+
+    Raises:
+        ScrewgaugeError: The file cannot be read, or no scene can be made of it.
+    """
+    if is_model(path):
+        description, imported = imported_file(path)
+        acting = acting_on(imported)
+    else:
+        tables = read_toml(path)
+        if "mechanism" in tables or not {"bodies", "joints", "extends"} & tables.keys():
+            return path
+        beside = path.with_name(f"{path.stem}{SUFFIX}")
+        if is_file(beside):
+            return beside
+        description, acting = path.resolve(), dict[str, Any]()
+    file = scratch_folder() / f"{path.stem}{SUFFIX}"
+    file.write_text(default_scene(load_mechanism(description), description, **acting), encoding="utf-8")
+    return file
+
+
+def acting_on(imported: Imported) -> dict[str, Any]:
+    """What `default_scene` takes from a model file besides its mechanism."""
+    return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
+
+
+def default_scene(
+    mechanism: Mechanism,
+    file: Path,
+    *,
+    gravity: Array | None = None,
+    springs: Sequence[JointSpring] = (),
+    description: str = "",
+) -> str:
+    """A scene as TOML.
+
+    Args:
+        file: The description, by its full path or beside the scene.
+        gravity: World axes [m/s^2]; the usual one by default. Shape (3,).
+        springs: Springs and dampers of joints.
+
+    Raises:
+        ScrewgaugeError: The mechanism is refused, or has no room to move.
+    """
+    wanted = compared(mechanism)
+    scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs)), wanted))
+    out = [f"# {wrap(description, 116)[0]}"] if description else []
+    out += lines({"mechanism": str(file), "description": f"{description} {scene.description.strip()}".strip()})
+    if gravity is not None:
+        out += lines({"gravity": gravity})
+    if wanted != GIVEN:
+        left = [name for name in GIVEN if name not in wanted]
+        out += [
+            "",
+            f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told",
+            *lines({"quantities": wanted}),
+        ]
+    step = float(scene.t[1] - scene.t[0])
+    out += ["", "[time]", *lines({"duration": float(f"{scene.t[-1]:.9g}"), "step": step})]
+    for label, table in scene.text["motion"].items():
+        rows = ", ".join(f"[{', '.join(row)}]" for row in table["harmonics"])
+        out += ["", f"[motion.{key(label)}]", f"offset = {table['offset']}", f"harmonics = [{rows}]"]
+    for spring in springs:
+        entries = {"coordinate": spring.coordinate, "stiffness": spring.stiffness, "rest": spring.rest}
+        out += ["", "[[springs]]", *lines({**entries, "damping": spring.damping})]
+    return "\n".join(out) + "\n"
+
+
+def compared(mechanism: Mechanism) -> tuple[str, ...]:
+    """Quantities of a given motion that its actuators, being as many as they are, determine."""
+    lay = check_home(mechanism)
+    found = mobility(lay, pose(lay, mechanism.home[None]))
+    driven = len(mechanism.actuators) - found.actuation_redundancy
+    strong = driven >= len(mechanism.independent)
+    return tuple(name for name in GIVEN if strong or not QUANTITIES[name].ruled)
+
+
+def _at_rest(mechanism: Mechanism, file: Path, applied: Applied, wanted: tuple[str, ...]) -> Scene:
+    home = mechanism.home[mechanism.independent_columns][None]
+    none = np.zeros_like(home)
+    return Scene(
+        name=mechanism.name,
+        title=mechanism.title,
+        description="",
+        mechanism=mechanism,
+        mechanism_file=file,
+        applied=applied,
+        task=GivenMotion(np.zeros(1), home, none, none),
+        rule=RULES[0],
+        engines=DEFAULT_ENGINES,
+        quantities=wanted,
+        tolerances={},
+        models={},
+        figures=(),
+    )

@@ -1,0 +1,1 @@
+"""A description made from what was read of any URDF or MJCF."""

@@ -1,0 +1,223 @@
+"""Reading -> mechanism, with all that a description and its scene cannot hold named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.models.importing.assemble import assemble
+from screwgauge.models.importing.choice import choose
+from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
+from screwgauge.models.importing.left_out import left_out, listed, springs_of
+from screwgauge.models.importing.motion import length_of
+from screwgauge.models.importing.names import TAKEN, accepted, unused
+from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
+from screwgauge.models.readings.reading import CouplingReading, Reading
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import check_count
+from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+
+#: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
+ROUNDING = 1e-16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """A mechanism made from a reading.
+
+    Attributes:
+        springs: Stiffness and damping of its joints, which a scene holds.
+        gravity: World axes [m/s^2], shape (3,); None where the file does not say it.
+        names: Name in the file -> name in the description, where they differ.
+        remarks: How it was made, a sentence each.
+        left_out: What is in the file and in neither description nor scene, a phrase each.
+    """
+
+    mechanism: Mechanism
+    springs: tuple[JointSpring, ...]
+    gravity: Array | None
+    names: Mapping[str, str]
+    remarks: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file."""
+
+    independent: Mapping[str, str] | None = None
+    actuated: Sequence[str] | None = None
+
+    def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
+        """The same, and these where nothing was chosen."""
+        chosen = independent if self.independent is None else self.independent
+        return Wanted(chosen, actuated if self.actuated is None else self.actuated)
+
+
+def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint] = ()) -> Imported:
+    """The mechanism that was read.
+
+    Args:
+        where: The file, to blame.
+        given: Joints that close loops, as they are already known; others are made from the points that coincide.
+
+    Raises:
+        ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
+    """
+    own, names = _renamed(reading)
+    assembled = assemble(own, where)
+    reading = assembled.reading
+    graph = graph_of(reading, length_of(reading))
+    if not graph.chains:
+        said = " ".join(graph.remarks)
+        raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
+    actuated = _actuated(reading, graph, wanted.actuated, where)
+    moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
+    known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
+    mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
+    mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
+    remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
+    if not reading.actuators and wanted.actuated is None:
+        remarks.append(
+            f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}."
+        )
+    return Imported(
+        mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
+    )
+
+
+def _mechanism(
+    reading: Reading, graph: Graph, driven: frozenset[str], known: Mapping[str, Joint], where: str
+) -> Mechanism:
+    """The mechanism, nothing being independent or actuated yet."""
+    joints, carriers = _joints(reading, graph, driven, known)
+    solid = [_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND]
+    for count, what in ((len(solid) + len(carriers), "bodies"), (len(joints), "joints")):
+        check_count(count, what, where)
+    left = {name for chain in graph.chains for name in chain.joints}
+    mechanism = Mechanism(
+        name=accepted([reading.name], "model")[reading.name],
+        bodies=(*solid, *carriers),
+        joints=joints,
+        independent={},
+        title=reading.name,
+        group="imported",
+        where=where,
+        couplings=tuple(_coupling(n, entry, where) for n, entry in reading.couplings.items() if entry.joint in left),
+    )
+    if not mechanism.mass:
+        raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
+    return mechanism
+
+
+def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
+    """The reading with names that a description accepts, and those that changed."""
+    bodies = {**accepted(reading.bodies, "body"), GROUND: GROUND}
+    joints = accepted(reading.joints, "joint")
+    closures = accepted(reading.closures, "loop", (*TAKEN, *joints.values()))
+    couplings = accepted(reading.couplings, "coupling")
+    changed = {old: new for table in (bodies, joints, closures) for old, new in table.items() if old != new}
+    reading = replace(
+        reading,
+        bodies={
+            bodies[name]: replace(body, near=bodies[body.near], joints=tuple(joints[j] for j in body.joints))
+            for name, body in reading.bodies.items()
+        },
+        joints={joints[name]: entry for name, entry in reading.joints.items()},
+        closures={
+            closures[name]: replace(entry, first=bodies[entry.first], second=bodies[entry.second])
+            for name, entry in reading.closures.items()
+        },
+        couplings={
+            couplings[name]: replace(entry, joint=joints[entry.joint], of=joints.get(entry.of, ""))
+            for name, entry in reading.couplings.items()
+            if entry.joint in joints
+        },
+        actuators={name: (joints[entry], gear) for name, (entry, gear) in reading.actuators.items()},
+    )
+    return reading, changed
+
+
+def _actuated(reading: Reading, graph: Graph, chosen: Sequence[str] | None, where: str) -> list[str] | None:
+    """Joints that are driven: those chosen, those of the file, or all of an open chain; None where nothing says so."""
+    can = [j for chain in graph.chains for j in chain.joints if reading.joints[j].kind in ("hinge", "slide")]
+    if chosen is not None:
+        for name in chosen:
+            if name not in can:
+                raise UnknownNameError("hinge or slide", name, can, f"{where}, --actuated")
+        return list(chosen)
+    driven = [name for name, _ in reading.actuators.values() if name in can]
+    if not driven and not reading.closures:
+        coupled = {coupling.joint for coupling in reading.couplings.values()}
+        driven = [name for name in can if name not in coupled]
+    return list(dict.fromkeys(driven)) or None
+
+
+def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
+    """A coupling; one that depends on nothing that moves holds its joint."""
+    powers = np.trim_zeros(entry.polynomial[1:], "b") if entry.of else np.zeros(0)
+    of = entry.of if len(powers) else ""
+    return Coupling(name, entry.joint, of, np.append(entry.polynomial[:1], powers), f"{where}, coupling '{name}'")
+
+
+def _body(part: Part, length: float, where: str) -> Body:
+    if not part.mass:
+        return Body(part.name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    inertia = 0.5 * (part.inertia + part.inertia.T)
+    inertia[np.abs(inertia) < ROUNDING * part.mass * length**2] = 0.0
+    return Body(part.name, part.mass, part.com, inertia, f"{where}, body '{part.name}'")
+
+
+def _joints(
+    reading: Reading, graph: Graph, driven: frozenset[str], given: Mapping[str, Joint]
+) -> tuple[tuple[Joint, ...], list[Body]]:
+    """All joints, and the bodies without mass between those of one chain."""
+    names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
+    used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
+    for chain in graph.chains:
+        steps = _steps(reading, chain, graph, driven)
+        near = graph.parts[chain.near]
+        for i, group in enumerate(steps):
+            far = graph.parts[chain.far]
+            if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
+                pose = far.pose.copy()
+                pose[:3, 3] = group.point
+                far = Part(unused(f"{group.axes[0].name}.carrier", names), pose)
+                carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
+            joints.append(joint(group, _joint_name(group, used), near, far, graph.length))
+            near = far
+    for pin in graph.pins:
+        first, second = graph.parts[pin.first], graph.parts[pin.second]
+        made = joint(pinned(pin, first, second), pin.name, first, second, graph.length)
+        joints.append(given.get(pin.name, made))
+    return tuple(joints), carriers
+
+
+def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str]) -> list[Group]:
+    """The joints of a chain, ball and free joints each on its own."""
+    coupled = frozenset(name for entry in reading.couplings.values() for name in (entry.joint, entry.of))
+    out, run = list[Group](), list[Axis]()
+    for name in chain.joints:
+        entry = reading.joints[name]
+        if entry.kind in ("hinge", "slide"):
+            run.append(axis_of(name, entry))
+            continue
+        near, far = graph.parts[chain.near], graph.parts[chain.far]
+        kind = "S" if entry.kind == "ball" else "F"
+        out += [*groups(run, driven, coupled, graph.length), ball(name, kind, near, far, entry.centre)]
+        run = []
+    return [*out, *groups(run, driven, coupled, graph.length)]
+
+
+def _joint_name(group: Group, used: set[str]) -> str:
+    """That of its one freedom, or what the names of several have in common."""
+    if len(group.axes) == 1:
+        return group.axes[0].name
+    parts = {axis.name.rpartition(".")[0] for axis in group.axes}
+    whole = parts.pop() if len(parts) == 1 else ""
+    return unused(whole or "+".join(axis.name for axis in group.axes), used)

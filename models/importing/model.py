@@ -1,0 +1,120 @@
+"""A URDF or MJCF, with the loops that stand beside it, as a mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from screwgauge.models.importing.convert import Imported, Wanted, describe
+from screwgauge.models.importing.write import description
+from screwgauge.models.loops import LoopsFile, read_loops
+from screwgauge.models.readings.keyframe import home_of
+from screwgauge.models.readings.loops import OWN, with_loops
+from screwgauge.models.readings.read import libraries_for, read
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.files import is_file
+
+#: How the names of model files end.
+URDF = ".urdf"
+SUFFIXES = (URDF, ".xml", ".mjcf")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a model file is imported.
+
+    Attributes:
+        loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
+        library: Who reads it; by default that of its format.
+        floating: The base of a URDF moves freely.
+        wanted: What the user chose to be independent and actuated.
+    """
+
+    loops: Path | None = None
+    library: str = ""
+    floating: bool = False
+    wanted: Wanted = field(default_factory=Wanted)
+
+
+def is_model(path: Path | str) -> bool:
+    """Whether a name means a model file, as its ending says."""
+    return str(path).lower().endswith(SUFFIXES)
+
+
+def import_model(path: Path, options: Options | None = None) -> Imported:
+    """The mechanism of a model file.
+
+    Raises:
+        ScrewgaugeError: It is no model, or one that a description cannot hold.
+    """
+    options = options or Options()
+    library, loops = options.library or libraries_for(path)[0], options.loops or loops_beside(path)
+    own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
+    reading = read(path, library, home=_home(path, own), floating=options.floating)
+    if loops is not None:
+        if path.suffix != URDF:
+            raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
+        reading = with_loops(reading, loops)
+    wanted, given = options.wanted, own.joints if own else ()
+    if own is not None:
+        wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
+    imported = describe(reading, str(path), wanted, given)
+    said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
+    return replace(imported, remarks=(said, *imported.remarks))
+
+
+def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
+    """Coordinates at home as files say them: of an MJCF in its keyframe ``home``."""
+    if own is None:
+        return home_of(path)
+    return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+
+
+def loops_beside(path: Path) -> Path | None:
+    """The file beside a URDF that says what closes its loops: of the same name, or called ``robot.yaml``."""
+    if path.suffix != URDF:
+        return None
+    stem = path.with_suffix("")
+    for file in (stem.with_name(f"{stem.name}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml")):
+        if is_file(file):
+            return file
+    return None
+
+
+@cache
+def _folder() -> TemporaryDirectory[str]:
+    """Goes away with the process."""
+    return TemporaryDirectory(prefix="screwgauge-imported-")
+
+
+def scratch_folder() -> Path:
+    """A new folder that goes away with the process."""
+    root = Path(_folder().name)
+    folder = root / str(len([*root.iterdir()]))
+    folder.mkdir()
+    return folder
+
+
+_imported: dict[Path, tuple[Path, Imported]] = {}
+
+
+def imported_file(path: Path) -> tuple[Path, Imported]:
+    """A description made from a model file, in a folder that goes away with the process; made once."""
+    return _imported.get(path) or keep(path, import_model(path))
+
+
+def keep(path: Path, imported: Imported) -> tuple[Path, Imported]:
+    """Keeps what was imported from a model file as a description, see `imported_file`."""
+    file = scratch_folder() / f"{path.stem}.toml"
+    file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
+    _imported[path] = file, imported
+    return _imported[path]
+
+
+def notes(imported: Imported) -> tuple[str, ...]:
+    """What stands above a description that was imported."""
+    renamed = ", ".join(f"'{old}' is '{new}'" for old, new in imported.names.items())
+    left = [f"Left out: {'; '.join(imported.left_out)}."] if imported.left_out else []
+    return (*imported.remarks, *([f"Names: {renamed}."] if renamed else []), *left)

@@ -1,0 +1,338 @@
+"""Models in the forms that public ones use become descriptions that move as the library that read them says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.importing.convert import Wanted
+from screwgauge.models.importing.model import Options, import_model
+from screwgauge.models.importing.write import description
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.preflight import check_home
+
+INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
+    '<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'
+)
+
+
+def link(name: str, mass: float = 0.0, com: str = "0.1 0.02 -0.03") -> str:
+    return f'<link name="{name}">{INERTIAL.format(c=com, m=mass) if mass else ""}</link>'
+
+
+def joint(name: str, kind: str, parent: str, child: str, more: str = "", origin: str = "0.3 0 0.1") -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{origin}" rpy="0.4 0.1 -0.7"/>{more}</joint>'
+    )
+
+
+def robot(folder: Path, *parts: str, name: str = "robot.urdf") -> Path:
+    path = folder / name
+    path.write_text(f'<robot name="my robot">{"".join(parts)}</robot>', encoding="utf-8")
+    return path
+
+
+AXIS = '<axis xyz="0 0.6 0.8"/><limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+#: As public arms are: a base that is fixed to the world, a tool without a joint, a continuous joint, damping, a name
+#: with a slash, home beyond a limit.
+ARM = (
+    *(link("world"), link("base", 3.0), link("upper/arm", 2.0), link("fore arm", 1.0), link("wrist", 0.5)),
+    link("tool", 0.2),
+    joint("mount", "fixed", "world", "base"),
+    joint("shoulder", "revolute", "base", "upper/arm", AXIS.format(-2.0, 2.0) + '<dynamics damping="0.4"/>'),
+    joint("elbow joint", "revolute", "upper/arm", "fore arm", AXIS.format(0.5, 2.5)),
+    joint("roll", "continuous", "fore arm", "wrist", '<axis xyz="1 0 0"/>'),
+    joint("flange", "fixed", "wrist", "tool"),
+)
+
+
+def rnea(path: Path, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Joint torques as Pinocchio computes them from the file itself, continuous joints as angles."""
+    model = pinocchio.buildModelFromUrdf(str(path))
+    found = np.zeros(model.nq)
+    for angle, one in zip(q, list(model.joints)[1:], strict=True):
+        found[one.idx_q : one.idx_q + one.nq] = [angle] if one.nq == 1 else [np.cos(angle), np.sin(angle)]
+    return np.array(pinocchio.rnea(model, model.createData(), found, v, a))
+
+
+def test_an_arm_moves_as_its_file_says(tmp_path):
+    path = robot(tmp_path, *ARM)
+    imported = import_model(path)
+    mechanism = imported.mechanism
+    assert [joint.name for joint in mechanism.joints] == ["shoulder", "elbow-joint", "roll"]
+    assert [joint.name for joint in mechanism.actuators] == ["shoulder", "elbow-joint", "roll"]
+    assert imported.names == {"upper/arm": "upper-arm", "fore arm": "fore-arm", "elbow joint": "elbow-joint"}
+    elbow = mechanism.joint("elbow-joint")
+    assert elbow.limits.tolist() == [[0.5, 2.5]]
+    assert elbow.home[0] == pytest.approx(0.8)
+    assert any("'elbow-joint' most, by 0.8" in sentence for sentence in imported.remarks)
+    scene = screwgauge.load_scene(path)
+    assert [(spring.coordinate, spring.damping) for spring in scene.applied.springs] == [("shoulder", 0.4)]
+    results = screwgauge.run(scene.under(springs=()).at(scene.t[:3]))
+    assert results.ok
+    motion = scene.motion
+    assert isinstance(motion, GivenMotion)
+    for i in range(3):
+        expected = rnea(path, motion.y[i], motion.yd[i], motion.ydd[i])
+        got = results.values("actuator_force", engine="screw")[i]
+        assert got == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_what_is_written_is_what_was_imported(tmp_path):
+    mechanism = import_model(robot(tmp_path, *ARM)).mechanism
+    path = tmp_path / "arm.toml"
+    path.write_text(description(mechanism), encoding="utf-8")
+    check_same(load_mechanism(path), mechanism)
+
+
+def check_same(one: Mechanism, other: Mechanism) -> None:
+    assert one.independent == other.independent
+    for body, twin in zip(one.bodies, other.bodies, strict=True):
+        assert (body.name, body.mass) == (twin.name, twin.mass)
+        assert np.array_equal(body.com, twin.com)
+        assert np.array_equal(body.inertia, twin.inertia)
+    for joint, twin in zip(one.joints, other.joints, strict=True):
+        assert (joint.name, joint.kind, joint.actuated) == (twin.name, twin.kind, twin.actuated)
+        for key in ("axes", "home", "limits"):
+            assert getattr(joint, key) == pytest.approx(getattr(twin, key), rel=1e-15, abs=0), key
+        for key in ("parent_frame", "child_frame"):
+            assert np.array_equal(getattr(joint, key).p, getattr(twin, key).p)
+
+
+#: A planar four-bar as grippers have it: a connect between bodies, a driver whose twin is coupled to it by a joint
+#: equality, armature and springs, a home that is closed.
+GRIPPER = """
+<mujoco model="gripper"><compiler angle="radian"/>
+  <default><joint axis="0 1 0"/></default>
+  <worldbody><body name="base">
+    <body name="driver"><joint name="driver" armature="0.01"/>
+      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
+      <body name="coupler" pos="0 0 .2"><joint name="coupler" damping=".02"/>
+        <inertial pos=".1 0 0" mass=".5" diaginertia=".01 .02 .03"/></body></body>
+    <body name="follower" pos=".3 0 0"><joint name="follower" stiffness="2" springref=".5"/>
+      <inertial pos="0 0 .1" mass=".8" diaginertia=".01 .01 .01"/></body>
+    <body name="twin" pos="1 0 0"><joint name="twin"/><inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/></body>
+  </body></worldbody>
+  <equality><connect body1="coupler" body2="follower" anchor="0.3 0 0"/>
+    <joint joint1="twin" joint2="driver" polycoef="0 -1 0 0 0"/></equality>
+  <actuator><motor joint="driver" gear="10"/></actuator>
+</mujoco>"""
+
+
+@pytest.fixture
+def gripper(tmp_path) -> Path:
+    path = tmp_path / "gripper.xml"
+    path.write_text(GRIPPER, encoding="utf-8")
+    return path
+
+
+def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
+    imported = import_model(gripper)
+    mechanism = imported.mechanism
+    assert "".join(joint.kind for joint in mechanism.joints) == "RRRRS"
+    assert dict(mechanism.independent) == {"driver": "driver"}
+    assert [joint.name for joint in mechanism.actuators] == ["driver"]
+    (coupling,) = mechanism.couplings
+    assert (coupling.coordinate, coupling.of, coupling.polynomial.tolist()) == ("twin", "driver", [0.0, -1.0])
+    springs = {spring.coordinate: (spring.stiffness, spring.rest, spring.damping) for spring in imported.springs}
+    assert springs == {"coupler": (0.0, 0.0, 0.02), "follower": (2.0, 0.5, 0.0)}
+    left = " ".join(imported.left_out)
+    assert "armature of 'driver'" in left
+    assert "gear (not 1) of actuator" in left
+    check_home(mechanism)
+
+
+def test_a_gripper_runs(gripper):
+    scene = screwgauge.load_scene(gripper)
+    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
+
+
+#: A four-bar whose loop is open at zero, in the form of public parallel robots; rods are spheres at both ends.
+LOOP = (
+    *(
+        link("base", 1.0),
+        link("crank", 1.0),
+        link("rocker", 1.0),
+        link("rod", 0.5, "0.2 0 0"),
+        link("tip"),
+        link("eye"),
+    ),
+    joint("motor", "revolute", "base", "crank", AXIS.format(-3, 3), "0 0 0"),
+    joint("passive", "revolute", "base", "rocker", AXIS.format(-3, 3), "0.4 0.1 0"),
+    *(link(f"cross{i}") for i in (1, 2)),
+    joint(
+        "rod1",
+        "revolute",
+        "crank",
+        "cross1",
+        '<axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/>',
+    ),
+    '<joint name="rod2" type="revolute"><parent link="cross1"/><child link="cross2"/><axis xyz="0 1 0"/>'
+    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>',
+    '<joint name="rod3" type="revolute"><parent link="cross2"/><child link="rod"/><axis xyz="0 0 1"/>'
+    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>',
+    joint("fixed1", "fixed", "rod", "tip", origin="0.45 0 0"),
+    joint("fixed2", "fixed", "rocker", "eye", origin="0.2 0.1 0.1"),
+)
+YAML = "closed_loop: [['tip', 'eye']]\ntype: ['3d']\nname_mot: ['motor']\n"
+
+
+def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
+    path = robot(tmp_path, *LOOP)
+    (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
+    imported = import_model(path)
+    mechanism = imported.mechanism
+    check_home(mechanism)
+    assert sorted(joint.kind for joint in mechanism.joints) == ["R", "R", "S", "S"]
+    assert len(mechanism.independent) == 2  # the rod spins about itself: independent, and driven by nothing
+    assert "motor" in mechanism.independent
+    assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
+    scene = screwgauge.load_scene(path)
+    assert "actuator_force" not in scene.quantities
+    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert "generalized_force" in {*results.pairs["quantity"]}
+
+
+def test_a_loop_that_cannot_close_is_named(tmp_path):
+    far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
+    path = robot(tmp_path, *far)
+    (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
+    with pytest.raises(
+        ClosureError, match=r"loops do not close from any of 40 starts: nearest are 'loop1' by [\d.]+ m"
+    ):
+        import_model(path)
+
+
+def test_a_floating_base_is_independent(tmp_path):
+    parts = [part for part in ARM if 'name="mount"' not in part and 'name="world"' not in part]
+    mechanism = import_model(robot(tmp_path, *parts), Options(floating=True)).mechanism
+    (free,) = (joint for joint in mechanism.joints if joint.kind == "F")
+    assert {*free.coordinates} < {*mechanism.independent.values()}
+    assert len(mechanism.independent) == 9
+    assert len(mechanism.actuators) == 3
+
+
+def test_choices_are_followed(gripper):
+    wanted = Wanted(independent={"angle": "follower"}, actuated=["follower"])
+    mechanism = import_model(gripper, Options(wanted=wanted)).mechanism
+    assert dict(mechanism.independent) == {"angle": "follower"}
+    assert [joint.name for joint in mechanism.actuators] == ["follower"]
+    with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1 degrees of freedom"):
+        import_model(gripper, Options(wanted=Wanted(independent={"a": "follower", "b": "driver"})))
+    with pytest.raises(ScrewgaugeError, match="--actuated: unknown hinge or slide 'nobody'"):
+        import_model(gripper, Options(wanted=Wanted(actuated=["nobody"])))
+
+
+def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
+    out = tmp_path / "made" / "grip.toml"
+    assert main(["import", str(gripper), "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "armature of 'driver'" in said
+    assert "# Left out: armature of 'driver'" in out.read_text(encoding="utf-8")
+    scene = screwgauge.load_scene(out)  # finds the scene beside it
+    assert scene.file == out.with_name("grip.scene.toml")
+    assert scene.name == "grip"
+    assert main(["import", str(gripper), "-o", str(out)]) == 0  # what it wrote itself it writes again
+    out.write_text("# mine\n", encoding="utf-8")
+    assert main(["import", str(gripper), "-o", str(out)]) == 2
+    assert "no import has written it" in capsys.readouterr().err
+    assert out.read_text(encoding="utf-8") == "# mine\n"
+
+
+def test_a_description_alone_runs(tmp_path):
+    path = tmp_path / "alone.toml"
+    path.write_text(description(load_mechanism("slider-crank")), encoding="utf-8")
+    scene = screwgauge.load_scene(path)
+    assert len(scene.motion) > 50
+    assert np.abs(scene.motion.ydd).max() > 0
+
+
+REFUSED = {
+    "text": ("hello", "is no model"),
+    "other XML": ("<svg/>", "is no model"),
+    "no joint": ('<robot name="x"><link name="a"/></robot>', "no degree of freedom"),
+    "impossible inertia": (
+        f'<robot name="x">{link("a")}{link("b", 1.0).replace("0.025", "0.5")}'
+        f"{joint('j', 'continuous', 'a', 'b')}</robot>",
+        "triangle inequality",
+    ),
+    "massless": (
+        f'<robot name="x">{link("a")}{link("b")}{joint("j", "continuous", "a", "b")}</robot>',
+        "carries nothing",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, capsys):
+    text, reason = REFUSED[case]
+    path = tmp_path / "bad.urdf"
+    path.write_text(text, encoding="utf-8")
+    assert main(["import", str(path), "-o", str(tmp_path / "bad.toml")]) == 2
+    said = capsys.readouterr().err
+    assert reason in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "bad.toml").exists()
+
+
+def planar(folder: Path, right_angle: str) -> Path:
+    """A planar four-bar, one axis of which is written by a right angle, closed by a point."""
+    parts = [
+        link("base"),
+        *(link(name, 1.0, com) for name, com in (("a", "0 0.1 0"), ("b", "0.1 0 0"), ("c", "0 0 0.1"))),
+    ]
+    wide = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
+    hinges = (
+        ("ja", "base", "a", "0 0 0", f"{right_angle} 0 0", "0 0 1"),
+        ("jb", "a", "b", "0 0.2 0", f"-{right_angle} 0 0", "0 1 0"),
+        ("jc", "base", "c", "0.3 0 0", "0 0 0", "0 1 0"),
+    )
+    for name, near, far, xyz, rpy, axis in hinges:
+        ends = f'<parent link="{near}"/><child link="{far}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
+        parts.append(f'<joint name="{name}" type="revolute">{ends}<axis xyz="{axis}"/>{wide}</joint>')
+    for name, near, xyz in (("eye1", "b", "0.35 0 0"), ("eye2", "c", "0 0 0.25")):
+        ends = f'<parent link="{near}"/><child link="{name}"/><origin xyz="{xyz}"/>'
+        parts += [link(name), f'<joint name="{name}" type="fixed">{ends}</joint>']
+    (folder / "planar.yaml").write_text("closed_loop: [[eye1, eye2]]\ntype: [3d]\nname_mot: [ja]\n", encoding="utf-8")
+    return robot(folder, *parts, name="planar.urdf")
+
+
+def test_redundant_loops_move(tmp_path):
+    mechanism = import_model(planar(tmp_path, "1.5707963267948966")).mechanism
+    assert [joint.name for joint in mechanism.actuators] == [*mechanism.independent] == ["ja"]
+
+
+def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
+    with pytest.raises(DescriptionError, match=r"for roundings of about 1e-06 they would leave 1 more; write angles"):
+        import_model(planar(tmp_path, "1.5708"))
+
+
+def test_loops_written_as_robot_yaml_come_back(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["models", "slider-crank", "--include", "yaml", "--out", "."]) == 0
+    imported = import_model(Path("slider-crank.urdf"), Options(loops=Path("slider-crank.yaml")))
+    mechanism = load_mechanism("slider-crank")
+    assert len(imported.mechanism.independent) == len(mechanism.independent)
+    assert imported.mechanism.mass == pytest.approx(mechanism.mass, rel=1e-15, abs=0)
+    check_home(imported.mechanism)
+
+
+def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
+    mimic = AXIS.format(0.5, 1.0) + '<mimic joint="shoulder" multiplier="-0.1"/>'
+    parts = [part.replace(AXIS.format(0.5, 2.5), mimic) for part in ARM]
+    imported = import_model(robot(tmp_path, *parts))
+    assert any("keep elbow-joint beyond limits, which are left out" in sentence for sentence in imported.remarks)
+    assert np.isinf(imported.mechanism.joint("elbow-joint").limits).all()
+    assert "elbow-joint" not in imported.mechanism.independent
