@@ -39,8 +39,8 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import mujoco
 
-    with _heard() as ignored:
-        model = _loaded(source)
+    with heard() as ignored:
+        model = loaded(source)
         data = mujoco.MjData(model)
         for i in range(model.njnt):
             at = model.jnt_qposadr[i]
@@ -67,7 +67,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def _loaded(source: Source) -> Any:
+def loaded(source: Source) -> Any:
     import mujoco
 
     try:
@@ -82,7 +82,7 @@ def _loaded(source: Source) -> Any:
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
+def heard() -> Iterator[list[str]]:
     """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 

@@ -26,7 +26,7 @@ _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """An elementary joint.
 
     Attributes:
@@ -49,8 +49,8 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     Raises:
         ModelFileError: Pinocchio refuses it.
     """
-    model, ignored = _loaded(source)
-    q, parts = _start(model), list(_parts(model, source))
+    model, ignored = loaded(source)
+    q, parts = start(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
             value = home[part.name]
@@ -72,7 +72,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def _loaded(source: Source) -> tuple[Any, list[str]]:
+def loaded(source: Source) -> tuple[Any, list[str]]:
     """The model, and what was said of a file that was loaded all the same."""
     import pinocchio
 
@@ -91,7 +91,7 @@ def _loaded(source: Source) -> tuple[Any, list[str]]:
     return model, [f"what Pinocchio complains of: {sentence}" for sentence in said]
 
 
-def _start(model: Any) -> Array:
+def start(model: Any) -> Array:
     """Neutral coordinates, free bodies where an MJCF has them.
 
     Pinocchio keeps that as ``qpos0``, and gives the joint of a turned body a placement besides.
@@ -107,22 +107,22 @@ def _start(model: Any) -> Array:
     return q
 
 
-def _parts(model: Any, source: Source) -> Iterator[_Part]:
+def elementary(model: Any, source: Source) -> Iterator[Part]:
     """All elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
         if i == 0:
             continue
         if short in _KINDS or joint.nv == 1:
-            yield _Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
+            yield Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
         elif short == "JointModelPlanar":
             for k, (end, n_q) in enumerate(_PLANAR):
-                yield _Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
+                yield Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
         else:
             yield from _several(model, i, source)
 
 
-def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
+def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
     """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
     import pinocchio
 
@@ -135,7 +135,7 @@ def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
     if len(names) != len(subs):
         names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
     for name, sub in zip(names, subs, strict=True):
-        yield _Part(name, i, *sub)
+        yield Part(name, i, *sub)
 
 
 def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
@@ -154,7 +154,7 @@ def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
     return placed, J
 
 
-def _links(model: Any, placed: list[Any], parts: list[_Part]) -> Iterator[Link]:
+def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
     """Every link. Links and joints may share a name, so frames are told apart by their numbers."""
     import pinocchio
 
@@ -214,7 +214,7 @@ def _planar_axes(source: Source) -> Iterator[str]:
             yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
-def _joint(model: Any, placed: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
+def _joint(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
     """Args: placed: World placement of the joint; column: Of the Jacobian. Shape (6,)."""
     centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
