@@ -92,7 +92,7 @@ def test_two_causes_are_taken_one_after_the_other(tmp_path):
     why = found.attribution
     assert {step.hypothesis.name.split(" of ")[0] for step in why.steps} == {"damping", "mass"}
     assert why.steps[0].share == why.steps[0].alone < 1.0
-    assert why.steps[1].share == pytest.approx(1.0, rel=1e-9)
+    assert why.steps[1].share == pytest.approx(1.0, rel=1e-9, abs=0)
     assert why.complete
     assert found.proof.on == "file"
     assert found.proof.agrees
