@@ -128,7 +128,7 @@ def plant(reading: Reading) -> Tree:
 
 
 def _carried(reading: Reading) -> Iterator[tuple[str, Array]]:
-    """Ball and free joints, each with the frame that it carries: axes of the body, about the ball or the body's origin."""
+    """Ball and free joints, and the frame that each carries: axes of the body, about the ball or the body's origin."""
     for body in reading.bodies.values():
         for name in body.joints:
             frame, joint = body.pose.copy(), reading.joints[name]
