@@ -12,6 +12,7 @@ from screwgauge.diagnosis.hypothesis import Hypothesis
 from screwgauge.diagnosis.matter import Matter, steiner
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.rotations import rotation
+from screwgauge.study.selftest.lookalikes import renamed
 from screwgauge.study.selftest.trees import mjcf, tree, urdf
 
 R = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.7))
@@ -136,3 +137,11 @@ def test_what_is_not_a_number_is_a_difference():
     why = attribute(torques, None, [], [])
     assert why.before.scaled == np.inf
     assert not why.complete
+
+
+def test_names_that_all_have_a_prefix_are_the_same_names(tmp_path):
+    """Read by libraries that order joints in ways of their own, and with no name in common."""
+    text = urdf(tree(3))
+    (tmp_path / "a.urdf").write_text(text)
+    (tmp_path / "b.urdf").write_text(renamed(text, np.random.default_rng(0)))
+    assert diagnose(f"{tmp_path / 'a.urdf'}@pinocchio", f"{tmp_path / 'b.urdf'}@yourdfpy").same

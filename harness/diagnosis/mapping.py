@@ -120,7 +120,22 @@ def _by_name(a: Reading, b: Reading, given: Mapping[str, str]) -> tuple[dict[str
             other = left[keys.index(key)]
             if a.joints[name].kind == b.joints[other].kind:
                 joints[name], how[name] = other, word
+    if not joints:
+        joints = _prefixed(a, b)
+        how = dict.fromkeys(joints, "similar name")
     return joints, how
+
+
+def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
+    """Joints of which the names of one model are those of the other with one and the same text before them."""
+    for one, two, back in ((a, b, False), (b, a, True)):
+        first = next(iter(one.joints), "")
+        for prefix in (name.removesuffix(first) for name in two.joints if first and name.endswith(first)):
+            longer = {name: prefix + name for name in one.joints}
+            kinds = all(n in two.joints and two.joints[n].kind == one.joints[m].kind for m, n in longer.items())
+            if kinds and len(longer) == len(two.joints):
+                return {n: m for m, n in longer.items()} if back else longer
+    return {}
 
 
 def _plain(name: str) -> str:
