@@ -21,11 +21,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -47,25 +48,7 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
 }
 TEXT = (ast.Constant, ast.JoinedStr)
 WORDS = {"any": "all", "all": "any", "max": "min", "min": "max", "sin": "cos", "cos": "sin", "argmax": "argmin"}
-#: Those that say the most in the least time, and further ones; what survives them meets all others.
-FIRST = ("screws", "kinematics", "dynamics", "judge", "description", "closing_errors", "reaction_conventions")
-NEXT = (
-    *("mobility", "zero_is_zero", "forward", "massless_bodies", "any_cut", "engine_contract", "judge_alone"),
-    *(
-        "order_and_size",
-        "known_mechanisms",
-        "bad_motion",
-        "integration",
-        "forward_steppers",
-        "forward_scenes",
-        "coverage",
-    ),
-)
-#: Parts of names of files whose tests take long, left out by ``--quick``.
-SLOW = (
-    *("stress", "problem", "guard", "bench", "near_singular", "paper_errata", "results", "leaving_out", "softness"),
-    *("stiff", "isolation", "streaming", "readme", "console", "at_random", "properties", "chart_locks"),
-)
+QUICK = 5.0  # s that a test takes at the most to be put to a mutant by ``--quick``
 HUNG = 1800  # seconds
 CHANGED = 1e-9  # share of the largest number of a scene
 
@@ -173,22 +156,51 @@ def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | N
         return None
 
 
-def by_tests(folder: Path, *, quick: bool) -> str:
+def covering(folder: Path) -> Callable[[Mutant], list[tuple[float, str]]]:
+    """Runs all tests once; gives the tests that execute the line of a mutant, the shortest first, with their times [s].
+
+    What a fixture executes is seen by all tests of its file.
+    """
+    from coverage import CoverageData
+
+    said, settings = folder / "tests.xml", folder / "coveragerc"
+    settings.write_text(f"[run]\nsource_pkgs = screwgauge\ndata_file = {folder / 'coverage'}\n", encoding="utf-8")
+    how = f"--cov=screwgauge --cov-config={settings} --cov-context=test --cov-report= --junit-xml={said}".split()
+    done = execute(folder, "-m", "pytest", "-p", "no:cacheprovider", *how)
+    assert done is not None
+    assert done.returncode == 0, done.stdout[-2000:]
+    times = {}
+    for case in ET.parse(said).iter("testcase"):
+        times[f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"] = float(case.get("time", 0))
+    data = CoverageData(str(folder / "coverage"))
+    data.read()
+
+    def tests(mutant: Mutant) -> list[tuple[float, str]]:
+        lines = data.contexts_by_lineno(str(installed(folder, mutant.file)))
+        before = [line for line in lines if line <= mutant.line]  # the first line of what goes over several
+        names: set[str] = set()
+        for context in lines[max(before)] if before else ():
+            name, _, phase = context.partition("|")
+            file = name.partition("::")[0] + "::"
+            names |= {one for one in times if one.startswith(file)} if phase == "setup" else {name} & times.keys()
+        return sorted((times[name], name) for name in names)
+
+    return tests
+
+
+def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
     """The test that notices, or ``survived``."""
-    stages, others = [], sorted(path.stem for path in (ROOT / "tests").glob("test_*.py"))
-    for names in (FIRST, NEXT):
-        stages.append(["-n", "0", *(f"tests/test_{name}.py" for name in names)])
-        others = [name for name in others if name.removeprefix("test_") not in names]
-    others = [f"tests/{name}.py" for name in others if not (quick and any(part in name for part in SLOW))]
-    stages.append(["-n", "2", *others])
-    for stage in stages:
-        done = execute(folder, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *stage)
-        if done is None:
-            return "hangs"
-        if done.returncode:
-            said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-            return said[0].partition(" - ")[0] if said else done.stdout.strip().splitlines()[-1]
-    return "survived"
+    if not tests:
+        return "survived: no test executes it"
+    listed = folder / "listed"
+    listed.write_text("\n".join(name for _, name in tests), encoding="utf-8")
+    done = execute(folder, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", f"@{listed}")
+    if done is None:
+        return "hangs"
+    if not done.returncode:
+        return f"survived {len(tests)} tests"
+    said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return said[0].partition(" - ")[0] if said else (done.stdout + done.stderr).strip().splitlines()[-1]
 
 
 def executed(folder: Path, *options: str) -> dict[str, Any] | None:
@@ -260,7 +272,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skip", type=int, default=0, help="so many of them were done before")
-    parser.add_argument("--quick", action="store_true", help="without the tests that take long")
+    parser.add_argument("--quick", action="store_true", help=f"without the tests that take {QUICK:g} s")
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--trace", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -269,8 +281,10 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as name:
         folder = package(Path(name))
-        lines, right = None, None
-        if options.who == "run":
+        lines, right, tests = None, None, None
+        if options.who == "tests":
+            tests = covering(folder)
+        else:
             right = executed(folder)
             traced = executed(folder, "--trace")
             assert right is not None
@@ -281,7 +295,11 @@ def main() -> None:
             target = installed(folder, mutant.file)
             kept = target.read_bytes()
             target.write_bytes(mutant.source())
-            found = by_run(folder, right) if right is not None else by_tests(folder, quick=options.quick)
+            if tests is not None:
+                found = by_tests(folder, [one for one in tests(mutant) if not options.quick or one[0] < QUICK])
+            else:
+                assert right is not None
+                found = by_run(folder, right)
             print(f"{found}\t{mutant}", flush=True)
             target.write_bytes(kept)
 

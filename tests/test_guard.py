@@ -129,6 +129,16 @@ def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
     assert bad["reason"].str.startswith("within the error that pinocchio admits").all()
 
 
+def test_the_row_of_a_guard_is_that_of_its_worst_sample(ladder):
+    results = ladder[5]
+    for row in results.guard:
+        solution = results.solutions[row.engine]
+        assert row.condition == np.max(solution.conditions[row.quantity])
+        assert row.estimate == np.max(solution.estimate[row.quantity])
+        assert row.worst_t == results.times[int(np.argmax(solution.estimate[row.quantity]))]
+    assert any(np.ptp(results.solutions[row.engine].conditions[row.quantity]) for row in results.guard)
+
+
 def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     results = ladder[4]
     rows = {(row["engine"], row["quantity"]): row for row in summary(results)["guard"]}

@@ -149,6 +149,37 @@ def test_links_that_nothing_moves_are_one_body(urdf, library):
 
 
 @pytest.mark.parametrize("library", URDF_LIBRARIES)
+def test_a_link_may_have_inertia_alone(library, write):
+    rotor = (
+        MATTER.format(1)
+        .replace('value="1"', 'value="0"')
+        .replace("0.1 0.2 -0.3", "0 0 0")
+        .replace("0.3 -0.4 0.5", "0 0 0")
+    )
+    parts = [
+        link("base"),
+        link("arm", 1),
+        f'<link name="rotor">{rotor}</link>',
+        joint("turn", "revolute", "base", "arm"),
+    ]
+    reading = read(
+        write("rotor.urdf", f'<robot name="r">{"".join(parts)}{joint("on", "fixed", "arm", "rotor")}</robot>'), library
+    )
+    (arm,) = reading.bodies.values()
+    alone = read(write("arm.urdf", f'<robot name="r">{parts[0]}{parts[1]}{parts[3]}</robot>'), library).bodies["arm"]
+    assert (arm.mass, set(arm.fixed)) == (1.0, {"rotor"})
+    assert np.trace(arm.inertia - alone.inertia) == pytest.approx(1 + 1.2 + 1.3, rel=1e-14, abs=0)
+
+
+def test_joints_of_one_body_keep_their_names_beside_a_site_of_its_name(write):
+    joints = '<joint name="x"/><joint name="y" axis="1 0 0"/><site name="a"/>'
+    path = write(
+        "site.xml", f'<mujoco><worldbody><body name="a">{joints}{INERTIAL.format(1)}</body></worldbody></mujoco>'
+    )
+    assert list(read(path, "pinocchio").joints) == ["x", "y"]
+
+
+@pytest.mark.parametrize("library", URDF_LIBRARIES)
 def test_a_mimic_joint_is_a_coupling(urdf, library):
     (said,) = read(urdf, library).couplings.values()
     assert (said.joint, said.of) == ("follow", "turn")

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.readings.assemble import Assembly
+from screwgauge.models.readings.overheard import overheard
 from screwgauge.models.readings.reading import ClosureReading
 from screwgauge.reference.mechanism import GROUND
 
@@ -22,7 +23,13 @@ _JOINED = ("body1", "body2", "site1", "site2")
 
 @contextmanager
 def as_file(root: ET.Element) -> Iterator[str]:
-    """Path of a file with an MJCF: Pinocchio reads no text."""
+    """Path of a file with an MJCF: Pinocchio reads no text.
+
+    Without its keyframes: of a model of which it drops a part, Pinocchio would refuse those of the whole.
+    """
+    root = copy.copy(root)
+    for keyframe in root.findall("keyframe"):
+        root.remove(keyframe)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"
         path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
@@ -53,8 +60,12 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str
         ignored += [f"closure {name}" for _, name in named]
     if build is None or not named:
         return {}
-    with as_file(root) as path:
-        model, constraints = build(path)
+    try:
+        with overheard(), as_file(root) as path:
+            model, constraints = build(path)
+    except (ValueError, RuntimeError, LookupError) as error:
+        ignored.append(f"closures, which Pinocchio refuses ({' '.join(str(error).split())})")
+        return {}
     found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
     # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
     named.sort(key=lambda entry: entry[0])

@@ -89,18 +89,18 @@ def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ..
     """One body of links, in the frame of the one that it is called after."""
     back = np.linalg.inv(named.pose)
     frames = {link.name: back @ link.pose for link in links if link is not named}
-    solid = [link for link in links if link.mass]
+    solid = [link for link in links if link.mass or link.inertia.any()]
     mass, com, inertia, gravcomp = named.mass, named.com, named.inertia, named.gravcomp
-    if len(solid) > 1:
+    if any(link is not named for link in solid):
         mass = sum(link.mass for link in solid)
         placed = [(link, frames.get(link.name, np.eye(4))) for link in solid]
         coms = [T[:3, :3] @ link.com + T[:3, 3] for link, T in placed]
-        com = np.sum([link.mass * c for link, c in zip(solid, coms, strict=True)], axis=0) / mass
+        com = np.sum([link.mass * c for link, c in zip(solid, coms, strict=True)], axis=0) / (mass or 1.0)
         inertia = np.zeros((3, 3))
         for (link, T), c in zip(placed, coms, strict=True):
             r = c - com
             inertia += T[:3, :3] @ link.inertia @ T[:3, :3].T + link.mass * (r @ r * np.eye(3) - np.outer(r, r))
-        gravcomp = sum(link.mass * link.gravcomp for link in solid) / mass
+        gravcomp = sum(link.mass * link.gravcomp for link in solid) / (mass or 1.0)
     return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames)
 
 

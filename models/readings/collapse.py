@@ -10,7 +10,7 @@ from screwgauge.models.readings.reading import Reading
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
-    """The same motion without massless bodies that carry one further body and no closure.
+    """The same motion without bodies of no mass and inertia that carry one further body and no closure.
 
     The joints of such a body come before those of the body that it carries; links fixed to it are gone.
 
@@ -23,7 +23,7 @@ def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
     gone = {
         name: body
         for name, body in reading.bodies.items()
-        if not body.mass and carried[name] == 1 and name not in stays
+        if not (body.mass or body.inertia.any()) and carried[name] == 1 and name not in stays
     }
     bodies = {}
     for name, body in reading.bodies.items():

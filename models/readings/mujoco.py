@@ -68,6 +68,11 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def loaded(source: Source) -> Any:
+    """The compiled model; links of a URDF that are fixed to each other stay apart.
+
+    Raises:
+        ModelFileError: MuJoCo refuses it.
+    """
     import mujoco
 
     try:
@@ -114,12 +119,13 @@ def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
         yield Link(root, "", (), 0.0, np.zeros(3), np.zeros((3, 3)), np.eye(4))
     for i in range(1, model.nbody):
         R, above, first = _rotation(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
-        solid = model.body_mass[i] > LEAST
+        heavy = model.body_mass[i] > LEAST
+        solid = heavy or model.body_inertia[i].max() > 2.0 * LEAST  # of diagonalised tensors, which are rounded
         yield Link(
             model.body(i).name,
             model.body(above).name if above else root,
             tuple(model.joint(first + k).name for k in range(model.body_jntnum[i])),
-            float(model.body_mass[i]) if solid else 0.0,
+            float(model.body_mass[i]) if heavy else 0.0,
             model.body_ipos[i].copy() if solid else np.zeros(3),
             R @ np.diag(model.body_inertia[i]) @ R.T if solid else np.zeros((3, 3)),
             matrix(data.xpos[i], data.xmat[i].reshape(3, 3)),

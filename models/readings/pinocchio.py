@@ -26,7 +26,7 @@ _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """An elementary joint.
 
     Attributes:
@@ -49,25 +49,21 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     Raises:
         ModelFileError: Pinocchio refuses it.
     """
-    import pinocchio
-
-    model, ignored = _loaded(source)
-    data, q, parts = model.createData(), _start(model), list(_parts(model, source))
+    model, ignored = loaded(source)
+    q, parts = start(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
             value = home[part.name]
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
-    pinocchio.computeJointJacobians(model, data, q)
-    pinocchio.updateFramePlacements(model, data)
-    assembly = assemble(_links(model, data, parts), str(source.path))
-    J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
+    placed, J = _placed(model, q)
+    assembly = assemble(_links(model, placed, parts), str(source.path))
     if source.form == "urdf":
         ignored += _planar_axes(source)
     return Reading(
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
-        joints={part.name: _joint(model, data, part, J[:, part.v], home) for part in parts},
+        joints={part.name: _joint(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
         closures=closures(model, assembly, source.root, ignored) if source.form == "mjcf" else {},
         couplings=source.mimics,
@@ -76,7 +72,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def _loaded(source: Source) -> tuple[Any, list[str]]:
+def loaded(source: Source) -> tuple[Any, list[str]]:
     """The model, and what was said of a file that was loaded all the same."""
     import pinocchio
 
@@ -95,7 +91,7 @@ def _loaded(source: Source) -> tuple[Any, list[str]]:
     return model, [f"what Pinocchio complains of: {sentence}" for sentence in said]
 
 
-def _start(model: Any) -> Array:
+def start(model: Any) -> Array:
     """Neutral coordinates, free bodies where an MJCF has them.
 
     Pinocchio keeps that as ``qpos0``, and gives the joint of a turned body a placement besides.
@@ -111,35 +107,54 @@ def _start(model: Any) -> Array:
     return q
 
 
-def _parts(model: Any, source: Source) -> Iterator[_Part]:
+def elementary(model: Any, source: Source) -> Iterator[Part]:
     """All elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
         if i == 0:
             continue
         if short in _KINDS or joint.nv == 1:
-            yield _Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
+            yield Part(name, i, _KINDS.get(short, ""), joint.idx_q, joint.nq, joint.idx_v)
         elif short == "JointModelPlanar":
             for k, (end, n_q) in enumerate(_PLANAR):
-                yield _Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
+                yield Part(f"{name}_{end}", i, "", joint.idx_q + k, n_q, joint.idx_v + k)
         else:
             yield from _several(model, i, source)
 
 
-def _several(model: Any, i: int, source: Source) -> Iterator[_Part]:
+def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
     """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
+    import pinocchio
+
     joint = model.joints[i]
     subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
     # three slides at once have no joints of their own
     subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
-    names = [name for frame in model.frames if frame.parentJoint == i for name in source.joints_of(frame.name)]
+    bodies = [f for f in model.frames if f.parentJoint == i and f.type == pinocchio.FrameType.BODY]
+    names = [name for body in bodies for name in source.joints_of(body.name)]
     if len(names) != len(subs):
         names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
     for name, sub in zip(names, subs, strict=True):
-        yield _Part(name, i, *sub)
+        yield Part(name, i, *sub)
 
 
-def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
+def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
+    """World placement of every joint and their Jacobian [linear; angular] at the world origin, shape (6, n_v).
+
+    Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
+    """
+    import pinocchio
+
+    placed, J = [pinocchio.SE3.Identity()], np.zeros((6, model.nv))
+    for i, joint in enumerate(model.joints[1:], start=1):
+        data = joint.createData()
+        joint.calc(data, q)
+        placed.append(placed[model.parents[i]] * model.jointPlacements[i] * data.M)
+        J[:, joint.idx_v : joint.idx_v + joint.nv] = placed[i].action @ np.reshape(data.S, (6, joint.nv))
+    return placed, J
+
+
+def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
     """Every link. Links and joints may share a name, so frames are told apart by their numbers."""
     import pinocchio
 
@@ -157,19 +172,20 @@ def _links(model: Any, data: Any, parts: list[_Part]) -> Iterator[Link]:
         Y, near = inertias.get(i), model.frames[above].name if above else ""
         com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
         mass = float(Y.mass) if Y else 0.0
-        yield Link(frame.name, near, joints, mass, com, inertia, np.array(data.oMf[i].homogeneous))
+        pose = placed[frame.parentJoint] * frame.placement
+        yield Link(frame.name, near, joints, mass, com, inertia, np.array(pose.homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:
-    """Frame number of each moving link with mass -> its inertia in the link's frame.
+    """Frame number of each moving link with mass or inertia -> its inertia in the link's frame.
 
     Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of the
     fixed joint.
     """
     import pinocchio
 
-    fixed = {i: f for i, f in enumerate(model.frames) if f.type == pinocchio.FrameType.FIXED_JOINT and f.inertia.mass}
-    inertias = {}
+    joints = [f for f in model.frames if f.type == pinocchio.FrameType.FIXED_JOINT]
+    fixed, inertias = [f for f in joints if not f.inertia.isZero(0.0)], {}
     for i, frame in enumerate(model.frames):
         if frame.type != pinocchio.FrameType.BODY or not frame.parentJoint:
             continue
@@ -177,14 +193,14 @@ def _inertias(model: Any) -> dict[int, Any]:
             Y = model.frames[frame.parentFrame].inertia
         else:
             Y = model.inertias[frame.parentJoint]
-            merged = [f.placement.act(f.inertia) for f in fixed.values() if f.parentJoint == frame.parentJoint]
+            merged = [f.placement.act(f.inertia) for f in fixed if f.parentJoint == frame.parentJoint]
             # What rounding leaves of a massless link must not pass for a body.
-            if merged and Y.mass - sum(share.mass for share in merged) <= 1e-12 * Y.mass:
+            if Y.mass and Y.mass - sum(share.mass for share in merged) <= 1e-12 * Y.mass:
                 continue
             for share in merged:
                 Y = Y - share
             Y = Y if frame.placement.isIdentity(0.0) else frame.placement.actInv(Y)
-        if Y.mass:
+        if not Y.isZero(0.0):
             inertias[i] = Y
     return inertias
 
@@ -198,9 +214,9 @@ def _planar_axes(source: Source) -> Iterator[str]:
             yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
-def _joint(model: Any, data: Any, part: _Part, column: Array, home: Mapping[str, float]) -> JointReading:
-    """Args: column: Of the Jacobian, [linear; angular] at the world origin. Shape (6,)."""
-    centre, axis = np.array(data.oMi[part.joint].translation), np.concatenate([column[3:], column[:3]])
+def _joint(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
+    """Args: placed: World placement of the joint; column: Of the Jacobian. Shape (6,)."""
+    centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
     if kind == "hinge":  # the point of its axis next to the joint, which may be one of several
         centre = np.cross(axis[:3], axis[3:]) + axis[:3] * (axis[:3] @ centre)

@@ -70,9 +70,9 @@ def _links(robot: Any) -> Iterator[Link]:
         waiting += below.get(name, [])
         joint, inertial = above.get(name), robot.link_map[name].inertial
         mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
-        if inertial and inertial.mass:
+        if inertial:
             origin = np.eye(4) if inertial.origin is None else inertial.origin
-            mass, com = float(inertial.mass), origin[:3, 3]
+            mass, com = float(inertial.mass or 0.0), origin[:3, 3]
             if inertial.inertia is not None:
                 inertia = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
         moving = (joint.name,) if joint and joint.type in _KINDS else ()
@@ -89,7 +89,9 @@ def _joint(robot: Any, joint: Any, home: float) -> JointReading:
     single = kind != "free"
     return JointReading(
         kind,
-        screw(kind == "hinge", T[:3, :3] @ joint.axis, T[:3, 3]) if single else np.zeros(6),
+        screw(kind == "hinge", T[:3, :3] @ joint.axis / np.linalg.norm(joint.axis), T[:3, 3])
+        if single
+        else np.zeros(6),
         T[:3, 3],
         home if single else 0.0,
         limits,
