@@ -53,6 +53,12 @@ def test_simulations_agree_and_keep_the_energy(gear, write):
     assert any("curvature is added" in note for note in results.solutions["mujoco"].notes)
 
 
+def test_a_screw_that_mujoco_holds_softly_is_simulated_alike(write):
+    text = 'name = "press"\nextends = "screw-press"\n'
+    results = screwgauge.run(started(write, text, {"screw": 0.0}))
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+
+
 def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path):
     scene = started(write, geared_five_bar("left", "right", GEARS["right"]), {"left": 0.0})
     scene = scene.at(scene.t[:2])

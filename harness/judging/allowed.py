@@ -86,12 +86,17 @@ def allowed_motions(answer: Answer) -> Allowed:
     mechanism, length, (n, n_q) = answer.mechanism, answer.scales["m"], answer.q.shape
     motions = list(unit_motions(mechanism, answer.tree, answer.q, range(n_q)))
     size = np.array([1.0 if unit == "rad" else length for unit in mechanism.units])
-    moving = np.stack([np.broadcast_to(answer.q, (n_q, n, n_q)), *[np.zeros((n_q, n, n_q))] * 2])
-    moving[1, range(n_q), :, range(n_q)] = 1.0
-    open_by = [residuals(mechanism, each, moving[:, i], 1, length) for i, each in enumerate(motions)]
+    open_by = [residuals(mechanism, each, _alone(answer.q, i), 1, length) for i, each in enumerate(motions)]
     chosen = np.tile(np.eye(n_q)[mechanism.independent_columns], (n, 1, 1)) / size[mechanism.independent_columns, None]
     closing = np.concatenate([np.stack(open_by, axis=2), chosen], axis=1) * size
     return Allowed(motions, closing, size, mechanism.independent_columns)
+
+
+def _alone(q: Array, column: int) -> Array:
+    """Joint coordinates and two derivatives while one column has the velocity 1. Shape (n, n_q) -> (3, n, n_q)."""
+    joints = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
+    joints[1, :, column] = 1.0
+    return joints
 
 
 def completed(answer: Answer, allowed: Allowed, asked: GivenMotion) -> Answer:

@@ -56,6 +56,8 @@ def harden(model: mujoco.MjModel, d: float, harder: float) -> None:
     model.opt.tolerance = EXACT
     model.eq_solimp[:, :2] = d
     model.body_invweight0[:] /= harder
+    if (model.eq_type == mujoco.mjtEq.mjEQ_JOINT).any():  # a screw of 10 mm lead is softer by 1e4 than a gear
+        model.dof_invweight0[:] /= harder
     model.eq_solref[:] = 0.0
 
 
