@@ -211,9 +211,7 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
     path = robot(tmp_path, *far)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
-    with pytest.raises(
-        ClosureError, match=r"loops do not close from any of 8 starts: nearest are 'loop1' by [\d.]+ m"
-    ):
+    with pytest.raises(ClosureError, match=r"loops do not close from any of 8 starts: nearest are 'loop1' by [\d.]+ m"):
         import_model(path)
 
 
