@@ -15,6 +15,7 @@ from screwgauge.reference.rotations import Array
 
 #: Starts beside home, and how far they lie from it at most [rad or lengths of the model].
 STARTS, FARTHEST = 40, np.pi
+ENOUGH = 8  # closed poses, where none is without fault
 #: Residual up to which loops of few printed digits count as closed [rad or lengths]: the rest is the file's rounding.
 ROUNDED = 1e-5
 #: Smallest singular value of the loop equations that is far from singular; below the second it is a redundant equation.
@@ -108,7 +109,7 @@ def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
         clear = not rank or s[rank - 1] > REGULAR
         excess = sum(_outside(joint, state.values.get(name)) for name, joint in loops.reading.joints.items())
         found.append((-rank, not clear, excess, _distance(loops, home, state), i, state, error))
-        if clear and not excess:
+        if (clear and not excess) or len(found) == ENOUGH:
             break
     if not found:
         raise _never(loops, best[0], where)

@@ -26,8 +26,8 @@ NAME = "imports.csv"
 DATA = (NAME, "environment.json")
 OUT = Path("screwgauge-out/public-models")
 MEANING = """Each model was imported, and its description driven in screw, Pinocchio and MuJoCo by the motion that
-import gives it, at a few samples. Joints: R turns, P slides, U, S, C, F as in a description; loops and couplings beyond the
-tree; error: the largest scaled one of any quantity. Refused: by import, or before any engine ran; failed: an engine
+import gives it, at a few samples. Joints: R turns, P slides, U, S, C, F as in a description; loops and couplings beyond
+the tree; error: the largest scaled one of any quantity. Refused: by import, or before any engine ran; failed: an engine
 gives no answer."""
 COLUMNS = ("model", "format", "bodies", "joints", "freedoms", "loops", "couplings", "actuators", "verdict", "error")
 
