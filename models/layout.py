@@ -142,6 +142,7 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     _check_names(links, mechanism)
     welds = {link.joint.name: _weld(link) for link in links[len(spanning.edges) :]}
     closures = tuple(welds.get(joint.name) or _points(joint, mechanism) for joint in cuts)
+    _check_couplings(mechanism, closures)
     return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), closures)
 
 
@@ -220,3 +221,12 @@ def _check_names(links: list[Link], mechanism: Mechanism) -> None:
         if names.count(name) > 1:
             where = mechanism.where or mechanism.name
             raise DescriptionError(f"the name '{name}' is needed for the models", where, "rename that body")
+
+
+def _check_couplings(mechanism: Mechanism, closures: tuple[Closure, ...]) -> None:
+    """Couplings and closures stand side by side in an MJCF, two points of a hinge with numbers."""
+    taken = {f"{closure.joint}{number}" for closure in closures for number in ("", ".1", ".2")}
+    for coupling in mechanism.couplings:
+        if coupling.name in taken:
+            what = f"the name '{coupling.name}' is needed for the models"
+            raise DescriptionError(what, coupling.where or mechanism.name, "rename that coupling")

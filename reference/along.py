@@ -25,6 +25,8 @@ def joint_wrenches(lay: Layout, at: Pose, com: Array, tau: Array) -> Array:
     W = np.zeros((n, len(lay.mechanism.bodies) + 1, 6))
     for joint in lay.mechanism.joints:
         columns = lay.columns[joint.name]
+        if not tau[:, columns].any():
+            continue
         point = joint_point(joint, at.R[:, index[joint.child]], at.p[:, index[joint.child]])
         turns = np.array([turn for turn, _ in joint.freedoms])
         S = at.S[:, columns]

@@ -26,6 +26,7 @@ LIMITS = {
     "entries": 1000,
     "panels": 24,
     "characters": 1000,
+    "nested elements": 500,
     "characters of YAML": 50_000,
     "nested brackets": 10,
 }

@@ -116,9 +116,9 @@ def moving(write: Write, text: str, offsets: Mapping[str, float], loaded: str) -
 
 
 def started(write: Write, text: str, offsets: Mapping[str, float]) -> Scene:
-    """A mechanism that moves freely from home on, for a third of a second."""
+    """A mechanism that moves freely from home on, for a fifth of a second."""
     write("coupled.toml", text)
     start = ", ".join(f"{label} = {value!r}" for label, value in offsets.items())
     rates = ", ".join(f"{label} = 1.0" for label in offsets)
     scene = f'mechanism = "coupled.toml"\n[forward]\nstart = {{ {start} }}\nrates = {{ {rates} }}\n'
-    return screwgauge.load_scene(write("coupled-free.toml", scene + "[time]\nduration = 0.3\nstep = 0.1\n"))
+    return screwgauge.load_scene(write("coupled-free.toml", scene + "[time]\nduration = 0.2\nstep = 0.1\n"))

@@ -41,7 +41,8 @@ class DrakeTree:
         Parser(plant).AddModels(str(urdf))
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("ground"))
         plant.Finalize()
-        self.context, self.closures = plant.CreateDefaultContext(), file.closures
+        self.context = plant.CreateDefaultContext()
+        self.closures, self.couplings = file.closures, file.couplings
         joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
         moving = sorted((j for j in joints if j.num_velocities()), key=lambda j: j.velocity_start())
         self.coordinates = tuple(j.name() for j in moving)

@@ -14,6 +14,7 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import check_models
 from screwgauge.models.generate import write_models
+from screwgauge.models.layout import lay_out
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.mujoco import joint_equality
 from screwgauge.quantities import GIVEN
@@ -74,6 +75,12 @@ def test_a_home_pose_that_breaks_one_and_freedoms_that_none_is_left_of(write):
     both = GEAR.replace('left = "left" }', 'left = "left", right = "right" }')
     with pytest.raises(DescriptionError, match="for 1 degrees of freedom"):
         check_home(load_mechanism(write("geared.toml", both)))
+
+
+def test_a_name_that_an_mjcf_needs_for_a_closure(write):
+    mechanism = load_mechanism(write("geared.toml", GEAR.replace("couplings.gear", "couplings.tip")))
+    with pytest.raises(DescriptionError, match="the name 'tip' is needed for the models; rename that coupling"):
+        lay_out(mechanism, "minimal")
 
 
 def test_powers_that_mujoco_does_not_have_are_its_own_failure(write, tmp_path):

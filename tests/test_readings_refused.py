@@ -70,6 +70,7 @@ REFUSED = {
     "ground that moves": (ARM.replace('"b"', '"ground"'), "a body that moves is called 'ground'"),
     "include outside": (mjcf(BODY, '<include file="../other.xml"/>'), "includes '../other.xml', which lies outside"),
     "include absolute": (mjcf(BODY, '<include file="/etc/passwd"/>'), "includes '/etc/passwd', which lies outside"),
+    "include too long": (mjcf(BODY, f'<include file="{"x" * 300}"/>'), "cannot be read (file name too long)"),
     "include missing": (mjcf(BODY, '<include file="other.xml"/>'), "cannot be read (it does not exist)"),
     "include itself": (mjcf(BODY, '<include file="model"/>'), "includes 'model' twice"),
 }
@@ -107,9 +108,19 @@ def test_too_many_or_too_deep_links_are_refused(write):
     many = '<robot name="r">' + "".join(f'<link name="l{i}"/>' for i in range(n)) + "</robot>"
     with pytest.raises(ScrewgaugeError, match=f"{n} links, more than"):
         read(write("many.urdf", many), "pinocchio")
-    deep = "<frame>" * n + "</frame>" * n
-    with pytest.raises(ScrewgaugeError, match="nest deeper"):
-        read(write("deep.xml", mjcf(deep)), "mujoco")
+    n = LIMITS["nested elements"] + 1
+    with pytest.raises(ScrewgaugeError, match=f"{n} nested elements, more than"):
+        read(write("deep.xml", mjcf("<frame>" * n + "</frame>" * n)), "mujoco")
+
+
+@pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
+def test_chains_as_long_as_they_may_be_are_read(library, write):
+    n = LIMITS["nested elements"] // 2 - 10
+    chain = (
+        "".join(f'<body name="b{i}"><joint name="j{i}"/>{INERTIAL}<frame>' for i in range(n)) + "</frame></body>" * n
+    )
+    joints = read(write("long.xml", mjcf(chain)), library).joints
+    assert len(joints) == (n if library == "mujoco" else 1)  # Pinocchio reads nothing that is in frames
 
 
 def test_libraries_and_formats_that_do_not_meet_are_named(write):

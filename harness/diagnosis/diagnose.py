@@ -108,31 +108,33 @@ def diagnose(
     grid = matrix_of(one, two, given, seed, load) if matrix else None
     if not pairing.alike:
         return Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, (), matrix=grid)
-    common = brought(one.reading, two.reading, pairing)
-    found = [*missing(one.reading, two.reading, pairing), *differences(common)[0]]
-    found = marked(_said(found, one, two), (one.digits, two.digits))
+    return replace(_compared(one, two, pairing, seed, load), matrix=grid)
+
+
+def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Diagnosis:
+    """Of two models of one machine."""
+    common = brought(a.reading, b.reading, pairing)
+    found = [*missing(a.reading, b.reading, pairing), *differences(common)[0]]
+    found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
-    rows = table(common, states)
     asked = torques(common, pairing, states)
-    explanation = _explained(asked, found, (one, two), load)
+    explanation = _explained(asked, found, (a, b), load)
     why, proof = explanation.attribution, explanation.proof
-    seen = tuple(witnesses((one, two), seed))
-    same = not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen)
+    seen = tuple(witnesses((a, b), seed))
     return Diagnosis(
-        one,
-        two,
+        a,
+        b,
         seed,
-        verdict((one, two), found, why, proof, seen),
-        same,
+        verdict((a, b), found, why, proof, seen),
+        not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen),
         pairing,
         tuple(found),
-        tuple(rows),
-        why,
-        proof,
-        seen,
-        grid,
-        _notes(common, one, two),
-        _by_joint(asked, two.reading, why.changes if why.complete else _changes(found)),
+        rows=tuple(table(common, states)),
+        attribution=why,
+        proof=proof,
+        witnesses=seen,
+        notes=_notes(a, b, common),
+        by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
 
 
@@ -167,7 +169,7 @@ def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
     return [each for each in found if each.what not in silent]
 
 
-def _notes(common: Common, a: Model, b: Model) -> tuple[str, ...]:
+def _notes(a: Model, b: Model, common: Common) -> tuple[str, ...]:
     """What is taken for granted, and what is not compared."""
     said = []
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):

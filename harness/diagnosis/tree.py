@@ -8,6 +8,7 @@ witness of its own.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,34 +95,26 @@ def plant(reading: Reading) -> Tree:
     joints, bodies = list(reading.joints.values()), list(reading.bodies.values())
     chain: dict[str, list[int]] = {}  # all joints between the ground and a body
     prior: dict[int, int] = {}
-    frames: dict[int, Array] = {}
     for name, body in reading.bodies.items():
-        chain[name] = list(chain.get(body.near, ()))
-        for joint in body.joints:
-            prior[number[joint]] = chain[name][-1] if chain[name] else -1
-            chain[name].append(number[joint])
-            if joints[number[joint]].kind in ("ball", "free"):
-                frames[number[joint]] = _carried(reading, joint, body.pose)
-    freedoms, moves = reading.freedoms, np.zeros((len(bodies), len(joints)))
-    for row, name in zip(moves, reading.bodies, strict=True):
-        row[chain[name]] = 1.0
-    before = np.zeros((len(joints), len(joints)))
-    for i in sorted(prior, key=lambda i: _depth(i, prior)):
-        if prior[i] >= 0:
-            before[i] = before[prior[i]]
-            before[i, prior[i]] = 1.0
+        chain[name] = [*chain.get(body.near, ()), *(number[joint] for joint in body.joints)]
+        prior |= dict(zip(chain[name], [-1, *chain[name]], strict=False))
+    moves, before = np.zeros((len(bodies), len(joints))), np.zeros((len(joints), len(joints)))
+    for row, line in zip(moves, chain.values(), strict=True):
+        row[line] = 1.0
+        for k, i in enumerate(line):
+            before[i, line[:k]] = 1.0
     wide = np.repeat(np.arange(len(joints)), [FREEDOMS[joint.kind] for joint in joints])
     single = [i for i, joint in enumerate(joints) if FREEDOMS[joint.kind] == 1]
     return Tree(
         reading,
         _slices(reading),
-        freedoms,
+        reading.freedoms,
         (
             np.array(single, dtype=int),
             np.array([joints[i].screw for i in single]).reshape(-1, 6),
             np.array([joints[i].centre for i in single]).reshape(-1, 3),
         ),
-        frames,
+        {number[name]: frame for name, frame in _carried(reading)},
         _levels(prior),
         np.array([chain[name][-1] for name in reading.bodies], dtype=int),
         moves[:, wide],
@@ -134,12 +127,15 @@ def plant(reading: Reading) -> Tree:
     )
 
 
-def _carried(reading: Reading, joint: str, pose: Array) -> Array:
-    """The frame that a ball or free joint carries: the body's axes, about the joint or at the body's origin."""
-    frame = pose.copy()
-    if reading.joints[joint].kind == "ball":
-        frame[:3, 3] = reading.joints[joint].centre
-    return frame
+def _carried(reading: Reading) -> Iterator[tuple[str, Array]]:
+    """Ball and free joints, and the frame that each carries: axes of the body, about the ball or the body's origin."""
+    for body in reading.bodies.values():
+        for name in body.joints:
+            frame, joint = body.pose.copy(), reading.joints[name]
+            if joint.kind == "ball":
+                frame[:3, 3] = joint.centre
+            if joint.kind in ("ball", "free"):
+                yield name, frame
 
 
 def _depth(i: int, prior: dict[int, int]) -> int:

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.readings.assemble import Assembly
+from screwgauge.models.readings.overheard import overheard
 from screwgauge.models.readings.reading import ClosureReading
 from screwgauge.reference.mechanism import GROUND
 
@@ -59,8 +60,12 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str
         ignored += [f"closure {name}" for _, name in named]
     if build is None or not named:
         return {}
-    with as_file(root) as path:
-        model, constraints = build(path)
+    try:
+        with overheard(), as_file(root) as path:
+            model, constraints = build(path)
+    except (ValueError, RuntimeError, LookupError) as error:
+        ignored.append(f"closures, which Pinocchio refuses ({' '.join(str(error).split())})")
+        return {}
     found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
     # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
     named.sort(key=lambda entry: entry[0])

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.files import LIMITS, read_file
+from screwgauge.reference.files import check_count, read_file
 
 
 def parse(path: Path) -> ET.Element:
@@ -21,8 +21,7 @@ def parse(path: Path) -> ET.Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        if depth > LIMITS["links"]:
-            raise ModelFileError(f"elements nest deeper than {LIMITS['links']}", str(path), "take fewer links")
+        check_count(depth, "nested elements", str(path), "take fewer links")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:

@@ -68,6 +68,11 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def loaded(source: Source) -> Any:
+    """The compiled model; links of a URDF that are fixed to each other stay apart.
+
+    Raises:
+        ModelFileError: MuJoCo refuses it.
+    """
     import mujoco
 
     try:

@@ -49,25 +49,21 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     Raises:
         ModelFileError: Pinocchio refuses it.
     """
-    import pinocchio
-
     model, ignored = loaded(source)
-    data, q, parts = model.createData(), start(model), list(elementary(model, source))
+    q, parts = start(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
             value = home[part.name]
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
-    pinocchio.computeJointJacobians(model, data, q)
-    pinocchio.updateFramePlacements(model, data)
-    assembly = assemble(_links(model, data, parts), str(source.path))
-    J = np.reshape(data.J, (6, model.nv))  # one column alone comes as a vector
+    placed, J = _placed(model, q)
+    assembly = assemble(_links(model, placed, parts), str(source.path))
     if source.form == "urdf":
         ignored += _planar_axes(source)
     return Reading(
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
-        joints={part.name: _joint(model, data, part, J[:, part.v], home) for part in parts},
+        joints={part.name: _joint(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
         closures=closures(model, assembly, source.root, ignored) if source.form == "mjcf" else {},
         couplings=source.mimics,
@@ -142,7 +138,23 @@ def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
         yield Part(name, i, *sub)
 
 
-def _links(model: Any, data: Any, parts: list[Part]) -> Iterator[Link]:
+def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
+    """World placement of every joint and their Jacobian [linear; angular] at the world origin, shape (6, n_v).
+
+    Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
+    """
+    import pinocchio
+
+    placed, J = [pinocchio.SE3.Identity()], np.zeros((6, model.nv))
+    for i, joint in enumerate(model.joints[1:], start=1):
+        data = joint.createData()
+        joint.calc(data, q)
+        placed.append(placed[model.parents[i]] * model.jointPlacements[i] * data.M)
+        J[:, joint.idx_v : joint.idx_v + joint.nv] = placed[i].action @ np.reshape(data.S, (6, joint.nv))
+    return placed, J
+
+
+def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
     """Every link. Links and joints may share a name, so frames are told apart by their numbers."""
     import pinocchio
 
@@ -160,7 +172,8 @@ def _links(model: Any, data: Any, parts: list[Part]) -> Iterator[Link]:
         Y, near = inertias.get(i), model.frames[above].name if above else ""
         com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
         mass = float(Y.mass) if Y else 0.0
-        yield Link(frame.name, near, joints, mass, com, inertia, np.array(data.oMf[i].homogeneous))
+        pose = placed[frame.parentJoint] * frame.placement
+        yield Link(frame.name, near, joints, mass, com, inertia, np.array(pose.homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:
@@ -201,9 +214,9 @@ def _planar_axes(source: Source) -> Iterator[str]:
             yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
-def _joint(model: Any, data: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
-    """Args: column: Of the Jacobian, [linear; angular] at the world origin. Shape (6,)."""
-    centre, axis = np.array(data.oMi[part.joint].translation), np.concatenate([column[3:], column[:3]])
+def _joint(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
+    """Args: placed: World placement of the joint; column: Of the Jacobian. Shape (6,)."""
+    centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
     if kind == "hinge":  # the point of its axis next to the joint, which may be one of several
         centre = np.cross(axis[:3], axis[3:]) + axis[:3] * (axis[:3] @ centre)

@@ -127,8 +127,8 @@ def _include(root: ET.Element, path: Path) -> list[str]:
                 i += 1
                 continue
             name = element[i].get("file", "")
-            file = (folder / name).resolve()
-            if not file.is_relative_to(folder):
+            file = _resolved(folder / name)
+            if file is None or not file.is_relative_to(folder):
                 what = f"includes '{name}', which lies outside its folder"
                 raise ModelFileError(what, str(path), "copy that file beside it")
             if name in seen:
@@ -137,6 +137,14 @@ def _include(root: ET.Element, path: Path) -> list[str]:
             element[i : i + 1] = [*parse(file)]
         waiting += element
     return [f"include {name}, put in its place before a library reads it" for name in seen]
+
+
+def _resolved(path: Path) -> Path | None:
+    """The path without links; None if there can be no such file."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):  # too long, links in a circle
+        return None
 
 
 def _float(root: ET.Element, form: str, path: Path) -> None:

@@ -6,11 +6,13 @@ MuJoCo has the like of it for connects and welds (from 3.7 on), but in 4.0.0 joi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from screwgauge.reference.couplings import Coupling, bind
+from screwgauge.problem import InitialValue, Problem, States
+from screwgauge.reference.couplings import Coupling, CouplingRows, bind
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
@@ -20,21 +22,42 @@ def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
     return [one for one in couplings if one.polynomial[2:].any()]
 
 
-def complete(model: mujoco.MjModel, data: mujoco.MjData, couplings: Sequence[Coupling]) -> None:
-    """Adds the term to the reference accelerations, after MuJoCo's velocity stage has made them.
+@dataclass(frozen=True, slots=True, eq=False)
+class Curvature:
+    """Couplings that are no straight lines.
+
+    Attributes:
+        rows: These couplings, in MuJoCo's coordinates.
+        ids: Number of the equality of each.
+    """
+
+    rows: CouplingRows
+    ids: tuple[int, ...]
+
+    def complete(self, data: mujoco.MjData) -> None:
+        """Adds the term to the reference accelerations, after MuJoCo's velocity stage has made them."""
+        if not self.ids:
+            return
+        for number, own in zip(self.ids, self.rows.bias(data.qpos[None], data.qvel[None])[0], strict=True):
+            data.efc_aref[np.flatnonzero((data.efc_type == _EQUALITY) & (data.efc_id == number))] -= own
+
+
+def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Curvature:
+    """Binds the couplings that are `curved` to a model."""
+    some = curved(couplings)
+    rows = bind(some, [model.joint(j).name for j in range(model.njnt)])
+    return Curvature(rows, tuple(model.equality(one.name).id for one in some))
+
+
+def said(couplings: Sequence[Coupling], problem: Problem, *, own_steps: bool) -> tuple[str, ...]:
+    """A sentence on couplings that MuJoCo takes for straight, where an answer rests on that.
 
     Args:
-        couplings: Those that are `curved`.
+        own_steps: Simulations are MuJoCo's own, of which nothing is made better.
     """
-    names = [model.joint(j).name for j in range(model.njnt)]
-    bias = bind(couplings, names).bias(data.qpos[None], data.qvel[None])[0]
-    for coupling, own in zip(couplings, bias, strict=True):
-        rows = (data.efc_type == _EQUALITY) & (data.efc_id == model.equality(coupling.name).id)
-        data.efc_aref[np.flatnonzero(rows)] -= own
-
-
-def said(couplings: Sequence[Coupling], *, completed: bool) -> tuple[str, ...]:
-    """A sentence on couplings that MuJoCo takes for straight, and on what became of that."""
-    names = ", ".join(one.name for one in curved(couplings))
-    fate = "added to what it says" if completed else "missing from what it says"
-    return (f"MuJoCo takes joint equalities for straight lines; their curvature is {fate}: {names}",) if names else ()
+    names, task = ", ".join(one.name for one in curved(couplings)), problem.task
+    raw = isinstance(task, States) and task.tau is not None
+    if not names or not (raw or isinstance(task, InitialValue) or "tree_force_soft" in problem.wanted):
+        return ()
+    fate = "missing from" if raw or (own_steps and isinstance(task, InitialValue)) else "added to"
+    return (f"MuJoCo takes joint equalities for straight lines; their curvature is {fate} what it says: {names}",)

@@ -21,7 +21,7 @@ from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
-from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, States, quiet
+from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
@@ -42,10 +42,9 @@ class MujocoModel(TreeModel):
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         with heard() as warnings:
             solution = super().solve(problem, progress)
-        said, task = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings)), problem.task
-        own = isinstance(task, States) and task.tau is not None
-        own |= isinstance(task, InitialValue) and self.dynamics is not None and self.dynamics.dt is not None
-        curves = curvature.said(self.closed.tree.couplings, completed=not own)
+        said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
+        steps = self.dynamics is not None and self.dynamics.dt is not None
+        curves = curvature.said(self.closed.tree.couplings, problem, own_steps=steps)
         return replace(solution, notes=(*solution.notes, *curves, *said), warnings=said)
 
 

@@ -7,7 +7,7 @@ import copy
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.curvature import complete, curved
+from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import PASSES, harden, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.reference.errors import SingularPoseError
@@ -33,7 +33,7 @@ class MujocoMover:
         harden(self.model, d, harder)
         self.data = mujoco.MjData(self.model)
         self.passes = passes if self.model.neq else 0
-        self.curved = curved(tree.couplings)
+        self.curvature = curvature(self.model, tree.couplings)
         hard = f"solimp {d:g}, body_invweight0 / {harder:g}, at most {passes} refinements"
         self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
         self.made = self.most = self.calls = 0
@@ -42,8 +42,7 @@ class MujocoMover:
         self.data.qpos[:], self.data.qvel[:] = q, v
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_fwdVelocity(self.model, self.data)
-        if self.curved:
-            complete(self.model, self.data, self.curved)
+        self.curvature.complete(self.data)
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
         J = np.zeros((6, self.model.nv))

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.curvature import complete, curved
+from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
@@ -69,7 +69,7 @@ class MujocoTree:
         self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
         self.masses, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
         self.closures, self.couplings = self._closures(file), self._couplings(file)
-        self.curved = curved(self.couplings)
+        self.curvature = curvature(self.model, self.couplings)
         self._check_motors(file)
 
     def under(self, gravity: Array | None) -> None:
@@ -150,8 +150,8 @@ class MujocoTree:
             self.data.xfrc_applied[:] = 0.0
             self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q[i], v[i], a[i]
             mujoco.mj_inverse(self.model, self.data)
-            if soft and self.curved:
-                complete(self.model, self.data, self.curved)
+            if soft and self.curvature.ids:
+                self.curvature.complete(self.data)
                 mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
             yield i
         self.model.opt.disableflags |= EQUALITY
