@@ -1,0 +1,162 @@
+"""Traces a question: which quantities, as which outputs of a program."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.crossing import Coordinates, Wrench
+from screwgauge.reference.traced.equations import Constraints, Dynamics, Question, coordinates, newton
+from screwgauge.reference.traced.legs import closed_coordinates, has_closed_form
+from screwgauge.reference.traced.program import Program, program
+from screwgauge.reference.traced.trace import Trace
+from screwgauge.reference.traced.tree import NOTHING, TreeAt, plus
+from screwgauge.reference.traced.vectors import Scalar, apply, dot, scale, squares
+
+#: Emitted with every sample: squares of the gain of the closing system, of its residual, of what the balance of all
+#: bodies leaves along the coordinates, of the worst orientation of a cut joint, of rates, accelerations and forces.
+CHECKS = ("gain", "closing", "balance", "charts", "speed", "rush", "load")
+NEWTON = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Traced:
+    """A program and what its numbers mean.
+
+    Attributes:
+        places: Quantity, or one of `CHECKS`, -> its outputs.
+        predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
+    """
+
+    program: Program
+    places: Mapping[str, slice]
+    predicted: tuple[int, ...]
+
+
+def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Array, Array, Array]) -> Traced:
+    """Traces a question.
+
+    Args:
+        wanted: Names of quantities.
+        samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
+
+    Raises:
+        NotTraceableError: The mechanism or the question is beyond this.
+    """
+    trace, lay = Trace(), question.lay
+    y, yd, ydd = ([trace.input(column) for column in array.T] for array in samples[:3])
+    given = dict(zip(lay.mechanism.independent_columns, y, strict=True))
+    predicted: tuple[int, ...] = ()
+    if has_closed_form(lay, question.fixed):
+        q, pairs = closed_coordinates(lay, given)
+        values = given | dict(q.slide) | {c: pair for c, pair in pairs.items()}
+    else:
+        predicted = tuple(question.dependent)
+        guess = {c: trace.input(samples[3][:, c]) for c in predicted}
+        found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
+        q, values = coordinates(lay, found | rest(question)), dict(found)
+    outputs = everything(question, wanted, q, values, yd, ydd)
+    places, flat = dict[str, slice](), list[Scalar]()
+    for name, numbers in outputs.items():
+        places[name] = slice(len(flat), len(flat) + len(numbers))
+        flat += numbers
+    return Traced(program(len(trace.inputs), flat), places, predicted)
+
+
+def rest(question: Question) -> dict[int, float]:
+    """Coordinates that keep their home value."""
+    return {c: float(question.lay.mechanism.home[c]) for c in question.fixed}
+
+
+def everything(question, wanted, q: Coordinates, values, yd, ydd) -> dict[str, list[Scalar]]:
+    """Quantity or check -> its numbers, in the order of its components."""
+    lay = question.lay
+    found = Dynamics(question, q, yd, ydd)
+    tree = values | rest(question)
+    count = range(len(lay.mechanism.coordinates))
+    cut = found.cut_values if lay.tree.cuts else {}
+    out = dict[str, list[Scalar]]()
+
+    def position(c: int) -> Scalar:
+        value = cut[c][0] if c in cut else tree[c]
+        return apply("atan2", *value) if isinstance(value, tuple) else value
+
+    if "joint_position" in wanted:
+        out["joint_position"] = [position(c) for c in count]
+    if "joint_velocity" in wanted:
+        out["joint_velocity"] = [cut[c][1] if c in cut else found.v[c] for c in count]
+    if "joint_acceleration" in wanted:
+        out["joint_acceleration"] = [cut[c][2] if c in cut else found.a[c] for c in count]
+    for name, what in (("body_angular_velocity", "w"), ("body_angular_acceleration", "b"), ("com_acceleration", "a")):
+        if name in wanted:
+            out[name] = found.bodies(what)
+    if "tree_force" in wanted or "tree_force_soft" in wanted:
+        force = open_forces(question, found)
+        out |= {name: force for name in ("tree_force", "tree_force_soft") if name in wanted}
+    if "generalized_force" in wanted:
+        out["generalized_force"] = found.generalized
+    if "actuator_force" in wanted:
+        out["actuator_force"] = found.forces
+    balance: Scalar = 0.0
+    if "reaction" in wanted:
+        constraints = Constraints(found)
+        out["reaction"] = constraints.values
+        balance = balance_left(question, found, constraints.rest)
+    return out | checks(question, found, balance)
+
+
+def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]) -> Scalar:
+    """Square of what is left along the tree's coordinates when actuators and constraint forces act."""
+    left = dict(rest)
+    for row, force in zip(found.drives, found.forces, strict=True):
+        if len(row) == 1:
+            (i,) = row
+            left[i] = left[i] - force
+    return squares([x * (1.0 / question.size[i]) for i, x in left.items()])
+
+
+def checks(question: Question, found: Dynamics, balance: Scalar) -> dict[str, list[Scalar]]:
+    """What every sample says of itself."""
+    size = question.size
+    rows = found.pose.rows
+    charts = 0.0
+    for cut in found.at.cuts:
+        if cut.joint.kind == "S":
+            c = cut.chart().pairs[1][1]
+            charts = charts + 1.0 / (c * c)
+    forces = [x for force, _ in found.required.values() for x in force]
+    numbers = (
+        found.pose.gain(),
+        squares([row.residual * (1.0 / unit) for row, unit in zip(rows, found.pose.unit, strict=True)]),
+        balance,
+        charts,
+        squares([v * (1.0 / size[i]) for i, v in found.v.items()]),
+        squares([a * (1.0 / size[i]) for i, a in found.a.items()]),
+        squares(forces),
+    )
+    return {name: [number] for name, number in zip(CHECKS, numbers, strict=True)}
+
+
+def open_forces(question: Question, found: Dynamics) -> list[Scalar]:
+    """Forces along the coordinates of the open tree, from inertia and gravity alone."""
+    lay, mechanism = question.lay, question.lay.mechanism
+    angle = dict(found.at.q.angle)
+    slide = dict(found.at.q.slide)
+    for cut in found.at.cuts:
+        chart, columns = cut.chart(), lay.columns[cut.joint.name]
+        angle |= dict(zip(columns, chart.pairs, strict=False))
+        if cut.slides:
+            slide[columns[-1]] = chart.slide()
+    at = TreeAt(lay, Coordinates(slide, angle, {}, {}), found.root)
+    total, torques = dict[str, Wrench](), dict[int, Scalar]()
+    for body, share, name, near, joint, reverse in reversed(question.open):
+        own = plus(total.get(name, NOTHING), found.inertia[body], share)
+        for step in reversed(at.across_joint(mechanism.joint(joint), reverse=reverse)):
+            own = step.inward(own, torques)
+        total[near] = plus(total.get(near, NOTHING), own)
+    torques.pop(-1, None)
+    return [torques[i] for i in sorted(torques)]
