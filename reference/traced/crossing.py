@@ -54,7 +54,7 @@ class Motion:
 
     Attributes:
         R, p: Orientation and origin in the world.
-        w, b, a: Angular velocity and acceleration, and the acceleration of the origin less gravity, in its own axes.
+        w, b, a: Angular velocity and acceleration, and the acceleration of the origin, in its own axes.
     """
 
     R: Matrix = EYE

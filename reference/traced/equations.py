@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -112,21 +113,30 @@ class Closed:
         return K | {i: [float(j == i) for j in chosen] for i in chosen}
 
     def gain(self) -> Scalar:
-        """Square of an estimate of the norm of the inverse, without dimension, from one probe each way and pivots."""
+        """Square of an estimate of the norm of the inverse, without dimension: from one probe, and the pivots."""
         factors, size, unit = self.factors, self.question.size, self.unit
-        found = [x * (1.0 / size[i]) for i, K in self.map.items() for x in K]
-        found += [x * (unit[r] / size[c]) for (r, c), x in zip(factors.pivots, factors.inverse, strict=True)]
-        signs = [1.0 if (r * 5) % 7 < 4 else -1.0 for r in range(len(self.rows))]
-        probe = factors.solve([sign * u for sign, u in zip(signs, unit, strict=True)])
-        found += [x * (1.0 / size[i]) for i, x in probe.items()]
-        return squares(found)
+        probe = [u if (r * 5) % 7 < 4 else -u for r, u in enumerate(unit)]
+        for k, column in enumerate(self.question.lay.mechanism.independent_columns):
+            sign = size[column] if k % 2 else -size[column]
+            probe = [x + sign * self.A.get((r, column), 0.0) for r, x in enumerate(probe)]
+        found = measured(factors.solve(probe), size) + float(len(self.map) - len(factors.pivots))
+        inverse = {(r, c): x for (r, c), x in zip(factors.pivots, factors.inverse, strict=True)}
+        return found + measured(inverse, {(r, c): size[c] / unit[r] for r, c in inverse})
+
+
+def measured(x: Mapping[Any, Scalar], size: Any) -> Scalar:
+    """Sum of the squares of numbers over their sizes."""
+    by_size = dict[float, list[Scalar]]()
+    for key, value in x.items():
+        by_size.setdefault(size[key], []).append(value)
+    return sum((squares(values) * unit**-2 for unit, values in by_size.items()), start=0.0)
 
 
 def newton(question: Question, y: Mapping[int, Scalar], guess: Mapping[int, Scalar], steps: int) -> dict[int, Scalar]:
     """Tree coordinates after some steps of Newton's method on the rows that have pivots."""
     q = dict(guess) | dict(y)
     for _ in range(steps):
-        at = Closed(question, TreeAt(question.lay, coordinates(question.lay, q), Motion(), closed=False))
+        at = Closed(question, TreeAt(question.lay, coordinates(question.lay, q), closed=False))
         step = at.follow([-row.residual for row in at.rows])
         q |= {i: q[i] + x for i, x in step.items()}
     return q
@@ -136,7 +146,7 @@ def wrench_of_inertia(question: Question, name: str, at: Motion) -> Wrench:
     """What a body needs for its motion and against gravity, about its origin, in its axes."""
     body = question.lay.mechanism.body(name)
     com, J = vector(body.com), matrix(body.inertia)
-    force = scale(float(body.mass), at.of_point(com))
+    force = scale(float(body.mass), sub(at.of_point(com), turn_back(at.R, question.gravity)))
     moment = add(turn(J, at.b), cross(at.w, turn(J, at.w)))
     return force, add(moment, cross(com, force))
 
@@ -154,12 +164,11 @@ class Dynamics:
     def __init__(self, question: Question, q: Coordinates, yd: Sequence[Scalar], ydd: Sequence[Scalar]) -> None:
         self.question, self.lay, self.yd = question, question.lay, yd
         self.columns = self.lay.mechanism.independent_columns
-        self.root = Motion(a=scale(-1.0, question.gravity))
-        self.pose = Closed(question, TreeAt(self.lay, q, Motion()))
+        self.pose = Closed(question, TreeAt(self.lay, q))
         self.v = {i: sum((k * r for k, r in zip(K, yd, strict=True)), start=0.0) for i, K in self.pose.map.items()}
         known = replace(q, v=self.v, a=dict(zip(self.columns, ydd, strict=True)))
         self.a = {**dict.fromkeys(question.fixed, 0.0), **known.a, **self._accelerations(known)}
-        self.at = TreeAt(self.lay, replace(known, a=self.a), self.root)
+        self.at = TreeAt(self.lay, replace(known, a=self.a))
 
     def _slide(self, at: TreeAt, c: int) -> Scalar:
         """Rate of the slide of a cut joint, zero if it has none."""
@@ -173,7 +182,7 @@ class Dynamics:
 
     def _accelerations(self, known: Coordinates) -> dict[int, Scalar]:
         """Accelerations of the dependent coordinates."""
-        at = TreeAt(self.lay, known, self.root)
+        at = TreeAt(self.lay, known)
         right = list[Scalar]()
         for c, cut in enumerate(at.cuts):
             parent, child = at.sides[c]
@@ -249,13 +258,12 @@ class Dynamics:
         return [sum((x * amount for x, amount in zip(row, amounts, strict=True)), start=0.0) for row in B]
 
     def bodies(self, what: str) -> list[Scalar]:
-        """World components of a vector of each body: ``w``, ``b``, or ``a`` of the centre of mass, with gravity."""
+        """World components of a vector of each body: ``w``, ``b``, or ``a`` of the centre of mass."""
         found = list[Scalar]()
         for body in self.lay.mechanism.bodies:
             at = self.at.motions[body.name]
             own = at.of_point(vector(body.com)) if what == "a" else getattr(at, what)
-            world = turn(at.R, own)
-            found += add(world, self.question.gravity) if what == "a" else world
+            found += turn(at.R, own)
         return found
 
 

@@ -19,48 +19,43 @@ class Lanes:
     """A program with its buffers. Not for two threads at once."""
 
     def __init__(self, program: Program, chunk: int = CHUNK) -> None:
-        self.program, self.chunk = program, chunk
-        self.columns = [x for x in program.outputs]
-        self._plan()
+        self.chunk = chunk
+        self.inputs, self.outputs = (_rows(n, chunk) for n in (program.inputs, len(program.outputs)))
+        self.code: list[tuple[Callable[..., Any], tuple[Array, ...]]] = []
+        self._plan(program)
 
-    def _plan(self) -> None:
+    def _plan(self, program: Program) -> None:
         """Gives every value a buffer that is free, last used first: it is still in the cache."""
-        program = self.program
         last = {x: i for i, (_, args) in enumerate(program.code) for x in args if isinstance(x, int)}
-        where, free, count = dict[int, int](), list[int](), 0
-        kept = {x: place for place, x in reversed([*enumerate(program.outputs)]) if isinstance(x, int)}
-        self.code: list[tuple[Callable[..., Any], tuple[Operand, ...], int]] = []
-        self.where = where
+        kept = {x: row for x, row in zip(program.outputs, self.outputs, strict=True) if isinstance(x, int)}
+        at: dict[Operand, Array] = dict(enumerate(self.inputs))
+        free = list[Array]()
         for i, (op, args) in enumerate(program.code):
             value = program.inputs + i
-            for x in {*args}:
-                if isinstance(x, int) and x >= program.inputs and last[x] == i and x not in kept:
-                    free.append(where[x])
-            if value in kept:
-                where[value] = -1 - kept[value]
-            elif free:
-                where[value] = free.pop()
-            else:
-                where[value] = count
-                count += 1
-            self.code.append((OPERATIONS[op], args, value))
-        self.buffers = np.empty((count, self.chunk))
+            operands = tuple(at[x] if isinstance(x, int) else np.array(x) for x in args)
+            free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == i and x not in kept]
+            own = kept.get(value)
+            at[value] = (free.pop() if free else _rows(1, self.chunk)[0]) if own is None else own
+            self.code.append((OPERATIONS[op], (*operands, at[value])))
+        for x, row in zip(program.outputs, self.outputs, strict=True):
+            if isinstance(x, float):
+                row[:] = x
+            elif at[x] is not row:
+                self.code.append((np.copyto, (row, at[x])))
 
     def run(self, inputs: Array, outputs: Array) -> None:
         """Runs all samples. Shapes (n_input, n), (n_output, n)."""
-        for start in range(0, inputs.shape[1], self.chunk):
-            rows = slice(start, start + self.chunk)
-            self._part(inputs[:, rows], outputs[:, rows])
-
-    def _part(self, inputs: Array, outputs: Array) -> None:
-        n, buffers, first = inputs.shape[1], self.buffers, self.program.inputs
-        if n < self.chunk:
-            buffers = np.ascontiguousarray(buffers[:, :n])
-        at: dict[Operand, Any] = {i: row for i, row in enumerate(inputs)}
-        at |= {v: outputs[-1 - w] if w < 0 else buffers[w] for v, w in self.where.items()}
         with np.errstate(all="ignore"):
-            for function, args, value in self.code:
-                function(*[at[x] if isinstance(x, int) else x for x in args], at[value])
-        for place, x in enumerate(self.program.outputs):
-            if isinstance(x, float) or x < first or self.where[x] != -1 - place:
-                outputs[place] = at[x] if isinstance(x, int) else x
+            for start in range(0, inputs.shape[1], self.chunk):
+                rows = slice(start, start + self.chunk)
+                n = inputs[:, rows].shape[1]
+                self.inputs[:, :n] = inputs[:, rows]
+                self.inputs[:, n:] = self.inputs[:, n - 1 : n]
+                for function, operands in self.code:
+                    function(*operands)
+                outputs[:, rows] = self.outputs[:, :n]
+
+
+def _rows(count: int, chunk: int) -> Array:
+    """Buffers whose rows are not a whole number of pages apart: these would share the same few lines of the cache."""
+    return np.empty((count, chunk + 8))[:, :chunk]

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.closing import Row
 from screwgauge.reference.traced.crossing import Coordinates, Wrench
-from screwgauge.reference.traced.equations import Constraints, Dynamics, Question, coordinates, newton
+from screwgauge.reference.traced.equations import Closed, Constraints, Dynamics, Question, coordinates, measured, newton
 from screwgauge.reference.traced.legs import closed_coordinates, has_closed_form
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Trace
 from screwgauge.reference.traced.tree import NOTHING, TreeAt, plus
-from screwgauge.reference.traced.vectors import Scalar, apply, dot, scale, squares
+from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Emitted with every sample: squares of the gain of the closing system, of its residual, of what the balance of all
-#: bodies leaves along the coordinates, of the worst orientation of a cut joint, of rates, accelerations and forces.
-CHECKS = ("gain", "closing", "balance", "charts", "speed", "rush", "load")
+#: bodies leaves along the coordinates, of the worst orientation of a cut joint, of rates and of accelerations.
+CHECKS = ("gain", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
 
 
@@ -59,7 +60,7 @@ def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Ar
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
-    outputs = everything(question, wanted, q, values, yd, ydd)
+    outputs = everything(question, wanted, q, values, yd, ydd, not predicted)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
@@ -72,7 +73,7 @@ def rest(question: Question) -> dict[int, float]:
     return {c: float(question.lay.mechanism.home[c]) for c in question.fixed}
 
 
-def everything(question, wanted, q: Coordinates, values, yd, ydd) -> dict[str, list[Scalar]]:
+def everything(question, wanted, q: Coordinates, values, yd, ydd, closed) -> dict[str, list[Scalar]]:
     """Quantity or check -> its numbers, in the order of its components."""
     lay = question.lay
     found = Dynamics(question, q, yd, ydd)
@@ -106,7 +107,7 @@ def everything(question, wanted, q: Coordinates, values, yd, ydd) -> dict[str, l
         constraints = Constraints(found)
         out["reaction"] = constraints.values
         balance = balance_left(question, found, constraints.rest)
-    return out | checks(question, found, balance)
+    return out | checks(question, found, balance, Closed(question, TreeAt(lay, q, closed=closed)).rows)
 
 
 def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]) -> Scalar:
@@ -116,27 +117,24 @@ def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]
         if len(row) == 1:
             (i,) = row
             left[i] = left[i] - force
-    return squares([x * (1.0 / question.size[i]) for i, x in left.items()])
+    return measured(left, question.size)
 
 
-def checks(question: Question, found: Dynamics, balance: Scalar) -> dict[str, list[Scalar]]:
+def checks(question: Question, found: Dynamics, balance: Scalar, rows: Sequence[Row]) -> dict[str, list[Scalar]]:
     """What every sample says of itself."""
     size = question.size
-    rows = found.pose.rows
     charts = 0.0
     for cut in found.at.cuts:
         if cut.joint.kind == "S":
             c = cut.chart().pairs[1][1]
             charts = charts + 1.0 / (c * c)
-    forces = [x for force, _ in found.required.values() for x in force]
     numbers = (
         found.pose.gain(),
-        squares([row.residual * (1.0 / unit) for row, unit in zip(rows, found.pose.unit, strict=True)]),
+        measured({i: row.residual for i, row in enumerate(rows)}, found.pose.unit),
         balance,
         charts,
-        squares([v * (1.0 / size[i]) for i, v in found.v.items()]),
-        squares([a * (1.0 / size[i]) for i, a in found.a.items()]),
-        squares(forces),
+        measured(found.v, size),
+        measured(found.a, size),
     )
     return {name: [number] for name, number in zip(CHECKS, numbers, strict=True)}
 
@@ -151,7 +149,7 @@ def open_forces(question: Question, found: Dynamics) -> list[Scalar]:
         angle |= dict(zip(columns, chart.pairs, strict=False))
         if cut.slides:
             slide[columns[-1]] = chart.slide()
-    at = TreeAt(lay, Coordinates(slide, angle, {}, {}), found.root)
+    at = TreeAt(lay, Coordinates(slide, angle, {}, {}))
     total, torques = dict[str, Wrench](), dict[int, Scalar]()
     for body, share, name, near, joint, reverse in reversed(question.open):
         own = plus(total.get(name, NOTHING), found.inertia[body], share)

@@ -26,13 +26,11 @@ class TreeAt:
     """A tree at one pose.
 
     Attributes:
-        root: Motion of the ground: its acceleration is that against gravity.
         closed: Whether cut joints without slide are known to be together.
     """
 
     lay: Layout
     q: Coordinates
-    root: Motion
     closed: bool = True
 
     @cached_property
@@ -47,7 +45,7 @@ class TreeAt:
     @cached_property
     def motions(self) -> dict[str, Motion]:
         """Motion of each body."""
-        found = {GROUND: self.root}
+        found = {GROUND: Motion()}
         for edge in self.lay.tree.edges:
             at = found[edge.near]
             for step in self.steps[edge.far]:
@@ -84,10 +82,11 @@ class TreeAt:
             body = edges[-1].near
         return edges
 
-    def _own(self, body: str, other: str) -> list[int]:
-        """Coordinates on the way from a body that are not on that from another."""
+    def _own(self, body: str, other: str) -> set[int]:
+        """Dependent coordinates on the way from a body that are not on that from another."""
         beyond = self.way(other)
-        return [c for edge in self.way(body) if edge not in beyond for c in self.lay.columns[edge.joint.name]]
+        own = {c for edge in self.way(body) if edge not in beyond for c in self.lay.columns[edge.joint.name]}
+        return own - {*self.lay.mechanism.independent_columns}
 
     def work(self, body: str, wrench: Wrench, until: str) -> dict[int, Scalar]:
         """Power of a wrench on the body per rate of each coordinate, up to where the way from another body joins."""

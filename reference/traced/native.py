@@ -1,0 +1,145 @@
+"""Makes machine code of a program with llvmlite: as many samples at a time as a vector register of the CPU holds."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.program import Operand, Program
+from screwgauge.reference.traced.vectormath import VectorMath
+
+#: More instructions than these are optimised less: code generation takes some 0.2 ms each.
+MANY = 12_000
+ENTRY = "samples"
+
+
+@cache
+def _host() -> tuple[Any, str, int]:
+    """llvmlite's binding, the CPU with its features, and numbers in a vector register.
+
+    Raises:
+        ImportError: llvmlite is not installed.
+    """
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features()
+    width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+    return llvm, f"{llvm.get_host_cpu_name()} {features.flatten()}", width
+
+
+def cpu() -> str:
+    """Name and features of this CPU, which machine code is made for."""
+    return _host()[1]
+
+
+def _ir(program: Program, width: int) -> str:
+    """The program as LLVM's intermediate code: ``samples(in, in_stride, out, out_stride, blocks)``."""
+    import llvmlite.ir as ir
+
+    module = ir.Module("screwgauge")
+    number, i64 = ir.DoubleType(), ir.IntType(64)
+    vector = ir.VectorType(number, width)
+    pointer = number.as_pointer()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [pointer, i64, pointer, i64, i64]), ENTRY)
+    function.args[0].add_attribute("noalias")
+    function.args[2].add_attribute("noalias")
+    begin = ir.IRBuilder(function.append_basic_block())
+    body, end = function.append_basic_block(), function.append_basic_block()
+    source, source_stride, target, target_stride, blocks = function.args
+    begin.branch(body)
+    b = ir.IRBuilder(body)
+    count = b.phi(i64)
+    count.add_incoming(ir.Constant(i64, 0), begin.block)
+    offset = b.mul(count, ir.Constant(i64, width))
+    maths = VectorMath(module, b, width)
+
+    def place(base: Any, stride: Any, row: int) -> Any:
+        index = b.add(b.mul(stride, ir.Constant(i64, row)), offset)
+        return b.bitcast(b.gep(base, [index]), vector.as_pointer())
+
+    values = {i: b.load(place(source, source_stride, i), align=8) for i in range(program.inputs)}
+
+    def operand(x: Operand) -> Any:
+        return values[x] if isinstance(x, int) else maths.constant(x)
+
+    stored: dict[Operand, list[int]] = {}
+    for row, x in enumerate(program.outputs):
+        stored.setdefault(x, []).append(row)
+    for x, rows in stored.items():
+        if not (isinstance(x, int) and x >= program.inputs):
+            for row in rows:
+                b.store(operand(x), place(target, target_stride, row), align=8)
+    for i, (op, args) in enumerate(program.code, program.inputs):
+        values[i] = maths.operation(op, [operand(x) for x in args])
+        for row in stored.get(i, ()):
+            b.store(values[i], place(target, target_stride, row), align=8)
+    following = b.add(count, ir.Constant(i64, 1))
+    count.add_incoming(following, b.block)
+    b.cbranch(b.icmp_unsigned("<", following, blocks), body, end)
+    ir.IRBuilder(end).ret_void()
+    return str(module)
+
+
+def machine_code(program: Program) -> bytes:
+    """Object code of a program for this CPU."""
+    llvm, _, width = _host()
+    module = llvm.parse_assembly(_ir(program, width))
+    machine = _machine(len(program.code))
+    options = llvm.create_pipeline_tuning_options(speed_level=1 if len(program.code) > MANY else 2)
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+def _machine(instructions: int) -> Any:
+    llvm, _, width = _host()
+    features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=features, opt=1 if instructions > MANY else 2, jit=True
+    )
+
+
+class Native:
+    """Machine code with its entry. Any number of threads may run it at once."""
+
+    def __init__(self, program: Program, code: bytes) -> None:
+        """Loads object code.
+
+        Raises:
+            RuntimeError: The code is damaged.
+        """
+        llvm, _, self.width = _host()
+        self.program = program
+        empty = llvm.parse_assembly("")
+        self.engine = llvm.create_mcjit_compiler(empty, _machine(len(program.code)))
+        self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self.engine.finalize_object()
+        address = self.engine.get_function_address(ENTRY)
+        if not address:
+            raise RuntimeError("the code has no entry")
+        size, pointer = ctypes.c_int64, ctypes.c_void_p
+        self.function = ctypes.CFUNCTYPE(None, pointer, size, pointer, size, size)(address)
+
+    def run(self, inputs: Array, outputs: Array) -> None:
+        """Runs all samples. Shapes (n_input, n), (n_output, n); numbers of a row lie side by side."""
+        n = inputs.shape[1]
+        whole = n - n % self.width
+        if whole:
+            self._run(inputs, outputs, whole)
+        if whole < n:
+            last = np.repeat(inputs[:, -1:], self.width, axis=1)
+            last[:, : n - whole] = inputs[:, whole:]
+            found = np.empty((len(outputs), self.width))
+            self._run(last, found, self.width)
+            outputs[:, whole:] = found[:, : n - whole]
+
+    def _run(self, inputs: Array, outputs: Array, n: int) -> None:
+        strides = (inputs.strides[0] // 8, outputs.strides[0] // 8)
+        self.function(inputs.ctypes.data, strides[0], outputs.ctypes.data, strides[1], n // self.width)
