@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.traced.vectors import Scalar
+from screwgauge.reference.traced.vectors import Scalar, squares
 
 #: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
 LARGE = 0.05
@@ -135,8 +135,10 @@ class Factors:
         return [x[row] for row in sorted(x)]
 
 
-def solve(A: Sequence[Sequence[Scalar]], b: Iterable[Scalar]) -> list[Scalar]:
-    """Solves a small square system."""
+def solve(A: Sequence[Sequence[Scalar]], b: Iterable[Scalar]) -> tuple[Scalar, list[Scalar]]:
+    """Solves a small square system. Returns the squares of its reciprocal pivots, summed up, and the unknowns."""
     n = len(A)
-    x = Factors({(i, j): A[i][j] for i in range(n) for j in range(n)}, [1.0] * n, [1.0] * n, [range(n)], 0.0).solve(list(b))
-    return [x[i] for i in range(n)]
+    entries = {(i, j): A[i][j] for i in range(n) for j in range(n)}
+    factors = Factors(entries, [1.0] * n, [1.0] * n, [range(n)], 0.0)
+    x = factors.solve(list(b))
+    return squares(factors.inverse), [x[i] for i in range(n)]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.applied import Load
+from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.reactions import reaction_components
@@ -48,7 +49,8 @@ class Question:
     Attributes:
         fixed: Tree coordinates that never move.
         size: Unit of each joint coordinate: 1 for angles, the mechanism's length for distances. Shape (n_q,).
-        open: Links of the open tree, for `tree_force`: (body, share, name, name of the one before, joint, reverse).
+        open: Links of the open tree, for `tree_force`, each after the one before it: body, its share of that, and the
+            edge that leads there.
     """
 
     lay: Layout
@@ -57,7 +59,7 @@ class Question:
     length: float
     gravity: Vector
     loads: tuple[Load, ...]
-    open: tuple[tuple[str, float, str, str, str, bool], ...] = ()
+    open: tuple[tuple[str, float, Edge], ...] = ()
 
     @cached_property
     def dependent(self) -> list[int]:
@@ -112,16 +114,23 @@ class Closed:
         K |= {i: [0.0] * len(chosen) for i in self.question.fixed}
         return K | {i: [float(j == i) for j in chosen] for i in chosen}
 
-    def gain(self) -> Scalar:
-        """Square of an estimate of the norm of the inverse, without dimension: from one probe, and the pivots."""
+    def gains(self) -> tuple[Scalar, Scalar]:
+        """Squares of estimates of the norm of the inverse, without dimension, from one probe and the pivots.
+
+        Returns:
+            Of the coordinates that move, and of those that rest, too, which count for constraint forces.
+        """
         factors, size, unit = self.factors, self.question.size, self.unit
         probe = [u if (r * 5) % 7 < 4 else -u for r, u in enumerate(unit)]
         for k, column in enumerate(self.question.lay.mechanism.independent_columns):
             sign = size[column] if k % 2 else -size[column]
             probe = [x + sign * self.A.get((r, column), 0.0) for r, x in enumerate(probe)]
-        found = measured(factors.solve(probe), size) + float(len(self.map) - len(factors.pivots))
-        inverse = {(r, c): x for (r, c), x in zip(factors.pivots, factors.inverse, strict=True)}
-        return found + measured(inverse, {(r, c): size[c] / unit[r] for r, c in inverse})
+        found = measured(self.follow(probe), size) + float(len(self.question.lay.mechanism.independent_columns))
+        pivots = [*zip(factors.pivots, factors.inverse, strict=True)]
+        scales = {(r, c): size[c] / unit[r] for (r, c), _ in pivots}
+        m = len(self.question.dependent)
+        moving = found + measured(dict(pivots[:m]), scales)
+        return moving, moving + measured(dict(pivots[m:]), scales)
 
 
 def measured(x: Mapping[Any, Scalar], size: Any) -> Scalar:
@@ -162,7 +171,8 @@ class Dynamics:
     """Motion and forces at one pose."""
 
     def __init__(self, question: Question, q: Coordinates, yd: Sequence[Scalar], ydd: Sequence[Scalar]) -> None:
-        self.question, self.lay, self.yd = question, question.lay, yd
+        self.question, self.lay = question, question.lay
+        self.drive: Scalar = 0.0  # sum of the squares of what the actuators' system was divided by
         self.columns = self.lay.mechanism.independent_columns
         self.pose = Closed(question, TreeAt(self.lay, q))
         self.v = {i: sum((k * r for k, r in zip(K, yd, strict=True)), start=0.0) for i, K in self.pose.map.items()}
@@ -252,9 +262,10 @@ class Dynamics:
             raise NotTraceableError("it has fewer actuators than freedoms", "actuators", "use backend array")
         B = [[sum((x * K[i][j] for i, x in row.items()), start=0.0) for j in range(k)] for row in self.drives]
         if len(B) == k:
-            return solve([[row[j] for row in B] for j in range(k)], self.generalized)
+            self.drive, amounts = solve([[row[j] for row in B] for j in range(k)], self.generalized)
+            return amounts
         gram = [[sum((row[i] * row[j] for row in B), start=0.0) for j in range(k)] for i in range(k)]
-        amounts = solve(gram, self.generalized)
+        self.drive, amounts = solve(gram, self.generalized)
         return [sum((x * amount for x, amount in zip(row, amounts, strict=True)), start=0.0) for row in B]
 
     def bodies(self, what: str) -> list[Scalar]:
@@ -309,7 +320,7 @@ class Constraints:
             for space in spaces
         ]
         inner = [[sum((x * y for x, y in zip(a, b, strict=True)), start=0.0) for b in [*null, own]] for a in null]
-        shares = solve([row[:-1] for row in inner], [row[-1] for row in inner])
+        _, shares = solve([row[:-1] for row in inner], [row[-1] for row in inner])
         for share, space in zip(shares, spaces, strict=True):
             found = [x - share * y for x, y in zip(found, space, strict=True)]
         return found

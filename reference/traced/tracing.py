@@ -18,9 +18,10 @@ from screwgauge.reference.traced.trace import Trace
 from screwgauge.reference.traced.tree import NOTHING, TreeAt, plus
 from screwgauge.reference.traced.vectors import Scalar, apply
 
-#: Emitted with every sample: squares of the gain of the closing system, of its residual, of what the balance of all
-#: bodies leaves along the coordinates, of the worst orientation of a cut joint, of rates and of accelerations.
-CHECKS = ("gain", "closing", "balance", "charts", "speed", "rush")
+#: Emitted with every sample, as squares: gain of the closing system, without and with coordinates that rest; what the
+#: actuators' system was divided by; how far Newton's method went; residual of the loops, and of the balance of all
+#: bodies; worst orientation of a cut joint; rates; accelerations.
+CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
 
 
@@ -52,6 +53,7 @@ def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Ar
     y, yd, ydd = ([trace.input(column) for column in array.T] for array in samples[:3])
     given = dict(zip(lay.mechanism.independent_columns, y, strict=True))
     predicted: tuple[int, ...] = ()
+    moved: Scalar = 0.0
     if has_closed_form(lay, question.fixed):
         q, pairs = closed_coordinates(lay, given)
         values = given | dict(q.slide) | {c: pair for c, pair in pairs.items()}
@@ -60,7 +62,8 @@ def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Ar
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
-    outputs = everything(question, wanted, q, values, yd, ydd, not predicted)
+        moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
+    outputs = everything(question, wanted, q, values, yd, ydd, moved, not predicted)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
@@ -73,7 +76,7 @@ def rest(question: Question) -> dict[int, float]:
     return {c: float(question.lay.mechanism.home[c]) for c in question.fixed}
 
 
-def everything(question, wanted, q: Coordinates, values, yd, ydd, closed) -> dict[str, list[Scalar]]:
+def everything(question, wanted, q: Coordinates, values, yd, ydd, moved, closed) -> dict[str, list[Scalar]]:
     """Quantity or check -> its numbers, in the order of its components."""
     lay = question.lay
     found = Dynamics(question, q, yd, ydd)
@@ -107,7 +110,7 @@ def everything(question, wanted, q: Coordinates, values, yd, ydd, closed) -> dic
         constraints = Constraints(found)
         out["reaction"] = constraints.values
         balance = balance_left(question, found, constraints.rest)
-    return out | checks(question, found, balance, Closed(question, TreeAt(lay, q, closed=closed)).rows)
+    return out | checks(question, found, balance, moved, Closed(question, TreeAt(lay, q, closed=closed)).rows)
 
 
 def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]) -> Scalar:
@@ -120,7 +123,7 @@ def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]
     return measured(left, question.size)
 
 
-def checks(question: Question, found: Dynamics, balance: Scalar, rows: Sequence[Row]) -> dict[str, list[Scalar]]:
+def checks(question: Question, found: Dynamics, balance: Scalar, moved: Scalar, rows: Sequence[Row]) -> dict[str, list[Scalar]]:
     """What every sample says of itself."""
     size = question.size
     charts = 0.0
@@ -129,7 +132,9 @@ def checks(question: Question, found: Dynamics, balance: Scalar, rows: Sequence[
             c = cut.chart().pairs[1][1]
             charts = charts + 1.0 / (c * c)
     numbers = (
-        found.pose.gain(),
+        *found.pose.gains(),
+        found.drive,
+        moved,
         measured({i: row.residual for i, row in enumerate(rows)}, found.pose.unit),
         balance,
         charts,
@@ -141,7 +146,7 @@ def checks(question: Question, found: Dynamics, balance: Scalar, rows: Sequence[
 
 def open_forces(question: Question, found: Dynamics) -> list[Scalar]:
     """Forces along the coordinates of the open tree, from inertia and gravity alone."""
-    lay, mechanism = question.lay, question.lay.mechanism
+    lay = question.lay
     angle = dict(found.at.q.angle)
     slide = dict(found.at.q.slide)
     for cut in found.at.cuts:
@@ -151,10 +156,10 @@ def open_forces(question: Question, found: Dynamics) -> list[Scalar]:
             slide[columns[-1]] = chart.slide()
     at = TreeAt(lay, Coordinates(slide, angle, {}, {}))
     total, torques = dict[str, Wrench](), dict[int, Scalar]()
-    for body, share, name, near, joint, reverse in reversed(question.open):
-        own = plus(total.get(name, NOTHING), found.inertia[body], share)
-        for step in reversed(at.across_joint(mechanism.joint(joint), reverse=reverse)):
+    for body, share, edge in reversed(question.open):
+        own = plus(total.get(edge.far, NOTHING), found.inertia[body], share)
+        for step in reversed(at.across_joint(edge.joint, reverse=edge.reverse)):
             own = step.inward(own, torques)
-        total[near] = plus(total.get(near, NOTHING), own)
+        total[edge.near] = plus(total.get(edge.near, NOTHING), own)
     torques.pop(-1, None)
     return [torques[i] for i in sorted(torques)]

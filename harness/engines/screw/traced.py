@@ -1,0 +1,311 @@
+"""Given motions by a traced program, with the guard of the array solver, which takes what the program cannot answer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from screwgauge import __version__
+from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
+from screwgauge.engines.parts import assemble
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.prediction import Predictor
+from screwgauge.models.layout import lay_out
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.quantities import GIVEN
+from screwgauge.reference import linear
+from screwgauge.reference.graph import Edge
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.resting import home_equations
+from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
+from screwgauge.reference.traced.elimination import NotTraceableError
+from screwgauge.reference.traced.equations import Question
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import Program
+from screwgauge.reference.traced.tracing import Traced, traced
+from screwgauge.solution import Clock, Solution
+from screwgauge.truth import cache
+
+#: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
+ANCHORS = 16
+#: Worst case over these samples.
+SAFETY = 2.0
+#: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
+ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
+#: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
+NEAR = 0.2
+
+
+class Runner(Protocol):
+    """What runs a program."""
+
+    def run(self, inputs: Array, outputs: Array) -> None:
+        """Shapes (n_input, n), (n_output, n)."""
+
+
+def runner(program: Program, backend: str) -> tuple[Runner, str]:
+    """A program ready to run, and what is to be said about that."""
+    if backend == "numpy":
+        return Lanes(program), ""
+    try:
+        from screwgauge.reference.traced import native
+
+        version = cache.digest(__version__, native.cpu())
+    except ImportError:
+        return Lanes(program), "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
+    key = cache.digest("program", program.inputs, program.code, program.outputs, version)
+    stored, said = cache.read(key, version)
+    if stored is not None:
+        return native.Native(program, stored["code"].tobytes()), said
+    code = native.machine_code(program)
+    failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
+    return native.Native(program, code), "; ".join(filter(None, (said, failed)))
+
+
+def check_traceable(lay: Layout, problem: Problem) -> None:
+    """Refuses what is beyond the traced equations.
+
+    Raises:
+        NotTraceableError: With the reason.
+    """
+    mechanism, wanted = lay.mechanism, problem.wanted
+    forces = {"actuator_force", "reaction", "generalized_force"} & wanted
+    reasons = {
+        "coordinates are coupled": bool(getattr(mechanism, "couplings", ())),
+        "an independent coordinate belongs to a joint that closes a loop": bool(
+            {*mechanism.independent_columns} & {*lay.cut_columns}
+        ),
+        "springs, dampers or motors act": bool(forces and (problem.applied.springs or problem.applied.motors)),
+        "the rule is spherical_axial": bool(forces and problem.rule == "spherical_axial"),
+        "there are fewer actuators than freedoms": bool(
+            {"actuator_force", "reaction"} & wanted and len(mechanism.actuators) < len(mechanism.independent)
+        ),
+    }
+    for reason, applies in reasons.items():
+        if applies:
+            raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """Ratios that turn the cheap bounds of a program into what the array solver says, at worst over some samples."""
+
+    gain: float
+    condition: float
+    reaction: float
+    drive: float
+    load: float
+
+
+class TracedWork:
+    """A program for a problem, and the array solver beside it.
+
+    Attributes:
+        said: What is to be said about it.
+        by_array: Reason -> how many samples the array solver answered.
+    """
+
+    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str) -> None:
+        """Traces the program; pivots are chosen at samples of the motion.
+
+        Raises:
+            NotTraceableError: There is no such program.
+            ScrewgaugeError: The motion cannot be followed.
+        """
+        check_traceable(lay, problem)
+        self.lay, self.problem, self.clock = lay, problem, Clock()
+        self.wanted = [name for name in GIVEN if name in problem.wanted]
+        system = home_equations(lay)
+        rows = np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int))
+        some = motion.part(rows)
+        with self.clock.stage("tracing"):
+            work = Work(problem, some, lay)
+            part = work.part(slice(None))
+            self.names = work.names
+            (g,) = (tuple(float(x) for x in problem.applied.g),)
+            self.question = Question(
+                lay, system.fixed, [*map(float, system.size)], system.length, g, problem.applied.loads, _open(lay)
+            )
+            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, work.assembly[0]))
+        with self.clock.stage("compiling"):
+            self.runner, self.said = runner(self.traced.program, backend)
+        self.predictor = Predictor(lay) if self.traced.predicted else None
+        self.by_array: Counter[str] = Counter()
+        self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
+        self.ratio = self._compared(self._run(some, work.assembly[0]), part.trust)
+
+    def _compared(self, out: Array, trust: Trust) -> Anchor:
+        cheap = self._trust(out)
+
+        def ratio(mine: Array | float, theirs: Array | float) -> float:
+            with np.errstate(all="ignore"):
+                found = np.asarray(theirs, dtype=float) / np.asarray(mine, dtype=float)
+            return SAFETY * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
+
+        own = {name: cheap.forces.get(name, np.ones(1)) for name in ("reaction", "actuator_force")}
+        return Anchor(
+            ratio(cheap.gain, trust.gain),
+            ratio(trust.gain, trust.condition) / SAFETY,
+            ratio(own["reaction"], trust.forces.get("reaction", 0.0)),
+            ratio(own["actuator_force"], trust.forces.get("actuator_force", 0.0)),
+            ratio(cheap.load, trust.load),
+        )
+
+    def _check(self, out: Array, name: str) -> Array:
+        """Root of a number that is emitted as a square. Shape (n,)."""
+        return np.sqrt(out[self.traced.places[name].start])
+
+    def _trust(self, out: Array) -> Trust:
+        """What the numbers of a program rest on."""
+        ratio, mechanism, applied = self.ratio, self.lay.mechanism, self.problem.applied
+        gain = ratio.gain * np.maximum(self._check(out, "gain"), 1e-300)
+        speed = self._check(out, "speed")
+        rush = np.maximum(speed**2, self._check(out, "rush"))
+        length = self.question.length
+        load = mechanism.mass * (float(np.linalg.norm(applied.g)) + rush * length)
+        load += sum(float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in applied.loads)
+        balls = sum(joint.kind == "S" for joint in self.lay.tree.cuts)
+        charts = np.sqrt(np.maximum(out[self.traced.places["charts"].start] - max(balls - 1, 0), 1.0))
+        forces = dict[str, Array]()
+        if "reaction" in self.wanted:
+            forces["reaction"] = ratio.reaction * self._check(out, "whole_gain") ** 2
+        if forces or "actuator_force" in self.wanted:
+            forces["actuator_force"] = ratio.drive * self._check(out, "drive")
+        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
+
+    def inputs(self, motion: GivenMotion, q: Array) -> Array:
+        """Shape (n_input, n). `q`: predicted joint coordinates, shape (n, n_q)."""
+        columns = [motion.y.T, motion.yd.T, motion.ydd.T, q.T[list(self.traced.predicted)]]
+        return np.ascontiguousarray(np.concatenate(columns))
+
+    def _run(self, motion: GivenMotion, q: Array) -> Array:
+        out = np.empty((len(self.traced.program.outputs), len(motion)))
+        self.runner.run(self.inputs(motion, q), out)
+        return out
+
+    def part(self, motion: GivenMotion) -> Part:
+        """Some samples that follow those before."""
+        with self.clock.stage("prediction"):
+            near = np.empty((len(motion), 0)) if self.predictor is None else self.predictor.predict(motion)
+        with self.clock.stage("program"):
+            out = self._run(motion, near)
+        with self.clock.stage("error estimate"), np.errstate(all="ignore"):
+            trust = self._trust(out)
+            values = {name: out[self.traced.places[name]].T for name in self.wanted}
+            if self.predictor is not None:
+                self._nearest(values, near)
+            left = self._left(out, trust)
+        return self._completed(motion, values, trust, left)
+
+    def _left(self, out: Array, trust: Trust) -> Rows:
+        """Samples for the array solver."""
+        closing, count = self._check(out, "closing"), max(self.lay.loop.shape[0] * 6, 1)
+        load = np.maximum(trust.load, 1e-300)
+        doubts = {
+            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= CLEAR),
+            "not closed": ~(closing <= ARRIVED * count**0.5) | ~(self._check(out, "moved") * trust.gain <= NEAR),
+            "not balanced": ~(self._check(out, "balance") <= BALANCED * load),
+        }
+        for condition in trust.forces.values():
+            doubts["badly conditioned"] |= ~(condition <= CLEAR_FORCES)
+        left = np.zeros(out.shape[1], dtype=bool)
+        for reason, doubt in doubts.items():
+            self.by_array[reason] += int(np.count_nonzero(doubt & ~left))
+            left |= doubt
+        rows: Rows = np.flatnonzero(left)
+        return rows
+
+    def _completed(self, motion: GivenMotion, values: dict[str, Array], trust: Trust, rows: Rows) -> Part:
+        """The same with some samples answered by the array solver."""
+        nothing: Rows = np.zeros(0, dtype=np.intp)
+        if not rows.size:
+            return Part(values, trust, nothing, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+        work = Work(self.problem, motion.part(rows), self.lay)
+        part = work.part(slice(None))
+        for name, array in part.values.items():
+            values[name][rows] = array
+        arrays = {
+            name: getattr(trust, name) + np.zeros(len(motion))
+            for name in ("condition", "gain", "charts", "speed", "rush", "load")
+        }
+        for name, array in arrays.items():
+            array[rows] = getattr(part.trust, name)
+        forces = {name: x.copy() for name, x in trust.forces.items()}
+        for name, x in forces.items():
+            x[rows] = part.trust.forces.get(name, 1.0)
+        return Part(values, replace(trust, forces=forces, **arrays), rows[part.doubtful], part.moved)
+
+    def _nearest(self, values: dict[str, Array], near: Array) -> None:
+        """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
+        for joint in self.lay.tree.cuts:
+            columns = self.lay.columns[joint.name]
+            turning = [c for c in columns if self.lay.turns[c]]
+            swapped = np.cos(near[:, columns[1]]) < 0.0 if joint.kind == "S" else np.zeros(1, dtype=bool)
+            if "joint_position" in values:
+                q = values["joint_position"]
+                found, other = nearest_angles(q[:, turning], near[:, turning])
+                q[:, turning] = found if joint.kind == "S" else nearest_turn(q[:, turning], near[:, turning])
+                swapped = other if joint.kind == "S" else swapped
+            if swapped.any():
+                for name, places in self._middle[columns[1]].items():
+                    if name in values:
+                        values[name][np.ix_(swapped, places)] *= -1.0
+
+    @cached_property
+    def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
+        """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
+        tree = sorted(c for link in lay_out(self.lay.mechanism, "minimal").links for c in self.lay.columns[link.joint.name])
+        found = {}
+        for joint in self.lay.tree.cuts:
+            column = self.lay.columns[joint.name][1:2]
+            if joint.kind == "S":
+                place = [tree.index(column[0])] if column[0] in tree else []
+                rates = dict.fromkeys(("joint_velocity", "joint_acceleration"), column)
+                found[column[0]] = rates | dict.fromkeys(("tree_force", "tree_force_soft"), place)
+        return found
+
+    def notes(self, n: int) -> tuple[str, ...]:
+        """What the program answered, and what else is to be said."""
+        told = [f"{count} {reason}" for reason, count in self.by_array.items() if count]
+        rest = f", {sum(self.by_array.values())} by the array solver ({', '.join(told)})" if told else ""
+        program = self.traced.program
+        answered = n - sum(self.by_array.values())
+        note = f"{answered} of {n} samples by a program of {len(program.code)} operations{rest}"
+        return (note, *filter(None, [self.said]))
+
+
+def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, backend: str) -> Solution:
+    """Positions, velocities, accelerations and forces of a given motion by a traced program.
+
+    Raises:
+        NotTraceableError: There is no such program.
+    """
+    known = replace(problem, wanted=problem.wanted | {"joint_position"})  # which assembly was solved
+    work, assembly = TracedWork(lay, known, motion, backend), list[Array]()
+
+    def part(rows: slice) -> Part:
+        found = work.part(motion.part(rows))
+        assembly.append(found.values["joint_position"])
+        return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
+
+    labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
+    found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.question.length)
+    return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))
+
+
+def _open(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
+    """Links of the open tree: body, its share, and the edge that leads from one link to another."""
+    links = lay_out(lay.mechanism, "minimal").links
+    parts = Counter(link.original for link in links)
+    return tuple(
+        (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
+        for link in links
+    )
+
+
+__all__ = ["NotTraceableError", "Traced", "TracedWork", "solve_traced"]
