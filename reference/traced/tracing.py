@@ -30,7 +30,7 @@ class Traced:
     """A program and what its numbers mean.
 
     Attributes:
-        places: Quantity, or one of `CHECKS`, -> its outputs.
+        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``, what became of the prediction.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
     """
 
@@ -63,7 +63,7 @@ def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Ar
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
         moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
-    outputs = everything(question, wanted, q, values, yd, ydd, moved, not predicted)
+    outputs = {"reached": [values[c] for c in predicted]} | everything(question, wanted, q, values, yd, ydd, moved, not predicted)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))

@@ -70,7 +70,8 @@ class TreeAt:
         for joint, (parent, child) in zip(self.lay.tree.cuts, self.sides, strict=True):
             together = self.closed and joint.kind not in "PC"
             d: Vector = ZERO if together else turn_back(parent.R, sub(child.p, parent.p))
-            outer = len(self._own(joint.child, joint.parent)) >= len(self._own(joint.parent, joint.child))
+            # the rows of a joint that slides are derivatives of its residuals in the axes of its parent only
+            outer = joint.kind not in "PC" and len(self._own(joint.child, joint.parent)) >= len(self._own(joint.parent, joint.child))
             cuts.append(Cut(joint, relative(parent.R, child.R), d, outer))
         return cuts
 

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.problem import GivenMotion
+from screwgauge.problem import GivenMotion, Rows
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
-#: Samples from one closed pose to the next.
-EVERY = 32
+#: From one closed pose to the next: at most so many samples, and so far in y [rad or lengths of the mechanism].
+EVERY, STEP = 64, 0.08
 
 
 class Predictor:
     """Follows a motion, part after part."""
 
     def __init__(self, lay: Layout) -> None:
-        self.lay, self.branch = lay, home_equations(lay).follower()
+        self.lay, self.system = lay, home_equations(lay)
+        self.branch = self.system.follower()
+
+    def _knots(self, y: Array) -> Rows:
+        """Samples that are followed."""
+        size = self.system.size[self.lay.mechanism.independent_columns]
+        way = np.abs(np.diff(y / size, axis=0)).max(axis=1, initial=0.0)
+        share = np.cumsum(np.maximum(way / STEP, 1.0 / EVERY))
+        new = np.flatnonzero(np.diff(np.floor(np.concatenate([[0.0], share]))))
+        return np.unique([0, *new, len(y) - 1])
 
     def predict(self, motion: GivenMotion) -> Array:
         """Joint coordinates by Hermite's interpolation over the number of the sample. Shape (n, n_q).
@@ -27,7 +36,7 @@ class Predictor:
         be evenly spread; where they jump, the prediction is bad, and the program's own checks say so.
         """
         n = len(motion)
-        knots = np.unique([*range(0, n, EVERY), n - 1])
+        knots = self._knots(motion.y)
         some = motion.part(knots)
         at = positions(self.lay, some.y, some.t, (some.yd, some.ydd), path=self.branch)
         if len(knots) == n:

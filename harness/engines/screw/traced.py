@@ -34,7 +34,7 @@ from screwgauge.truth import cache
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
 #: Worst case over these samples.
-SAFETY = 2.0
+SAFETY = 1.5
 #: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
 ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
 #: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
@@ -178,15 +178,27 @@ class TracedWork:
             forces["actuator_force"] = ratio.drive * self._check(out, "drive")
         return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
 
-    def inputs(self, motion: GivenMotion, q: Array) -> Array:
-        """Shape (n_input, n). `q`: predicted joint coordinates, shape (n, n_q)."""
-        columns = [motion.y.T, motion.yd.T, motion.ydd.T, q.T[list(self.traced.predicted)]]
-        return np.ascontiguousarray(np.concatenate(columns))
-
     def _run(self, motion: GivenMotion, q: Array) -> Array:
-        out = np.empty((len(self.traced.program.outputs), len(motion)))
-        self.runner.run(self.inputs(motion, q), out)
+        """All outputs. `q`: predicted joint coordinates, shape (n, n_q)."""
+        program, predicted = self.traced.program, q.T[list(self.traced.predicted)]
+        inputs = np.ascontiguousarray(np.concatenate([motion.y.T, motion.yd.T, motion.ydd.T, predicted]))
+        out = np.empty((len(program.outputs), len(motion)))
+        self.runner.run(inputs, out)
+        if len(predicted):  # once more from where Newton's method came to
+            with np.errstate(all="ignore"):
+                near = self._check(out, "moved") * self.ratio.gain * self._check(out, "gain") <= NEAR
+            rows = np.flatnonzero(near & ~(self._check(out, "closing") <= self.arrived))
+            if rows.size:
+                inputs[-len(predicted) :, rows] = out[self.traced.places["reached"]][:, rows]
+                found = np.empty((len(out), len(rows)))
+                self.runner.run(np.ascontiguousarray(inputs[:, rows]), found)
+                out[:, rows] = found
         return out
+
+    @property
+    def arrived(self) -> float:
+        """Largest closure residual that rounding makes of all rows."""
+        return float(ARRIVED * max(self.lay.loop.shape[0] * 6, 1) ** 0.5)
 
     def part(self, motion: GivenMotion) -> Part:
         """Some samples that follow those before."""
@@ -204,15 +216,15 @@ class TracedWork:
 
     def _left(self, out: Array, trust: Trust) -> Rows:
         """Samples for the array solver."""
-        closing, count = self._check(out, "closing"), max(self.lay.loop.shape[0] * 6, 1)
+        closing = self._check(out, "closing")
         load = np.maximum(trust.load, 1e-300)
         doubts = {
-            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= CLEAR),
-            "not closed": ~(closing <= ARRIVED * count**0.5) | ~(self._check(out, "moved") * trust.gain <= NEAR),
+            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= SAFETY * CLEAR),
+            "not closed": ~(closing <= self.arrived) | ~(self._check(out, "moved") * trust.gain <= NEAR),
             "not balanced": ~(self._check(out, "balance") <= BALANCED * load),
         }
         for condition in trust.forces.values():
-            doubts["badly conditioned"] |= ~(condition <= CLEAR_FORCES)
+            doubts["badly conditioned"] |= ~(condition <= SAFETY * CLEAR_FORCES)
         left = np.zeros(out.shape[1], dtype=bool)
         for reason, doubt in doubts.items():
             self.by_array[reason] += int(np.count_nonzero(doubt & ~left))
