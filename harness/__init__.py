@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.results import Results, run
@@ -20,13 +21,14 @@ if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
 
-__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "exciting", "load_scene", "random", "run", "stream"]
+__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "compile", "exciting", "load_scene", "random", "run", "stream"]
 
 _HOMES = {
     "Limits": "screwgauge.study.apart",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
+    "compile": "screwgauge.engines.screw.compiled",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.vectors import Scalar, squares
 
 #: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
@@ -20,10 +20,6 @@ SMALLEST = 1e-6
 
 Entries = dict[tuple[int, int], Scalar]
 """(row, column) -> entry that is not structurally zero."""
-
-
-class NotTraceableError(ScrewgaugeError):
-    """A mechanism or a question that no straight-line program is made of; the array solver answers it."""
 
 
 def _sizes(x: Scalar) -> np.ndarray:

@@ -22,7 +22,8 @@ from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.traced import closing
 from screwgauge.reference.traced.closing import Row
 from screwgauge.reference.traced.crossing import Coordinates, Motion, Wrench
-from screwgauge.reference.traced.elimination import Entries, Factors, NotTraceableError, solve
+from screwgauge.reference.traced.elimination import Entries, Factors, solve
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tree import NOTHING, TreeAt, plus
 from screwgauge.reference.traced.vectors import (
     ZERO,

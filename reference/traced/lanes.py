@@ -19,7 +19,7 @@ class Lanes:
     """A program with its buffers. Not for two threads at once."""
 
     def __init__(self, program: Program, chunk: int = CHUNK) -> None:
-        self.chunk = chunk
+        self.program, self.chunk = program, chunk
         self.inputs, self.outputs = (_rows(n, chunk) for n in (program.inputs, len(program.outputs)))
         self.code: list[tuple[Callable[..., Any], tuple[Array, ...]]] = []
         self._plan(program)
@@ -54,6 +54,10 @@ class Lanes:
                 for function, operands in self.code:
                     function(*operands)
                 outputs[:, rows] = self.outputs[:, :n]
+
+    def again(self) -> Lanes:
+        """One that may run at the same time."""
+        return Lanes(self.program, self.chunk)
 
 
 def _rows(count: int, chunk: int) -> Array:

@@ -12,8 +12,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.vectormath import VectorMath
 
-#: More instructions than these are optimised less: code generation takes some 0.2 ms each.
-MANY = 12_000
 ENTRY = "samples"
 
 
@@ -30,11 +28,12 @@ def _host() -> tuple[Any, str, int]:
     llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features()
     width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
-    return llvm, f"{llvm.get_host_cpu_name()} {features.flatten()}", width
+    version = ".".join(map(str, llvm.llvm_version_info))
+    return llvm, f"LLVM {version} {llvm.get_host_cpu_name()} {features.flatten()}", width
 
 
 def cpu() -> str:
-    """Name and features of this CPU, which machine code is made for."""
+    """The compiler, and name and features of this CPU: what machine code is made by and for."""
     return _host()[1]
 
 
@@ -68,13 +67,12 @@ def _ir(program: Program, width: int) -> str:
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
 
-    stored: dict[Operand, list[int]] = {}
+    stored: dict[int, list[int]] = {}
     for row, x in enumerate(program.outputs):
-        stored.setdefault(x, []).append(row)
-    for x, rows in stored.items():
-        if not (isinstance(x, int) and x >= program.inputs):
-            for row in rows:
-                b.store(operand(x), place(target, target_stride, row), align=8)
+        if isinstance(x, int) and x >= program.inputs:
+            stored.setdefault(x, []).append(row)
+        else:
+            b.store(operand(x), place(target, target_stride, row), align=8)
     for i, (op, args) in enumerate(program.code, program.inputs):
         values[i] = maths.operation(op, [operand(x) for x in args])
         for row in stored.get(i, ()):
@@ -87,23 +85,19 @@ def _ir(program: Program, width: int) -> str:
 
 
 def machine_code(program: Program) -> bytes:
-    """Object code of a program for this CPU."""
+    """Object code of a program for this CPU.
+
+    The program is simplified already: LLVM's own passes would double the time and gain nothing.
+    """
     llvm, _, width = _host()
-    module = llvm.parse_assembly(_ir(program, width))
-    machine = _machine(len(program.code))
-    options = llvm.create_pipeline_tuning_options(speed_level=1 if len(program.code) > MANY else 2)
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return bytes(machine.emit_object(module))
+    return bytes(_machine().emit_object(llvm.parse_assembly(_ir(program, width))))
 
 
-def _machine(instructions: int) -> Any:
+def _machine() -> Any:
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()
-    return target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=features, opt=1 if instructions > MANY else 2, jit=True
-    )
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True)
 
 
 class Native:
@@ -118,7 +112,7 @@ class Native:
         llvm, _, self.width = _host()
         self.program = program
         empty = llvm.parse_assembly("")
-        self.engine = llvm.create_mcjit_compiler(empty, _machine(len(program.code)))
+        self.engine = llvm.create_mcjit_compiler(empty, _machine())
         self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self.engine.finalize_object()
         address = self.engine.get_function_address(ENTRY)
@@ -139,6 +133,10 @@ class Native:
             found = np.empty((len(outputs), self.width))
             self._run(last, found, self.width)
             outputs[:, whole:] = found[:, : n - whole]
+
+    def again(self) -> Native:
+        """One that may run at the same time: itself."""
+        return self
 
     def _run(self, inputs: Array, outputs: Array, n: int) -> None:
         strides = (inputs.strides[0] // 8, outputs.strides[0] // 8)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.vectors import Scalar
 
@@ -27,6 +28,13 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "atan2": np.arctan2,
 }
 
+#: More operations are not traced: every thousand takes some 20 ms, and a program of them is no faster than arrays.
+MOST = 100_000
+
+
+class NotTraceableError(ScrewgaugeError):
+    """A mechanism or a question that no straight-line program is made of; the array solver answers it."""
+
 
 class Node:
     """A number of a trace.
@@ -34,13 +42,17 @@ class Node:
     Attributes:
         args: What it is made of, nodes and floats.
         index: Its place in the order in which nodes were made.
-        value: Its value at the samples that the trace was made at, which choose pivots and nothing else. Shape (n,).
     """
 
-    __slots__ = ("args", "index", "op", "trace", "value")
+    __slots__ = ("args", "index", "op", "trace")
 
-    def __init__(self, trace: Trace, op: str, args: tuple[Scalar, ...], value: Array) -> None:
-        self.trace, self.op, self.args, self.value, self.index = trace, op, args, value, len(trace.nodes)
+    def __init__(self, trace: Trace, op: str, args: tuple[Scalar, ...]) -> None:
+        self.trace, self.op, self.args, self.index = trace, op, args, len(trace.nodes)
+
+    @property
+    def value(self) -> Array:
+        """Its value at the samples that the trace was made at; it chooses pivots and nothing else. Shape (n,)."""
+        return self.trace.value(self.index)
 
     def __add__(self, other: Scalar) -> Scalar:
         return self.trace.add(self, other)
@@ -81,21 +93,30 @@ class Trace:
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
-        self.inputs: list[Node] = []
+        self.inputs: list[Array] = []
+        self._values: list[Array] = []
         self._known: dict[tuple[Any, ...], Node] = {}
 
     def input(self, value: Array) -> Node:
         """A new input. `value`: at the samples that the trace is made at, shape (n,)."""
-        self.inputs.append(self._make("input", len(self.inputs), value=np.asarray(value, dtype=float)))
-        return self.inputs[-1]
+        self.inputs.append(np.asarray(value, dtype=float))
+        return self._make("input", len(self.inputs) - 1)
 
-    def _make(self, op: str, *args: Scalar, value: Array | None = None) -> Node:
+    def value(self, index: int) -> Array:
+        """Value of a node; all before it are worked out, too."""
+        with np.errstate(all="ignore"):
+            for node in self.nodes[len(self._values) : index + 1]:
+                operands = [self._values[x.index] if isinstance(x, Node) else x for x in node.args]
+                known = self.inputs[node.args[0]] if node.op == "input" else OPERATIONS[node.op](*operands)
+                self._values.append(known)
+        return self._values[index]
+
+    def _make(self, op: str, *args: Scalar) -> Node:
         key = (op, *(("node", arg.index) if isinstance(arg, Node) else arg for arg in args))
         if key not in self._known:
-            if value is None:
-                with np.errstate(all="ignore"):
-                    value = OPERATIONS[op](*(arg.value if isinstance(arg, Node) else arg for arg in args))
-            self._known[key] = node = Node(self, op, args, value)
+            if len(self.nodes) == MOST:
+                raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
+            self._known[key] = node = Node(self, op, args)
             self.nodes.append(node)
         return self._known[key]
 

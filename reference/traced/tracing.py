@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,11 +39,14 @@ class Traced:
     predicted: tuple[int, ...]
 
 
-def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Array, Array, Array]) -> Traced:
+def traced(
+    question: Question, wanted: Collection[str], samples: tuple[Array, Array, Array, Array], *, loaded: bool = False
+) -> Traced:
     """Traces a question.
 
     Args:
         wanted: Names of quantities.
+        loaded: Whether the loads are inputs, the last: force and torque of each.
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
 
     Raises:
@@ -63,6 +66,12 @@ def traced(question: Question, wanted: Collection[str], samples: tuple[Array, Ar
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
         moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
+    if loaded:
+        ones = np.ones(len(samples[0]))
+        given_loads = [([trace.input(x * ones) for x in load.force], [trace.input(x * ones) for x in load.torque])
+                       for load in question.loads]
+        question = replace(question, loads=tuple(replace(load, force=f, torque=m)
+                           for load, (f, m) in zip(question.loads, given_loads, strict=True)))
     outputs = {"reached": [values[c] for c in predicted]} | everything(question, wanted, q, values, yd, ydd, moved, not predicted)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():

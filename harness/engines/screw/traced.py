@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -23,7 +25,7 @@ from screwgauge.reference.graph import Edge
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.elimination import NotTraceableError
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program
@@ -47,6 +49,10 @@ class Runner(Protocol):
     def run(self, inputs: Array, outputs: Array) -> None:
         """Shapes (n_input, n), (n_output, n)."""
 
+    def again(self) -> Runner:
+        """One that may run at the same time."""
+
+
 
 def runner(program: Program, backend: str) -> tuple[Runner, str]:
     """A program ready to run, and what is to be said about that."""
@@ -55,7 +61,7 @@ def runner(program: Program, backend: str) -> tuple[Runner, str]:
     try:
         from screwgauge.reference.traced import native
 
-        version = cache.digest(__version__, native.cpu())
+        version = cache.code_version(Path(native.__file__).parent, extra=f"{__version__} {native.cpu()}")
     except ImportError:
         return Lanes(program), "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
     key = cache.digest("program", program.inputs, program.code, program.outputs, version)
@@ -110,8 +116,13 @@ class TracedWork:
         by_array: Reason -> how many samples the array solver answered.
     """
 
-    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str) -> None:
+    def __init__(
+        self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str, *, loaded: bool = False
+    ) -> None:
         """Traces the program; pivots are chosen at samples of the motion.
+
+        Args:
+            loaded: Whether every sample has its own loads, in place of those of the problem.
 
         Raises:
             NotTraceableError: There is no such program.
@@ -131,13 +142,23 @@ class TracedWork:
             self.question = Question(
                 lay, system.fixed, [*map(float, system.size)], system.length, g, problem.applied.loads, _open(lay)
             )
-            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, work.assembly[0]))
+            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, work.assembly[0]), loaded=loaded)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
         self.by_array: Counter[str] = Counter()
         self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
-        self.ratio = self._compared(self._run(some, work.assembly[0]), part.trust)
+        constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
+        loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
+        self.ratio = self._compared(self._run(some, work.assembly[0], loads), part.trust)
+
+    def again(self) -> TracedWork:
+        """The same for another thread: with buffers, predictions and counts of its own."""
+        other = copy(self)
+        other.clock, other.by_array = Clock(), Counter()
+        other.predictor = None if self.predictor is None else Predictor(self.lay)
+        other.runner = self.runner.again()
+        return other
 
     def _compared(self, out: Array, trust: Trust) -> Anchor:
         cheap = self._trust(out)
@@ -178,10 +199,15 @@ class TracedWork:
             forces["actuator_force"] = ratio.drive * self._check(out, "drive")
         return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
 
-    def _run(self, motion: GivenMotion, q: Array) -> Array:
-        """All outputs. `q`: predicted joint coordinates, shape (n, n_q)."""
+    def _run(self, motion: GivenMotion, q: Array, loads: Array) -> Array:
+        """All outputs.
+
+        Args:
+            q: Predicted joint coordinates. Shape (n, n_q).
+            loads: Of every sample, if each has its own. Shape (m, n).
+        """
         program, predicted = self.traced.program, q.T[list(self.traced.predicted)]
-        inputs = np.ascontiguousarray(np.concatenate([motion.y.T, motion.yd.T, motion.ydd.T, predicted]))
+        inputs = np.ascontiguousarray(np.concatenate([motion.y.T, motion.yd.T, motion.ydd.T, predicted, loads]))
         out = np.empty((len(program.outputs), len(motion)))
         self.runner.run(inputs, out)
         if len(predicted):  # once more from where Newton's method came to
@@ -189,7 +215,8 @@ class TracedWork:
                 near = self._check(out, "moved") * self.ratio.gain * self._check(out, "gain") <= NEAR
             rows = np.flatnonzero(near & ~(self._check(out, "closing") <= self.arrived))
             if rows.size:
-                inputs[-len(predicted) :, rows] = out[self.traced.places["reached"]][:, rows]
+                first = 3 * motion.y.shape[1]
+                inputs[first : first + len(predicted), rows] = out[self.traced.places["reached"]][:, rows]
                 found = np.empty((len(out), len(rows)))
                 self.runner.run(np.ascontiguousarray(inputs[:, rows]), found)
                 out[:, rows] = found
@@ -200,19 +227,19 @@ class TracedWork:
         """Largest closure residual that rounding makes of all rows."""
         return float(ARRIVED * max(self.lay.loop.shape[0] * 6, 1) ** 0.5)
 
-    def part(self, motion: GivenMotion) -> Part:
-        """Some samples that follow those before."""
+    def part(self, motion: GivenMotion, loads: Array | None = None) -> Part:
+        """Some samples that follow those before, with loads of their own: force and torque of each, shape (m, n)."""
         with self.clock.stage("prediction"):
             near = np.empty((len(motion), 0)) if self.predictor is None else self.predictor.predict(motion)
         with self.clock.stage("program"):
-            out = self._run(motion, near)
+            out = self._run(motion, near, np.empty((0, len(motion))) if loads is None else loads)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             trust = self._trust(out)
             values = {name: out[self.traced.places[name]].T for name in self.wanted}
             if self.predictor is not None:
                 self._nearest(values, near)
             left = self._left(out, trust)
-        return self._completed(motion, values, trust, left)
+        return self._completed(motion, loads, values, trust, left)
 
     def _left(self, out: Array, trust: Trust) -> Rows:
         """Samples for the array solver."""
@@ -232,12 +259,14 @@ class TracedWork:
         rows: Rows = np.flatnonzero(left)
         return rows
 
-    def _completed(self, motion: GivenMotion, values: dict[str, Array], trust: Trust, rows: Rows) -> Part:
+    def _completed(
+        self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
+    ) -> Part:
         """The same with some samples answered by the array solver."""
         nothing: Rows = np.zeros(0, dtype=np.intp)
         if not rows.size:
             return Part(values, trust, nothing, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
-        work = Work(self.problem, motion.part(rows), self.lay)
+        work = Work(self._under(loads, rows), motion.part(rows), self.lay)
         part = work.part(slice(None))
         for name, array in part.values.items():
             values[name][rows] = array
@@ -251,6 +280,17 @@ class TracedWork:
         for name, x in forces.items():
             x[rows] = part.trust.forces.get(name, 1.0)
         return Part(values, replace(trust, forces=forces, **arrays), rows[part.doubtful], part.moved)
+
+    def _under(self, loads: Array | None, rows: Rows) -> Problem:
+        """The problem with the loads of some samples."""
+        if loads is None:
+            return self.problem
+        each = np.split(loads[:, rows].T, 2 * len(self.problem.applied.loads), axis=1)
+        some = tuple(
+            replace(load, force=force, torque=torque)
+            for load, force, torque in zip(self.problem.applied.loads, each[::2], each[1::2], strict=True)
+        )
+        return replace(self.problem, applied=replace(self.problem.applied, loads=some))
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""

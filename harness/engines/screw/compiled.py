@@ -1,0 +1,191 @@
+"""``screwgauge.compile``: the traced program of a scene as a function of samples, for volume."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.engines.estimate import Part, errors
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.traced import NotTraceableError, TracedWork
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import GIVEN, check_quantities
+from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Values
+
+#: Samples worked on at a time, whatever is given: memory stays constant.
+PART = 2048
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a solver returns.
+
+    Attributes:
+        values: Quantity -> array of shape (n, n_component).
+        by_array: Reason -> number of samples that the array solver answered.
+        estimate: Quantity -> estimated error at each sample, see `Solution.estimate`; empty if it was not asked for.
+    """
+
+    values: Mapping[str, Array]
+    by_array: Mapping[str, int]
+    estimate: Mapping[str, Array]
+
+    def __getitem__(self, quantity: str) -> Array:
+        return self.values[quantity]
+
+
+class Solver:
+    """Inverse dynamics of one mechanism under one scene's gravity and loads. Not for two threads at once.
+
+    Attributes:
+        quantities: What it computes.
+        notes: What is to be said about it, such as why there is no program.
+    """
+
+    def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
+        """Traces and compiles; pivots are chosen at samples of the scene's motion."""
+        self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
+        self.problem, self.length = scene.problem(self.quantities), 1.0
+        self.works: dict[bool, list[TracedWork]] = {}
+        self.notes: tuple[str, ...] = ()
+        try:
+            (work, *_) = self._works(loaded=False)
+            self.components = {name: work.names()[name][0] for name in self.quantities}
+            self.notes = tuple(filter(None, [work.said]))
+        except NotTraceableError as error:
+            self.works[False] = []
+            self.notes = (f"all samples by the array solver: {error.what}",)
+
+    def _works(self, *, loaded: bool) -> list[TracedWork]:
+        """One a thread."""
+        if loaded not in self.works:
+            lay, motion = layout(self.scene.mechanism), self.scene.motion
+            first = TracedWork(lay, self.problem, motion, self.backend, loaded=loaded)
+            self.works[loaded] = [first, *(first.again() for _ in range(self.threads - 1))]
+        return self.works[loaded]
+
+    def as_c(self) -> str:
+        """The program as C, for reading; empty if there is none."""
+        return self.works[False][0].traced.program.as_c() if self.works[False] else ""
+
+    def buffers(self, n: int) -> dict[str, Array]:
+        """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
+        return {name: np.empty((len(self.components[name]), n)).T for name in self.quantities}
+
+    def __call__(
+        self,
+        y: Array,
+        yd: Array,
+        ydd: Array,
+        *,
+        load: Array | None = None,
+        out: Mapping[str, Array] | None = None,
+        estimates: bool = False,
+    ) -> Answer:
+        """Answers samples.
+
+        Args:
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
+            load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
+                (n, 6 n_load).
+            out: Where the values are written, see `buffers`.
+            estimates: Whether errors are estimated sample by sample; samples are checked in any case.
+
+        Raises:
+            ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
+        """
+        motion = self._motion(y, yd, ydd)
+        loads = None if load is None else self._loads(load, len(motion))
+        values = self.buffers(len(motion)) if out is None else self._checked(out, len(motion))
+        works = self._works(loaded=loads is not None)
+        before = [dict(work.by_array) for work in works]
+        bounds = np.linspace(0, len(motion), self.threads + 1).astype(int)
+        jobs = [(work, slice(a, b)) for work, a, b in zip(works, bounds, bounds[1:], strict=True) if b > a]
+        run = lambda job: self._run(*job, motion, loads, values, estimates)  # noqa: E731
+        if len(jobs) > 1:
+            with ThreadPoolExecutor(self.threads) as pool:
+                parts = [part for found in pool.map(run, jobs) for part in found]
+        else:
+            parts = [part for job in jobs for part in run(job)]
+        counts = dict[str, int]()
+        for work, known in zip(works, before, strict=True):
+            for reason, count in work.by_array.items():
+                counts[reason] = counts.get(reason, 0) + count - known.get(reason, 0)
+        table = works[0].names()
+        estimate = {
+            name: errors(name, parts, Values(*table[name], values[name].copy()), works[0].question.length)[0]
+            for name in (self.quantities if estimates else ())
+        }
+        return Answer(values, {reason: n for reason, n in counts.items() if n}, estimate)
+
+    def _run(self, work, rows, motion, loads, values, estimates) -> list[Part]:
+        """Solves some samples part after part; what came of each, if errors are to be estimated."""
+        kept = []
+        for start in range(rows.start, rows.stop, PART):
+            some = slice(start, min(start + PART, rows.stop))
+            found = work.part(motion.part(some), None if loads is None else loads[:, some])
+            for name, array in found.values.items():
+                values[name][some] = array
+            if estimates:
+                kept.append(found)
+        return kept
+
+    def _motion(self, *arrays: Array) -> GivenMotion:
+        k = len(self.scene.mechanism.independent)
+        n = len(arrays[0])
+        for name, array in zip(("y", "yd", "ydd"), arrays, strict=True):
+            _check_array(array, (n, k), name)
+        return GivenMotion(np.arange(n, dtype=float), *(array.view() for array in arrays))
+
+    def _loads(self, load: Array, n: int) -> Array:
+        m = 6 * len(self.scene.applied.loads)
+        if not m:
+            raise DescriptionError("the scene has no load that could be replaced", "load", "leave it out")
+        load = np.asarray(load)
+        wide = np.broadcast_to(load, (n, m)) if load.shape == (m,) else load
+        _check_array(wide, (n, m), "load")
+        return np.ascontiguousarray(wide.T)
+
+    def _checked(self, out: Mapping[str, Array], n: int) -> Mapping[str, Array]:
+        if out.keys() != {*self.quantities}:
+            raise DescriptionError(f"buffers for {sorted(out)}", "out", f"give them for {', '.join(self.quantities)}")
+        for name, array in out.items():
+            _check_array(array, (n, len(self.components[name])), f"out, {name}")
+            if not array.flags.writeable:
+                raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
+        return out
+
+
+def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+        raise DescriptionError(f"it is of {kind}", where, "give an array of float64")
+    if array.shape != shape:
+        raise DescriptionError(f"its shape is {array.shape}, not {shape}", where, "give a row for each sample")
+
+
+def compile(  # noqa: A001
+    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
+) -> Solver:
+    """A fast function for the inverse dynamics of a scene.
+
+    Args:
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        backend: ``llvm`` (extra ``fast``) or ``numpy``.
+        threads: How many run at once.
+
+    Raises:
+        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+    """
+    check_choice("backend", [backend], ("numpy", "llvm"), "compile")
+    if not (isinstance(threads, int) and threads > 0):
+        raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
+    return Solver(scene, wanted, backend, threads)
