@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.trace import OPERATIONS
 
 #: Samples worked on at a time.
-CHUNK = 512
+CHUNK = 1024
 
 
 class Lanes:
@@ -43,17 +43,22 @@ class Lanes:
             elif at[x] is not row:
                 self.code.append((np.copyto, (row, at[x])))
 
-    def run(self, inputs: Array, outputs: Array) -> None:
-        """Runs all samples. Shapes (n_input, n), (n_output, n)."""
+    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
+        """Runs all samples. Shapes (m, n) each, in the order of the program."""
         with np.errstate(all="ignore"):
-            for start in range(0, inputs.shape[1], self.chunk):
+            for start in range(0, inputs[0].shape[1], self.chunk):
                 rows = slice(start, start + self.chunk)
-                n = inputs[:, rows].shape[1]
-                self.inputs[:, :n] = inputs[:, rows]
+                n, row = inputs[0][:, rows].shape[1], 0
+                for block in inputs:
+                    self.inputs[row : row + len(block), :n] = block[:, rows]
+                    row += len(block)
                 self.inputs[:, n:] = self.inputs[:, n - 1 : n]
                 for function, operands in self.code:
                     function(*operands)
-                outputs[:, rows] = self.outputs[:, :n]
+                row = 0
+                for block in outputs:
+                    block[:, rows] = self.outputs[row : row + len(block), :n]
+                    row += len(block)
 
     def again(self) -> Lanes:
         """One that may run at the same time."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Operand, Program
@@ -38,19 +40,18 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int) -> str:
-    """The program as LLVM's intermediate code: ``samples(in, in_stride, out, out_stride, blocks)``."""
+    """The program as LLVM's intermediate code: ``samples(inputs, outputs, count)``, a pointer to each row of numbers."""
     import llvmlite.ir as ir
 
     module = ir.Module("screwgauge")
     number, i64 = ir.DoubleType(), ir.IntType(64)
     vector = ir.VectorType(number, width)
     pointer = number.as_pointer()
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [pointer, i64, pointer, i64, i64]), ENTRY)
-    function.args[0].add_attribute("noalias")
-    function.args[2].add_attribute("noalias")
+    table = pointer.as_pointer()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [table, table, i64]), ENTRY)
     begin = ir.IRBuilder(function.append_basic_block())
     body, end = function.append_basic_block(), function.append_basic_block()
-    source, source_stride, target, target_stride, blocks = function.args
+    source, target, blocks = function.args
     begin.branch(body)
     b = ir.IRBuilder(body)
     count = b.phi(i64)
@@ -58,11 +59,11 @@ def _ir(program: Program, width: int) -> str:
     offset = b.mul(count, ir.Constant(i64, width))
     maths = VectorMath(module, b, width)
 
-    def place(base: Any, stride: Any, row: int) -> Any:
-        index = b.add(b.mul(stride, ir.Constant(i64, row)), offset)
-        return b.bitcast(b.gep(base, [index]), vector.as_pointer())
+    def place(rows: Any, row: int) -> Any:
+        start = b.load(b.gep(rows, [ir.Constant(i64, row)]))
+        return b.bitcast(b.gep(start, [offset]), vector.as_pointer())
 
-    values = {i: b.load(place(source, source_stride, i), align=8) for i in range(program.inputs)}
+    values = {i: b.load(place(source, i), align=8) for i in range(program.inputs)}
 
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
@@ -72,11 +73,11 @@ def _ir(program: Program, width: int) -> str:
         if isinstance(x, int) and x >= program.inputs:
             stored.setdefault(x, []).append(row)
         else:
-            b.store(operand(x), place(target, target_stride, row), align=8)
+            b.store(operand(x), place(target, row), align=8)
     for i, (op, args) in enumerate(program.code, program.inputs):
         values[i] = maths.operation(op, [operand(x) for x in args])
         for row in stored.get(i, ()):
-            b.store(values[i], place(target, target_stride, row), align=8)
+            b.store(values[i], place(target, row), align=8)
     following = b.add(count, ir.Constant(i64, 1))
     count.add_incoming(following, b.block)
     b.cbranch(b.icmp_unsigned("<", following, blocks), body, end)
@@ -118,26 +119,32 @@ class Native:
         address = self.engine.get_function_address(ENTRY)
         if not address:
             raise RuntimeError("the code has no entry")
-        size, pointer = ctypes.c_int64, ctypes.c_void_p
-        self.function = ctypes.CFUNCTYPE(None, pointer, size, pointer, size, size)(address)
+        self.function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(address)
 
-    def run(self, inputs: Array, outputs: Array) -> None:
-        """Runs all samples. Shapes (n_input, n), (n_output, n); numbers of a row lie side by side."""
-        n = inputs.shape[1]
+    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
+        """Runs all samples. Shapes (m, n) each, in the order of the program; a row's numbers lie side by side."""
+        n = inputs[0].shape[1]
         whole = n - n % self.width
         if whole:
-            self._run(inputs, outputs, whole)
+            self._run(inputs, outputs, whole // self.width)
         if whole < n:
-            last = np.repeat(inputs[:, -1:], self.width, axis=1)
-            last[:, : n - whole] = inputs[:, whole:]
-            found = np.empty((len(outputs), self.width))
-            self._run(last, found, self.width)
-            outputs[:, whole:] = found[:, : n - whole]
+            last = [np.repeat(block[:, -1:], self.width, axis=1) for block in inputs]
+            found = [np.empty((len(block), self.width)) for block in outputs]
+            for block, padded in zip(inputs, last, strict=True):
+                padded[:, : n - whole] = block[:, whole:]
+            self._run(last, found, 1)
+            for block, padded in zip(outputs, found, strict=True):
+                block[:, whole:] = padded[:, : n - whole]
+
+    def _run(self, inputs: Sequence[Array], outputs: Sequence[Array], count: int) -> None:
+        source, target = _rows(inputs), _rows(outputs)
+        self.function(source.ctypes.data, target.ctypes.data, count)
 
     def again(self) -> Native:
         """One that may run at the same time: itself."""
         return self
 
-    def _run(self, inputs: Array, outputs: Array, n: int) -> None:
-        strides = (inputs.strides[0] // 8, outputs.strides[0] // 8)
-        self.function(inputs.ctypes.data, strides[0], outputs.ctypes.data, strides[1], n // self.width)
+
+def _rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
+    """Where each row begins."""
+    return np.concatenate([block.ctypes.data + block.strides[0] * np.arange(len(block)) for block in blocks])

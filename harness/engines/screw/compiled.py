@@ -130,9 +130,13 @@ class Solver:
         kept = []
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
-            found = work.part(motion.part(some), None if loads is None else loads[:, some])
-            for name, array in found.values.items():
-                values[name][some] = array
+            into = {name: array[some] for name, array in values.items()}
+            flat = all(array.strides[0] == array.itemsize for array in into.values())
+            mine = None if loads is None else np.ascontiguousarray(loads[:, some])
+            found = work.part(motion.part(some), mine, into if flat else None)
+            if not flat:
+                for name, array in found.values.items():
+                    into[name][:] = array
             if estimates:
                 kept.append(found)
         return kept

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,7 +29,7 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program
-from screwgauge.reference.traced.tracing import Traced, traced
+from screwgauge.reference.traced.tracing import CHECKS, Traced, traced
 from screwgauge.solution import Clock, Solution
 from screwgauge.truth import cache
 
@@ -46,8 +46,8 @@ NEAR = 0.2
 class Runner(Protocol):
     """What runs a program."""
 
-    def run(self, inputs: Array, outputs: Array) -> None:
-        """Shapes (n_input, n), (n_output, n)."""
+    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
+        """Shapes (m, n) each, in the order of the program."""
 
     def again(self) -> Runner:
         """One that may run at the same time."""
@@ -108,6 +108,19 @@ class Anchor:
     load: float
 
 
+_NONE: Rows = np.zeros(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """What a program says of its samples, see `CHECKS`: roots of the squares that it emits. Shape (n_check, n)."""
+
+    checks: Array
+
+    def __getitem__(self, name: str) -> Array:
+        return np.sqrt(self.checks[CHECKS.index(name)])
+
+
 class TracedWork:
     """A program for a problem, and the array solver beside it.
 
@@ -150,7 +163,8 @@ class TracedWork:
         self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
         constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
         loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
-        self.ratio = self._compared(self._run(some, work.assembly[0], loads), part.trust)
+        numbers = self._run(some, np.ascontiguousarray(work.assembly[0].T), loads, self.arrays(len(some)))
+        self.ratio = self._compared(numbers, part.trust)
 
     def again(self) -> TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
@@ -160,7 +174,7 @@ class TracedWork:
         other.runner = self.runner.again()
         return other
 
-    def _compared(self, out: Array, trust: Trust) -> Anchor:
+    def _compared(self, out: Numbers, trust: Trust) -> Anchor:
         cheap = self._trust(out)
 
         def ratio(mine: Array | float, theirs: Array | float) -> float:
@@ -177,82 +191,116 @@ class TracedWork:
             ratio(cheap.load, trust.load),
         )
 
-    def _check(self, out: Array, name: str) -> Array:
-        """Root of a number that is emitted as a square. Shape (n,)."""
-        return np.sqrt(out[self.traced.places[name].start])
-
-    def _trust(self, out: Array) -> Trust:
+    def _trust(self, out: Numbers) -> Trust:
         """What the numbers of a program rest on."""
-        ratio, mechanism, applied = self.ratio, self.lay.mechanism, self.problem.applied
-        gain = ratio.gain * np.maximum(self._check(out, "gain"), 1e-300)
-        speed = self._check(out, "speed")
-        rush = np.maximum(speed**2, self._check(out, "rush"))
-        length = self.question.length
-        load = mechanism.mass * (float(np.linalg.norm(applied.g)) + rush * length)
-        load += sum(float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in applied.loads)
-        balls = sum(joint.kind == "S" for joint in self.lay.tree.cuts)
-        charts = np.sqrt(np.maximum(out[self.traced.places["charts"].start] - max(balls - 1, 0), 1.0))
+        ratio = self.ratio
+        gain = ratio.gain * np.maximum(out["gain"], 1e-300)
+        speed = out["speed"]
+        rush = np.maximum(speed**2, out["rush"])
+        load = self.weight + self.lay.mechanism.mass * rush * self.question.length
+        charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
         forces = dict[str, Array]()
         if "reaction" in self.wanted:
-            forces["reaction"] = ratio.reaction * self._check(out, "whole_gain") ** 2
+            forces["reaction"] = ratio.reaction * out["whole_gain"] ** 2
         if forces or "actuator_force" in self.wanted:
-            forces["actuator_force"] = ratio.drive * self._check(out, "drive")
+            forces["actuator_force"] = ratio.drive * out["drive"]
         return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
 
-    def _run(self, motion: GivenMotion, q: Array, loads: Array) -> Array:
-        """All outputs.
+    @cached_property
+    def weight(self) -> float:
+        """Weights and loads together [N]."""
+        applied, length = self.problem.applied, self.question.length
+        loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in applied.loads)
+        return self.lay.mechanism.mass * float(np.linalg.norm(applied.g)) + sum(loads)
+
+    @cached_property
+    def spare_charts(self) -> int:
+        """Each of several spherical joints adds one at least."""
+        return max(sum(joint.kind == "S" for joint in self.lay.tree.cuts) - 1, 0)
+
+    def _clear(self, checks: Array) -> bool:
+        """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
+        ratio, most = self.ratio, SAFETY * CLEAR
+        limits = {
+            "gain": (most / ratio.gain) ** 2,
+            "whole_gain": SAFETY * CLEAR_FORCES / ratio.reaction if "reaction" in self.wanted else np.inf,
+            "drive": (SAFETY * CLEAR_FORCES / ratio.drive) ** 2,
+            "moved": (NEAR / most) ** 2,
+            "closing": self.arrived**2,
+            "balance": (BALANCED * ratio.load * self.weight) ** 2,
+            "charts": most**2,
+        }
+        with np.errstate(all="ignore"):
+            weights = np.array([1.0 / limits[name] if name in limits else 0.0 for name in CHECKS])
+            return bool((weights @ checks <= 1.0 - self.spare_charts / most**2).all())
+
+    def arrays(self, n: int) -> dict[str, Array]:
+        """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
+        places = self.traced.places
+        return {name: np.empty((places[name].stop - places[name].start, n)).T for name in self.wanted}
+
+    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> Numbers:
+        """Runs the program.
 
         Args:
-            q: Predicted joint coordinates. Shape (n, n_q).
+            q: Predicted joint coordinates. Shape (n_q, n).
             loads: Of every sample, if each has its own. Shape (m, n).
+            values: Filled; see `arrays`.
         """
-        program, predicted = self.traced.program, q.T[list(self.traced.predicted)]
-        inputs = np.ascontiguousarray(np.concatenate([motion.y.T, motion.yd.T, motion.ydd.T, predicted, loads]))
-        out = np.empty((len(program.outputs), len(motion)))
-        self.runner.run(inputs, out)
-        if len(predicted):  # once more from where Newton's method came to
+        predicted, n = list(self.traced.predicted), len(motion)
+        inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
+        inputs += [np.ascontiguousarray(q[predicted]), loads]
+        reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
+        self.runner.run(inputs, [reached, *(values[name].T for name in self.wanted), checks])
+        found = Numbers(checks)
+        if predicted and not self._clear(checks):  # once more from where Newton's method came to
             with np.errstate(all="ignore"):
-                near = self._check(out, "moved") * self.ratio.gain * self._check(out, "gain") <= NEAR
-            rows = np.flatnonzero(near & ~(self._check(out, "closing") <= self.arrived))
+                near = found["moved"] * self.ratio.gain * found["gain"] <= NEAR
+                rows = np.flatnonzero(near & ~(found["closing"] <= self.arrived))
             if rows.size:
-                first = 3 * motion.y.shape[1]
-                inputs[first : first + len(predicted), rows] = out[self.traced.places["reached"]][:, rows]
-                found = np.empty((len(out), len(rows)))
-                self.runner.run(np.ascontiguousarray(inputs[:, rows]), found)
-                out[:, rows] = found
-        return out
+                inputs[3] = reached
+                some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
+                again = np.empty((len(CHECKS), len(rows)))
+                self.runner.run(some, [some[3].copy(), *(array.T for array in arrays.values()), again])
+                checks[:, rows] = again
+                for name, array in arrays.items():
+                    values[name][rows] = array
+        return found
 
     @property
     def arrived(self) -> float:
         """Largest closure residual that rounding makes of all rows."""
         return float(ARRIVED * max(self.lay.loop.shape[0] * 6, 1) ** 0.5)
 
-    def part(self, motion: GivenMotion, loads: Array | None = None) -> Part:
-        """Some samples that follow those before, with loads of their own: force and torque of each, shape (m, n)."""
+    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
+        """Some samples that follow those before.
+
+        Args:
+            loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
+            into: Where the values are written, see `arrays`.
+        """
+        n, values = len(motion), dict(self.arrays(len(motion)) if into is None else into)
         with self.clock.stage("prediction"):
-            near = np.empty((len(motion), 0)) if self.predictor is None else self.predictor.predict(motion)
+            near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out = self._run(motion, near, np.empty((0, len(motion))) if loads is None else loads)
+            out = self._run(motion, near, np.empty((0, n)) if loads is None else loads, values)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
-            trust = self._trust(out)
-            values = {name: out[self.traced.places[name]].T for name in self.wanted}
             if self.predictor is not None:
-                self._nearest(values, near)
-            left = self._left(out, trust)
+                self._nearest(values, near.T)
+            trust = self._trust(out)
+            left = _NONE if self._clear(out.checks) else self._left(out, trust)
         return self._completed(motion, loads, values, trust, left)
 
-    def _left(self, out: Array, trust: Trust) -> Rows:
+    def _left(self, out: Numbers, trust: Trust) -> Rows:
         """Samples for the array solver."""
-        closing = self._check(out, "closing")
-        load = np.maximum(trust.load, 1e-300)
         doubts = {
             "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= SAFETY * CLEAR),
-            "not closed": ~(closing <= self.arrived) | ~(self._check(out, "moved") * trust.gain <= NEAR),
-            "not balanced": ~(self._check(out, "balance") <= BALANCED * load),
+            "not closed": ~(out["closing"] <= self.arrived) | ~(out["moved"] * trust.gain <= NEAR),
+            "not balanced": ~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300)),
         }
         for condition in trust.forces.values():
             doubts["badly conditioned"] |= ~(condition <= SAFETY * CLEAR_FORCES)
-        left = np.zeros(out.shape[1], dtype=bool)
+        left = np.zeros(len(trust.condition), dtype=bool)
         for reason, doubt in doubts.items():
             self.by_array[reason] += int(np.count_nonzero(doubt & ~left))
             left |= doubt
@@ -263,9 +311,8 @@ class TracedWork:
         self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
     ) -> Part:
         """The same with some samples answered by the array solver."""
-        nothing: Rows = np.zeros(0, dtype=np.intp)
         if not rows.size:
-            return Part(values, trust, nothing, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+            return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
         work = Work(self._under(loads, rows), motion.part(rows), self.lay)
         part = work.part(slice(None))
         for name, array in part.values.items():
