@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.engines.estimate import Part, errors
-from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.traced import NotTraceableError, TracedWork
+from screwgauge.engines.screw.traced import ArrayWork, TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
 
@@ -46,34 +47,34 @@ class Solver:
 
     Attributes:
         quantities: What it computes.
+        components: Quantity -> names of its components.
         notes: What is to be said about it, such as why there is no program.
     """
 
     def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
         """Traces and compiles; pivots are chosen at samples of the scene's motion."""
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
-        self.problem, self.length = scene.problem(self.quantities), 1.0
-        self.works: dict[bool, list[TracedWork]] = {}
-        self.notes: tuple[str, ...] = ()
-        try:
-            (work, *_) = self._works(loaded=False)
-            self.components = {name: work.names()[name][0] for name in self.quantities}
-            self.notes = tuple(filter(None, [work.said]))
-        except NotTraceableError as error:
-            self.works[False] = []
-            self.notes = (f"all samples by the array solver: {error.what}",)
+        self.works: dict[bool, list[TracedWork | ArrayWork]] = {}
+        work = self._works(loaded=False)[0]
+        self.components = {name: work.names()[name][0] for name in self.quantities}
+        self.notes = tuple(filter(None, [work.said]))
 
-    def _works(self, *, loaded: bool) -> list[TracedWork]:
+    def _works(self, *, loaded: bool) -> list[TracedWork | ArrayWork]:
         """One a thread."""
         if loaded not in self.works:
-            lay, motion = layout(self.scene.mechanism), self.scene.motion
-            first = TracedWork(lay, self.problem, motion, self.backend, loaded=loaded)
+            lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
+            first: TracedWork | ArrayWork
+            try:
+                first = TracedWork(lay, problem, motion, self.backend, loaded=loaded)
+            except NotTraceableError as error:
+                first = ArrayWork(lay, problem, motion, error.what)
             self.works[loaded] = [first, *(first.again() for _ in range(self.threads - 1))]
         return self.works[loaded]
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        return self.works[False][0].traced.program.as_c() if self.works[False] else ""
+        work = self.works[False][0]
+        return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
 
     def buffers(self, n: int) -> dict[str, Array]:
         """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
@@ -105,41 +106,45 @@ class Solver:
         loads = None if load is None else self._loads(load, len(motion))
         values = self.buffers(len(motion)) if out is None else self._checked(out, len(motion))
         works = self._works(loaded=loads is not None)
-        before = [dict(work.by_array) for work in works]
         bounds = np.linspace(0, len(motion), self.threads + 1).astype(int)
-        jobs = [(work, slice(a, b)) for work, a, b in zip(works, bounds, bounds[1:], strict=True) if b > a]
-        run = lambda job: self._run(*job, motion, loads, values, estimates)  # noqa: E731
-        if len(jobs) > 1:
-            with ThreadPoolExecutor(self.threads) as pool:
-                parts = [part for found in pool.map(run, jobs) for part in found]
+        for work in works:
+            work.by_array.clear()
+
+        def run(i: int) -> list[Part]:
+            return self._run(works[i], range(bounds[i], bounds[i + 1], PART), motion, loads, values)
+
+        if self.threads == 1:
+            parts = run(0)
         else:
-            parts = [part for job in jobs for part in run(job)]
-        counts = dict[str, int]()
-        for work, known in zip(works, before, strict=True):
-            for reason, count in work.by_array.items():
-                counts[reason] = counts.get(reason, 0) + count - known.get(reason, 0)
-        table = works[0].names()
+            with ThreadPoolExecutor(self.threads) as pool:
+                parts = [part for found in pool.map(run, range(self.threads)) for part in found]
+        table, counts = works[0].names(), sum((work.by_array for work in works), start=Counter[str]())
         estimate = {
-            name: errors(name, parts, Values(*table[name], values[name].copy()), works[0].question.length)[0]
+            name: errors(name, parts, Values(*table[name], values[name].copy()), works[0].length)[0]
             for name in (self.quantities if estimates else ())
         }
-        return Answer(values, {reason: n for reason, n in counts.items() if n}, estimate)
+        return Answer(values, counts, estimate)
 
-    def _run(self, work, rows, motion, loads, values, estimates) -> list[Part]:
-        """Solves some samples part after part; what came of each, if errors are to be estimated."""
-        kept = []
-        for start in range(rows.start, rows.stop, PART):
-            some = slice(start, min(start + PART, rows.stop))
+    def _run(
+        self,
+        work: TracedWork | ArrayWork,
+        starts: range,
+        motion: GivenMotion,
+        loads: Array | None,
+        values: Mapping[str, Array],
+    ) -> list[Part]:
+        """Solves some samples part after part, and fills in their values."""
+        parts = []
+        for start in starts:
+            some = slice(start, min(start + PART, starts.stop))
             into = {name: array[some] for name, array in values.items()}
             flat = all(array.strides[0] == array.itemsize for array in into.values())
             mine = None if loads is None else np.ascontiguousarray(loads[:, some])
-            found = work.part(motion.part(some), mine, into if flat else None)
+            parts.append(work.part(motion.part(some), mine, into if flat else None))
             if not flat:
-                for name, array in found.values.items():
+                for name, array in parts[-1].values.items():
                     into[name][:] = array
-            if estimates:
-                kept.append(found)
-        return kept
+        return parts
 
     def _motion(self, *arrays: Array) -> GivenMotion:
         k = len(self.scene.mechanism.independent)

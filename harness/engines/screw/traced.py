@@ -121,6 +121,41 @@ class Numbers:
         return np.sqrt(self.checks[CHECKS.index(name)])
 
 
+def under(problem: Problem, loads: Array | None) -> Problem:
+    """A problem under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
+    if loads is None:
+        return problem
+    each = np.split(loads.T, len(loads) // 3, axis=1)
+    some = tuple(
+        replace(load, force=force, torque=torque)
+        for load, force, torque in zip(problem.applied.loads, each[::2], each[1::2], strict=True)
+    )
+    return replace(problem, applied=replace(problem.applied, loads=some))
+
+
+class ArrayWork:
+    """The array solver in the place of a program."""
+
+    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
+        self.lay, self.problem, self.reason, self.said = lay, problem, reason, f"all samples by the array solver: {reason}"
+        self.length, self.by_array = home_equations(lay).length, Counter[str]()
+        self.part(motion.part(slice(0, 1)))
+
+    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
+        """As `TracedWork.part`."""
+        work = Work(under(self.problem, loads), motion, self.lay)
+        found = work.part(slice(None))
+        self.names = work.names
+        self.by_array[self.reason] += len(motion)
+        for name, array in (into or {}).items():
+            array[:] = found.values[name]
+        return found
+
+    def again(self) -> ArrayWork:
+        """The same for another thread."""
+        return copy(self)
+
+
 class TracedWork:
     """A program for a problem, and the array solver beside it.
 
@@ -142,7 +177,7 @@ class TracedWork:
             ScrewgaugeError: The motion cannot be followed.
         """
         check_traceable(lay, problem)
-        self.lay, self.problem, self.clock = lay, problem, Clock()
+        self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
         self.wanted = [name for name in GIVEN if name in problem.wanted]
         system = home_equations(lay)
         rows = np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int))
@@ -197,7 +232,7 @@ class TracedWork:
         gain = ratio.gain * np.maximum(out["gain"], 1e-300)
         speed = out["speed"]
         rush = np.maximum(speed**2, out["rush"])
-        load = self.weight + self.lay.mechanism.mass * rush * self.question.length
+        load = self.weight + self.lay.mechanism.mass * rush * self.length
         charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
         forces = dict[str, Array]()
         if "reaction" in self.wanted:
@@ -209,7 +244,7 @@ class TracedWork:
     @cached_property
     def weight(self) -> float:
         """Weights and loads together [N]."""
-        applied, length = self.problem.applied, self.question.length
+        applied, length = self.problem.applied, self.length
         loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in applied.loads)
         return self.lay.mechanism.mass * float(np.linalg.norm(applied.g)) + sum(loads)
 
@@ -313,7 +348,7 @@ class TracedWork:
         """The same with some samples answered by the array solver."""
         if not rows.size:
             return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
-        work = Work(self._under(loads, rows), motion.part(rows), self.lay)
+        work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
         part = work.part(slice(None))
         for name, array in part.values.items():
             values[name][rows] = array
@@ -327,17 +362,6 @@ class TracedWork:
         for name, x in forces.items():
             x[rows] = part.trust.forces.get(name, 1.0)
         return Part(values, replace(trust, forces=forces, **arrays), rows[part.doubtful], part.moved)
-
-    def _under(self, loads: Array | None, rows: Rows) -> Problem:
-        """The problem with the loads of some samples."""
-        if loads is None:
-            return self.problem
-        each = np.split(loads[:, rows].T, 2 * len(self.problem.applied.loads), axis=1)
-        some = tuple(
-            replace(load, force=force, torque=torque)
-            for load, force, torque in zip(self.problem.applied.loads, each[::2], each[1::2], strict=True)
-        )
-        return replace(self.problem, applied=replace(self.problem.applied, loads=some))
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
@@ -393,7 +417,7 @@ def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
         return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
 
     labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
-    found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.question.length)
+    found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.length)
     return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))
 
 
