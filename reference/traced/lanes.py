@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,8 +44,15 @@ class Lanes:
             elif at[x] is not row:
                 self.code.append((np.copyto, (row, at[x])))
 
-    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """Runs all samples. Shapes (m, n) each, in the order of the program."""
+    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+        """What runs all samples of some arrays, again and again.
+
+        Args:
+            inputs, outputs: Shapes (m, n) each, in the order of the program.
+        """
+        return partial(self._run, inputs, outputs)
+
+    def _run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
         with np.errstate(all="ignore"):
             for start in range(0, inputs[0].shape[1], self.chunk):
                 rows = slice(start, start + self.chunk)

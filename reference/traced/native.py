@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -121,24 +121,35 @@ class Native:
             raise RuntimeError("the code has no entry")
         self.function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(address)
 
-    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """Runs all samples. Shapes (m, n) each, in the order of the program; a row's numbers lie side by side."""
+    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+        """What runs all samples of some arrays, again and again: the arrays have to stay.
+
+        Args:
+            inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
+        """
         n = inputs[0].shape[1]
         whole = n - n % self.width
-        if whole:
-            self._run(inputs, outputs, whole // self.width)
-        if whole < n:
-            last = [np.repeat(block[:, -1:], self.width, axis=1) for block in inputs]
-            found = [np.empty((len(block), self.width)) for block in outputs]
-            for block, padded in zip(inputs, last, strict=True):
-                padded[:, : n - whole] = block[:, whole:]
-            self._run(last, found, 1)
-            for block, padded in zip(outputs, found, strict=True):
-                block[:, whole:] = padded[:, : n - whole]
-
-    def _run(self, inputs: Sequence[Array], outputs: Sequence[Array], count: int) -> None:
         source, target = _rows(inputs), _rows(outputs)
-        self.function(source.ctypes.data, target.ctypes.data, count)
+        arguments = source.ctypes.data, target.ctypes.data, whole // self.width
+        last = [np.empty((len(block), self.width)) for block in inputs]
+        found = [np.empty((len(block), self.width)) for block in outputs]
+        last_rows, found_rows = _rows(last), _rows(found)
+        rest = last_rows.ctypes.data, found_rows.ctypes.data, 1
+
+        def run() -> None:
+            if whole:
+                self.function(*arguments)
+            if whole < n:
+                for block, padded in zip(inputs, last, strict=True):
+                    padded[:] = block[:, -1:]
+                    padded[:, : n - whole] = block[:, whole:]
+                self.function(*rest)
+                for block, padded in zip(outputs, found, strict=True):
+                    block[:, whole:] = padded[:, : n - whole]
+
+        # the tables of pointers live as long as what uses them
+        run.kept = source, target, last_rows, found_rows  # type: ignore[attr-defined]
+        return run
 
     def again(self) -> Native:
         """One that may run at the same time: itself."""

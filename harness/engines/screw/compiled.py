@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.engines.estimate import Part, errors
-from screwgauge.engines.screw.traced import ArrayWork, TracedWork
+from screwgauge.engines.screw.traced import ArrayWork, TracedWork, columns
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -21,7 +21,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
 
 #: Samples worked on at a time, whatever is given: memory stays constant.
-PART = 2048
+PART = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ class Solver:
 
     def buffers(self, n: int) -> dict[str, Array]:
         """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
-        return {name: np.empty((len(self.components[name]), n)).T for name in self.quantities}
+        return {name: columns(n, len(self.components[name])) for name in self.quantities}
 
     def __call__(
         self,
@@ -102,56 +102,58 @@ class Solver:
         Raises:
             ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
         """
-        motion = self._motion(y, yd, ydd)
-        loads = None if load is None else self._loads(load, len(motion))
-        values = self.buffers(len(motion)) if out is None else self._checked(out, len(motion))
-        works = self._works(loaded=loads is not None)
-        bounds = np.linspace(0, len(motion), self.threads + 1).astype(int)
+        n = len(y)
+        for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
+            _check_array(array, (n, len(self.scene.mechanism.independent)), name)
+        inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
+        values = self.buffers(n) if out is None else self._checked(out, n)
+        works = self._works(loaded=load is not None)
+        bounds = [n * i // self.threads for i in range(self.threads + 1)]
         for work in works:
             work.by_array.clear()
 
         def run(i: int) -> list[Part]:
-            return self._run(works[i], range(bounds[i], bounds[i + 1], PART), motion, loads, values)
+            return self._run(works[i], slice(bounds[i], bounds[i + 1]), inputs, values, estimates)
 
         if self.threads == 1:
             parts = run(0)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
                 parts = [part for found in pool.map(run, range(self.threads)) for part in found]
-        table, counts = works[0].names(), sum((work.by_array for work in works), start=Counter[str]())
-        estimate = {
-            name: errors(name, parts, Values(*table[name], values[name].copy()), works[0].length)[0]
-            for name in (self.quantities if estimates else ())
-        }
-        return Answer(values, counts, estimate)
+        estimate = self._estimates(works[0], parts, values) if estimates else {}
+        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), estimate)
+
+    def _estimates(
+        self, work: TracedWork | ArrayWork, parts: list[Part], values: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        table = work.names()
+        return {name: errors(name, parts, Values(*table[name], x.view()), work.length)[0] for name, x in values.items()}
 
     def _run(
         self,
         work: TracedWork | ArrayWork,
-        starts: range,
-        motion: GivenMotion,
-        loads: Array | None,
+        rows: slice,
+        inputs: Sequence[Array],
         values: Mapping[str, Array],
+        estimates: bool,
     ) -> list[Part]:
         """Solves some samples part after part, and fills in their values."""
-        parts = []
-        for start in starts:
-            some = slice(start, min(start + PART, starts.stop))
-            into = {name: array[some] for name, array in values.items()}
-            flat = all(array.strides[0] == array.itemsize for array in into.values())
-            mine = None if loads is None else np.ascontiguousarray(loads[:, some])
-            parts.append(work.part(motion.part(some), mine, into if flat else None))
+        parts, n = [], len(inputs[0])
+        flat = all(array.strides[0] == array.itemsize for array in values.values())
+        for start in range(rows.start, rows.stop, PART):
+            some = slice(start, min(start + PART, rows.stop))
+            whole = some == slice(0, n)
+            given = inputs if whole else [array[some] for array in inputs]
+            into = values if whole else {name: array[some] for name, array in values.items()}
+            if flat and not estimates and work.fill(given, into):
+                continue
+            motion = GivenMotion(np.arange(some.start, some.stop, dtype=float), *(x.copy() for x in given[:3]))
+            loads = np.ascontiguousarray(given[3].T) if len(given) > 3 else None
+            parts.append(work.part(motion, loads, into if flat else None))
             if not flat:
                 for name, array in parts[-1].values.items():
                     into[name][:] = array
         return parts
-
-    def _motion(self, *arrays: Array) -> GivenMotion:
-        k = len(self.scene.mechanism.independent)
-        n = len(arrays[0])
-        for name, array in zip(("y", "yd", "ydd"), arrays, strict=True):
-            _check_array(array, (n, k), name)
-        return GivenMotion(np.arange(n, dtype=float), *(array.view() for array in arrays))
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -160,7 +162,7 @@ class Solver:
         load = np.asarray(load)
         wide = np.broadcast_to(load, (n, m)) if load.shape == (m,) else load
         _check_array(wide, (n, m), "load")
-        return np.ascontiguousarray(wide.T)
+        return wide
 
     def _checked(self, out: Mapping[str, Array], n: int) -> Mapping[str, Array]:
         if out.keys() != {*self.quantities}:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,8 +46,8 @@ NEAR = 0.2
 class Runner(Protocol):
     """What runs a program."""
 
-    def run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """Shapes (m, n) each, in the order of the program."""
+    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+        """What runs the samples of some arrays. Shapes (m, n) each, in the order of the program."""
 
     def again(self) -> Runner:
         """One that may run at the same time."""
@@ -121,6 +121,14 @@ class Numbers:
         return np.sqrt(self.checks[CHECKS.index(name)])
 
 
+def columns(n: int, m: int) -> Array:
+    """An array of shape (n, m) in which the numbers of one column lie side by side.
+
+    Columns are not a whole number of pages apart: these would share the same few lines of the cache.
+    """
+    return np.empty((m, n + 8))[:, :n].T
+
+
 def under(problem: Problem, loads: Array | None) -> Problem:
     """A problem under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
     if loads is None:
@@ -151,9 +159,28 @@ class ArrayWork:
             array[:] = found.values[name]
         return found
 
+    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """As `TracedWork.fill`."""
+        return False
+
     def again(self) -> ArrayWork:
         """The same for another thread."""
         return copy(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """A program bound to arrays that are used again.
+
+    Attributes:
+        key, values: Which arrays these are; they are kept, so that no others can take their place.
+    """
+
+    key: tuple[int, ...]
+    values: Mapping[str, Array]
+    inputs: Array
+    checks: Array
+    run: Callable[[], None]
 
 
 class TracedWork:
@@ -195,6 +222,7 @@ class TracedWork:
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
         self.by_array: Counter[str] = Counter()
+        self.bound: Bound | None = None
         self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
         constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
         loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
@@ -204,7 +232,7 @@ class TracedWork:
     def again(self) -> TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
         other = copy(self)
-        other.clock, other.by_array = Clock(), Counter()
+        other.clock, other.by_array, other.bound = Clock(), Counter(), None
         other.predictor = None if self.predictor is None else Predictor(self.lay)
         other.runner = self.runner.again()
         return other
@@ -255,6 +283,11 @@ class TracedWork:
 
     def _clear(self, checks: Array) -> bool:
         """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
+        worst = (self._weights @ checks).max(initial=0.0)  # NaN where any is
+        return bool(worst <= 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2)
+
+    @cached_property
+    def _weights(self) -> Array:
         ratio, most = self.ratio, SAFETY * CLEAR
         limits = {
             "gain": (most / ratio.gain) ** 2,
@@ -265,14 +298,12 @@ class TracedWork:
             "balance": (BALANCED * ratio.load * self.weight) ** 2,
             "charts": most**2,
         }
-        with np.errstate(all="ignore"):
-            weights = np.array([1.0 / limits[name] if name in limits else 0.0 for name in CHECKS])
-            return bool((weights @ checks <= 1.0 - self.spare_charts / most**2).all())
+        return np.array([1.0 / limits.get(name, np.inf) for name in CHECKS])
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
         places = self.traced.places
-        return {name: np.empty((places[name].stop - places[name].start, n)).T for name in self.wanted}
+        return {name: columns(n, places[name].stop - places[name].start) for name in self.wanted}
 
     def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> Numbers:
         """Runs the program.
@@ -286,7 +317,7 @@ class TracedWork:
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
         reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
-        self.runner.run(inputs, [reached, *(values[name].T for name in self.wanted), checks])
+        self.runner.bind(inputs, [reached, *(values[name].T for name in self.wanted), checks])()
         found = Numbers(checks)
         if predicted and not self._clear(checks):  # once more from where Newton's method came to
             with np.errstate(all="ignore"):
@@ -296,7 +327,7 @@ class TracedWork:
                 inputs[3] = reached
                 some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
                 again = np.empty((len(CHECKS), len(rows)))
-                self.runner.run(some, [some[3].copy(), *(array.T for array in arrays.values()), again])
+                self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
                 checks[:, rows] = again
                 for name, array in arrays.items():
                     values[name][rows] = array
@@ -306,6 +337,29 @@ class TracedWork:
     def arrived(self) -> float:
         """Largest closure residual that rounding makes of all rows."""
         return float(ARRIVED * max(self.lay.loop.shape[0] * 6, 1) ** 0.5)
+
+    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """Fills arrays with the values of some samples, if none of these is doubtful or has to be predicted.
+
+        Args:
+            inputs: y, yd, ydd and, if the samples have their own, loads. Shape (n, m) each.
+
+        Returns:
+            Whether it did; if not, `part` is to be asked.
+        """
+        if self.predictor is not None:
+            return False
+        n, key = len(inputs[0]), tuple(map(id, values.values()))
+        if self.bound is None or self.bound.key != key:
+            given, checks = columns(n, self.traced.program.inputs).T, columns(n, len(CHECKS)).T
+            outputs = [given[:0], *(values[name].T for name in self.wanted), checks]
+            self.bound = Bound(key, values, given, checks, self.runner.bind([given], outputs))
+        row = 0
+        for array in inputs:
+            self.bound.inputs[row : row + array.shape[1]] = array.T
+            row += array.shape[1]
+        self.bound.run()
+        return self._clear(self.bound.checks)
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
         """Some samples that follow those before.
