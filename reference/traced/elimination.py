@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.vectors import Scalar, squares
 
@@ -20,10 +21,6 @@ SMALLEST = 1e-6
 
 Entries = dict[tuple[int, int], Scalar]
 """(row, column) -> entry that is not structurally zero."""
-
-
-def _sizes(x: Scalar) -> np.ndarray:
-    return np.abs(np.atleast_1d(np.asarray(getattr(x, "value", x), dtype=float)))
 
 
 class Factors:
@@ -57,6 +54,7 @@ class Factors:
         self.pivots: list[tuple[int, int]] = []
         self.inverse: list[Scalar] = []
         self.spare, self.unit, self.size, self.smallest = list(range(len(unit))), unit, size, smallest
+        self.sizes: dict[tuple[int, int], tuple[Scalar, Array]] = {}
         for stage in stages:
             open_columns = set(stage)
             while open_columns:
@@ -66,12 +64,8 @@ class Factors:
 
     def _choose(self, columns: Collection[int]) -> tuple[int, int]:
         """Markowitz' choice among the entries that are large in their column at every sample."""
-        active = [
-            (key, _sizes(x) * (self.size[key[1]] / self.unit[key[0]]))
-            for key, x in self.left.items()
-            if key[0] in self.spare and key[1] in columns
-        ]
-        largest, in_row, in_column = dict[int, np.ndarray](), dict[int, int](), dict[int, int]()
+        active = [(key, self._size(key)) for key in self.left if key[0] in self.spare and key[1] in columns]
+        largest, in_row, in_column = dict[int, Array](), dict[int, int](), dict[int, int]()
         for (row, column), size in active:
             largest[column] = np.maximum(largest.get(column, np.zeros(1)), size)
             in_row[row], in_column[column] = in_row.get(row, 0) + 1, in_column.get(column, 0) + 1
@@ -87,6 +81,15 @@ class Factors:
         if found is None:
             raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
         return found
+
+    def _size(self, key: tuple[int, int]) -> Array:
+        """Magnitude of an entry at the samples, without dimension."""
+        known = self.sizes.get(key)
+        if known is None or known[0] is not self.left[key]:
+            x = self.left[key]
+            value = np.abs(np.atleast_1d(np.asarray(getattr(x, "value", x), dtype=float)))
+            self.sizes[key] = known = (x, value * (self.size[key[1]] / self.unit[key[0]]))
+        return known[1]
 
     def _eliminate(self, row: int, column: int) -> None:
         pivot = self.left.pop((row, column))

@@ -42,6 +42,9 @@ from screwgauge.reference.traced.vectors import (
     vector,
 )
 
+#: Redundant constraint forces times all of them: the smallest norm costs several operations for each pair.
+MOST_REDUNDANT = 1500
+
 
 @dataclass(frozen=True, eq=False)
 class Question:
@@ -297,7 +300,8 @@ class Constraints:
         self.between = [(cuts[c], row) for c, row in zip(self.pose.owners, self.pose.rows, strict=True)]
         mechanism, n = self.question.lay.mechanism, len(self.question.lay.mechanism.joints)
         eye = [np.eye(3)[None]] * n
-        self.components = reaction_components(mechanism.joints, eye, eye, [np.zeros((1, 3))] * n)
+        with np.errstate(invalid="ignore"):  # of a pose that is none: names are wanted, no directions
+            self.components = reaction_components(mechanism.joints, eye, eye, [np.zeros((1, 3))] * n)
         self.amounts = self._amounts()
         self.values, self.rest = self._read(self.amounts, particular=True)
 
@@ -312,6 +316,10 @@ class Constraints:
         found = factors.solve_transposed({i: tau[i] for i in columns})
         if not factors.spare:
             return found
+        redundant = len(factors.spare) * len(self.components.names)
+        if redundant > MOST_REDUNDANT:
+            what = f"{len(factors.spare)} of its constraint forces are redundant"
+            raise NotTraceableError(what, self.question.lay.mechanism.name, "use backend array")
         size = [self.question.length if unit == "N m" else 1.0 for unit in self.components.units]
         own = [x * (1.0 / s) for x, s in zip(self._read(found, particular=True)[0], size, strict=True)]
         zero = dict.fromkeys(columns, 0.0)

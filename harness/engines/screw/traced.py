@@ -30,6 +30,7 @@ from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program
 from screwgauge.reference.traced.tracing import CHECKS, Traced, traced
+from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Clock, Solution
 from screwgauge.truth import cache
 
@@ -207,17 +208,12 @@ class TracedWork:
         self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
         self.wanted = [name for name in GIVEN if name in problem.wanted]
         system = home_equations(lay)
-        rows = np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int))
-        some = motion.part(rows)
         with self.clock.stage("tracing"):
-            work = Work(problem, some, lay)
-            part = work.part(slice(None))
-            self.names = work.names
-            (g,) = (tuple(float(x) for x in problem.applied.g),)
-            self.question = Question(
-                lay, system.fixed, [*map(float, system.size)], system.length, g, problem.applied.loads, _open(lay)
-            )
-            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, work.assembly[0]), loaded=loaded)
+            some, trust, q = self._anchors(motion)
+            g = vector(problem.applied.g)
+            size = [*map(float, system.size)]
+            self.question = Question(lay, system.fixed, size, system.length, g, problem.applied.loads, _open(lay))
+            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
@@ -226,8 +222,21 @@ class TracedWork:
         self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
         constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
         loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
-        numbers = self._run(some, np.ascontiguousarray(work.assembly[0].T), loads, self.arrays(len(some)))
-        self.ratio = self._compared(numbers, part.trust)
+        self.ratio = self._compared(self._run(some, q.T, loads, self.arrays(len(some))), trust)
+
+    def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
+        """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
+
+        Raises:
+            NotTraceableError: There is none.
+        """
+        some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
+        work = Work(self.problem, some, self.lay)
+        self.names, trust = work.names, work.part(slice(None)).trust
+        clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
+        if not clear.size:
+            raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
+        return some.part(clear), trust.rows(clear), work.assembly[0][clear]
 
     def again(self) -> TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
@@ -406,16 +415,7 @@ class TracedWork:
         part = work.part(slice(None))
         for name, array in part.values.items():
             values[name][rows] = array
-        arrays = {
-            name: getattr(trust, name) + np.zeros(len(motion))
-            for name in ("condition", "gain", "charts", "speed", "rush", "load")
-        }
-        for name, array in arrays.items():
-            array[rows] = getattr(part.trust, name)
-        forces = {name: x.copy() for name, x in trust.forces.items()}
-        for name, x in forces.items():
-            x[rows] = part.trust.forces.get(name, 1.0)
-        return Part(values, replace(trust, forces=forces, **arrays), rows[part.doubtful], part.moved)
+        return Part(values, trust.with_rows(rows, part.trust), rows[part.doubtful], part.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
