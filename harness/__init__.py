@@ -21,7 +21,18 @@ if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
 
-__all__ = ["Limits", "Results", "Scene", "ScrewgaugeError", "compile", "exciting", "load_scene", "random", "run", "stream"]
+__all__ = [
+    "Limits",
+    "Results",
+    "Scene",
+    "ScrewgaugeError",
+    "compile",
+    "exciting",
+    "load_scene",
+    "random",
+    "run",
+    "stream",
+]
 
 _HOMES = {
     "Limits": "screwgauge.study.apart",

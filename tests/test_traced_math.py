@@ -33,7 +33,7 @@ def ulps(found, expected):
 @pytest.fixture(scope="module")
 def angles():
     rng = np.random.default_rng(0)
-    spread = np.concatenate([rng.uniform(-10.0**k, 10.0**k, 2000) for k in range(-6, 7)])
+    spread = np.concatenate([rng.uniform(-(10.0**k), 10.0**k, 2000) for k in range(-6, 7)])
     quarters = np.arange(-636000, 636000, 997) * (np.pi / 2)  # next to their zeros
     return np.concatenate([spread, quarters, [0.0, -0.0, 1e6, -1e6]])
 

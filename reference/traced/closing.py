@@ -1,4 +1,4 @@
-"""A joint that closes a loop: the wrenches reciprocal to its freedoms, what they leave open, and its own coordinates."""
+"""A joint that closes a loop: wrenches reciprocal to its freedoms, what is open along them, its own coordinates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from screwgauge.reference.traced.vectors import (
     dot,
     matrix,
     product,
-    rotation,
     scale,
     sqrt,
     sub,

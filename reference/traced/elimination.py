@@ -128,7 +128,7 @@ class Factors:
             z.append(open_tau[column] * self.inverse[k])
             for c, y in self.upper[k]:
                 open_tau[c] = open_tau[c] - y * z[k]
-        x = {row: 0.0 for row in self.spare} | dict(free or {})
+        x = dict.fromkeys(self.spare, 0.0) | dict(free or {})
         for k, (row, _) in reversed([*enumerate(self.pivots)]):
             x[row] = z[k] - sum((factor * x[r] for r, factor in self.lower[k]), start=0.0)
         return [x[row] for row in sorted(x)]

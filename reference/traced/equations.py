@@ -16,7 +16,7 @@ import numpy as np
 
 from screwgauge.reference.applied import Load
 from screwgauge.reference.graph import Edge
-from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.traced import closing
@@ -34,6 +34,7 @@ from screwgauge.reference.traced.vectors import (
     cross,
     dot,
     matrix,
+    rotation,
     scale,
     squares,
     sub,
@@ -166,7 +167,7 @@ def wrench_of_inertia(question: Question, name: str, at: Motion) -> Wrench:
 
 def wrench_of_load(question: Question, load: Load, at: Motion) -> Wrench:
     """A load in the axes of its body."""
-    force, torque = turn_back(at.R, tuple(load.force)), turn_back(at.R, tuple(load.torque))  # type: ignore[arg-type]
+    force, torque = turn_back(at.R, tuple(load.force)), turn_back(at.R, tuple(load.torque))
     point = question.lay.mechanism.body(load.body).com if load.point is None else load.point
     return force, add(torque, cross(vector(point), force))
 
@@ -206,7 +207,7 @@ class Dynamics:
     @cached_property
     def cut_values(self) -> dict[int, tuple[Scalar, Scalar, Scalar]]:
         """Column of a cut joint -> coordinate, rate and acceleration."""
-        found = {}
+        found = dict[int, tuple[Scalar, Scalar, Scalar]]()
         for c, cut in enumerate(self.at.cuts):
             parent, child = self.at.sides[c]
             columns, chart = self.lay.columns[cut.joint.name], cut.chart()
@@ -271,6 +272,10 @@ class Dynamics:
         gram = [[sum((row[i] * row[j] for row in B), start=0.0) for j in range(k)] for i in range(k)]
         self.drive, amounts = solve(gram, self.generalized)
         return [sum((x * amount for x, amount in zip(row, amounts, strict=True)), start=0.0) for row in B]
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        return Constraints(self)
 
     def bodies(self, what: str) -> list[Scalar]:
         """World components of a vector of each body: ``w``, ``b``, or ``a`` of the centre of mass."""
@@ -356,43 +361,52 @@ class Constraints:
         mechanism = self.question.lay.mechanism
         return [next(each[mechanism.joints[i].name]) for i in self.components.joints], rest
 
-    def _cut_drives(self) -> list[tuple[object, Scalar]]:
+    def _cut_drives(self) -> list[tuple[Joint, Scalar]]:
         mechanism = self.question.lay.mechanism
         pairs = zip(mechanism.actuators, self.dynamics.forces, strict=True)
         return [(joint, force) for joint, force in pairs if joint in self.question.lay.tree.cuts]
 
-    def _components(self, joint, joints, cut_values) -> list[Scalar]:
-        """Components of one joint, in the order of `reactions`."""
+    def _components(
+        self, joint: Joint, joints: Mapping[str, Wrench], amounts: Mapping[str, Sequence[Scalar]]
+    ) -> list[Scalar]:
+        """Components of one joint, in the order of `reactions`.
+
+        Args:
+            joints: Wrench of parent on child of each tree joint, in its frame of the child.
+            amounts: Of the wrenches of each cut joint.
+        """
         if joint.kind == "F":
             return []
         axis = vector(joint.axes[0])
-        frame = matrix(joint.child_frame.R)
-        R = self.at.motions[joint.child].R
         if joint.name in joints:
-            force, moment = joints[joint.name]
-            world = turn(R, turn(frame, force))
-            normal = None
-            if joint.kind == "U":
-                s, c = self.at.q.angle[self.question.lay.columns[joint.name][1]]
-                second = vector(joint.axes[1])
-                normal = turn_back(closing.rotation(second, s, c), cross(axis, second))
+            (force, moment), world, normal = self._of_tree(joint, joints[joint.name])
         else:
-            c = self.question.lay.tree.cuts.index(joint)
-            cut, amounts = self.at.cuts[c], cut_values[joint.name]
-            rows = [row for other, row in self.between if other is cut]
-            force, moment = NOTHING
-            for row, amount in zip(rows, amounts, strict=True):
-                force = add(force, scale(amount, row.u)) if row.force else force
-                moment = moment if row.force else add(moment, scale(amount, row.u))
-            world = turn(self.at.sides[c][1 if cut.outer else 0].R, force)
-            normal = rows[-1].u
-            if not cut.outer:
-                force, moment = turn_back(cut.M, force), turn_back(cut.M, moment)
-            if joint.kind == "U":
-                return [*world, amounts[-1]]
+            (force, moment), world, normal = self._of_cut(joint, amounts[joint.name])
         forces = [dot(u, force) for u in closing.across(axis)] if joint.kind in "PC" else [*world]
-        if joint.kind == "U":
-            return [*forces, dot(normal, moment)]
-        if joint.kind in "RC":
-            return forces + [dot(u, moment) for u in closing.across(axis)]
-        return forces + [*moment] if joint.kind == "P" else forces
+        moments = {"U": [dot(normal, moment)], "P": [*moment], "S": []}
+        return forces + moments.get(joint.kind, [dot(u, moment) for u in closing.across(axis)])
+
+    def _of_tree(self, joint: Joint, wrench: Wrench) -> tuple[Wrench, Vector, Vector]:
+        """Wrench in the joint's frame of the child, its force in the world, and the direction of a U joint's moment."""
+        world = turn(self.at.motions[joint.child].R, turn(matrix(joint.child_frame.R), wrench[0]))
+        if joint.kind != "U":
+            return wrench, world, ZERO
+        s, c = self.at.q.angle[self.question.lay.columns[joint.name][1]]
+        first, second = (vector(axis) for axis in joint.axes)
+        return wrench, world, turn_back(rotation(second, s, c), cross(first, second))
+
+    def _of_cut(self, joint: Joint, amounts: Sequence[Scalar]) -> tuple[Wrench, Vector, Vector]:
+        """The same of a cut joint."""
+        c = self.question.lay.tree.cuts.index(joint)
+        cut, (force, moment) = self.at.cuts[c], NOTHING
+        rows = [row for other, row in self.between if other is cut]
+        for row, amount in zip(rows, amounts, strict=True):
+            if row.force:
+                force = add(force, scale(amount, row.u))
+            else:
+                moment = add(moment, scale(amount, row.u))
+        world = turn(self.at.sides[c][cut.outer].R, force)
+        if joint.kind == "U":  # its direction is a unit vector where the loop is closed
+            return ((force, (amounts[-1], 0.0, 0.0)), world, (1.0, 0.0, 0.0))
+        wrench = (force, moment) if cut.outer else (turn_back(cut.M, force), turn_back(cut.M, moment))
+        return wrench, world, ZERO

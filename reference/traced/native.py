@@ -40,7 +40,7 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int) -> str:
-    """The program as LLVM's intermediate code: ``samples(inputs, outputs, count)``, a pointer to each row of numbers."""
+    """The program for LLVM: ``samples(inputs, outputs, count)``, the first two being pointers to rows of numbers."""
     import llvmlite.ir as ir
 
     module = ir.Module("screwgauge")

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.applied import Load
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import Row
 from screwgauge.reference.traced.crossing import Coordinates, Wrench
-from screwgauge.reference.traced.equations import Closed, Constraints, Dynamics, Question, coordinates, measured, newton
+from screwgauge.reference.traced.equations import Closed, Dynamics, Question, coordinates, measured, newton
 from screwgauge.reference.traced.legs import closed_coordinates, has_closed_form
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Trace
@@ -59,7 +59,7 @@ def traced(
     moved: Scalar = 0.0
     if has_closed_form(lay, question.fixed):
         q, pairs = closed_coordinates(lay, given)
-        values = given | dict(q.slide) | {c: pair for c, pair in pairs.items()}
+        values = given | dict(q.slide) | pairs
     else:
         predicted = tuple(question.dependent)
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
@@ -67,12 +67,11 @@ def traced(
         q, values = coordinates(lay, found | rest(question)), dict(found)
         moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
     if loaded:
-        ones = np.ones(len(samples[0]))
-        given_loads = [([trace.input(x * ones) for x in load.force], [trace.input(x * ones) for x in load.torque])
-                       for load in question.loads]
-        question = replace(question, loads=tuple(replace(load, force=f, torque=m)
-                           for load, (f, m) in zip(question.loads, given_loads, strict=True)))
-    outputs = {"reached": [values[c] for c in predicted]} | everything(question, wanted, q, values, yd, ydd, moved, not predicted)
+        question = replace(question, loads=tuple(_given(trace, load, len(samples[0])) for load in question.loads))
+    dynamics = Dynamics(question, q, yd, ydd)
+    outputs = {"reached": [values[c] for c in predicted]} | everything(dynamics, wanted, values | rest(question))
+    residuals = Closed(question, TreeAt(lay, q, closed=not predicted)).rows
+    outputs |= checks(dynamics, moved, residuals, balanced="reaction" in wanted)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
@@ -85,11 +84,19 @@ def rest(question: Question) -> dict[int, float]:
     return {c: float(question.lay.mechanism.home[c]) for c in question.fixed}
 
 
-def everything(question, wanted, q: Coordinates, values, yd, ydd, moved, closed) -> dict[str, list[Scalar]]:
-    """Quantity or check -> its numbers, in the order of its components."""
-    lay = question.lay
-    found = Dynamics(question, q, yd, ydd)
-    tree = values | rest(question)
+def _given(trace: Trace, load: Load, n: int) -> Load:
+    """A load whose force and torque are inputs."""
+    force, torque = ([trace.input(np.full(n, x)) for x in vector] for vector in (load.force, load.torque))
+    return replace(load, force=force, torque=torque)  # type: ignore[arg-type]
+
+
+def everything(found: Dynamics, wanted: Collection[str], tree: Mapping[int, Scalar]) -> dict[str, list[Scalar]]:
+    """Quantity -> its numbers, in the order of its components.
+
+    Args:
+        tree: Tree coordinates, or their (sine, cosine).
+    """
+    lay = found.lay
     count = range(len(lay.mechanism.coordinates))
     cut = found.cut_values if lay.tree.cuts else {}
     out = dict[str, list[Scalar]]()
@@ -108,33 +115,30 @@ def everything(question, wanted, q: Coordinates, values, yd, ydd, moved, closed)
         if name in wanted:
             out[name] = found.bodies(what)
     if "tree_force" in wanted or "tree_force_soft" in wanted:
-        force = open_forces(question, found)
+        force = open_forces(found)
         out |= {name: force for name in ("tree_force", "tree_force_soft") if name in wanted}
     if "generalized_force" in wanted:
         out["generalized_force"] = found.generalized
     if "actuator_force" in wanted:
         out["actuator_force"] = found.forces
-    balance: Scalar = 0.0
     if "reaction" in wanted:
-        constraints = Constraints(found)
-        out["reaction"] = constraints.values
-        balance = balance_left(question, found, constraints.rest)
-    return out | checks(question, found, balance, moved, Closed(question, TreeAt(lay, q, closed=closed)).rows)
+        out["reaction"] = found.constraints.values
+    return out
 
 
-def balance_left(question: Question, found: Dynamics, rest: Mapping[int, Scalar]) -> Scalar:
+def balance_left(found: Dynamics) -> Scalar:
     """Square of what is left along the tree's coordinates when actuators and constraint forces act."""
-    left = dict(rest)
+    left = dict(found.constraints.rest)
     for row, force in zip(found.drives, found.forces, strict=True):
         if len(row) == 1:
             (i,) = row
             left[i] = left[i] - force
-    return measured(left, question.size)
+    return measured(left, found.question.size)
 
 
-def checks(question: Question, found: Dynamics, balance: Scalar, moved: Scalar, rows: Sequence[Row]) -> dict[str, list[Scalar]]:
-    """What every sample says of itself."""
-    size = question.size
+def checks(found: Dynamics, moved: Scalar, residuals: Sequence[Row], *, balanced: bool) -> dict[str, list[Scalar]]:
+    """What every sample says of itself, see `CHECKS`."""
+    size = found.question.size
     charts = 0.0
     for cut in found.at.cuts:
         if cut.joint.kind == "S":
@@ -144,8 +148,8 @@ def checks(question: Question, found: Dynamics, balance: Scalar, moved: Scalar, 
         *found.pose.gains(),
         found.drive,
         moved,
-        measured({i: row.residual for i, row in enumerate(rows)}, found.pose.unit),
-        balance,
+        measured({i: row.residual for i, row in enumerate(residuals)}, found.pose.unit),
+        balance_left(found) if balanced else 0.0,
         charts,
         measured(found.v, size),
         measured(found.a, size),
@@ -153,9 +157,9 @@ def checks(question: Question, found: Dynamics, balance: Scalar, moved: Scalar, 
     return {name: [number] for name, number in zip(CHECKS, numbers, strict=True)}
 
 
-def open_forces(question: Question, found: Dynamics) -> list[Scalar]:
+def open_forces(found: Dynamics) -> list[Scalar]:
     """Forces along the coordinates of the open tree, from inertia and gravity alone."""
-    lay = question.lay
+    question, lay = found.question, found.lay
     angle = dict(found.at.q.angle)
     slide = dict(found.at.q.slide)
     for cut in found.at.cuts:

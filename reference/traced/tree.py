@@ -71,7 +71,9 @@ class TreeAt:
             together = self.closed and joint.kind not in "PC"
             d: Vector = ZERO if together else turn_back(parent.R, sub(child.p, parent.p))
             # the rows of a joint that slides are derivatives of its residuals in the axes of its parent only
-            outer = joint.kind not in "PC" and len(self._own(joint.child, joint.parent)) >= len(self._own(joint.parent, joint.child))
+            outer = joint.kind not in "PC" and len(self._own(joint.child, joint.parent)) >= len(
+                self._own(joint.parent, joint.child)
+            )
             cuts.append(Cut(joint, relative(parent.R, child.R), d, outer))
         return cuts
 
@@ -122,9 +124,7 @@ class TreeAt:
                 on[body] = plus(on.get(body, NOTHING), moved, sign * amount)
         return on
 
-    def inward(
-        self, wrenches: Mapping[str, Wrench], joints: dict[str, Wrench] | None = None
-    ) -> dict[int, Scalar]:
+    def inward(self, wrenches: Mapping[str, Wrench], joints: dict[str, Wrench] | None = None) -> dict[int, Scalar]:
         """Power of wrenches on bodies per rate of each tree coordinate.
 
         Args:

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.rotations import Array
+
 Scalar = Any
 """A float, an array over samples, or a `trace.Node`."""
 Vector = tuple[Scalar, Scalar, Scalar]
@@ -34,12 +36,12 @@ def sqrt(x: Scalar) -> Scalar:
     return apply("sqrt", x)
 
 
-def vector(values: Sequence[float]) -> Vector:
+def vector(values: Array | Sequence[float]) -> Vector:
     x, y, z = (float(v) for v in values)
     return x, y, z
 
 
-def matrix(rows: Sequence[Sequence[float]]) -> Matrix:
+def matrix(rows: Array | Sequence[Sequence[float]]) -> Matrix:
     x, y, z = (vector(row) for row in rows)
     return x, y, z
 

@@ -182,7 +182,7 @@ def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
         raise DescriptionError(f"its shape is {array.shape}, not {shape}", where, "give a row for each sample")
 
 
-def compile(  # noqa: A001
+def compile(
     scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
 ) -> Solver:
     """A fast function for the inverse dynamics of a scene.

@@ -25,7 +25,6 @@ from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, Values
 
-
 BACKENDS = ("array", "numpy", "llvm")
 
 

@@ -27,7 +27,7 @@ class Predictor:
         way = np.abs(np.diff(y / size, axis=0)).max(axis=1, initial=0.0)
         share = np.cumsum(np.maximum(way / STEP, 1.0 / EVERY))
         new = np.flatnonzero(np.diff(np.floor(np.concatenate([[0.0], share]))))
-        return np.unique([0, *new, len(y) - 1])
+        return np.asarray(np.unique([0, *new, len(y) - 1]))
 
     def predict(self, motion: GivenMotion) -> Array:
         """Joint coordinates by Hermite's interpolation over the number of the sample. Shape (n, n_q).
@@ -51,7 +51,7 @@ class Predictor:
         def between(x: Array, rate: Array) -> Array:
             left, right = s * (1.0 - s) ** 2 * width, s * s * (s - 1.0) * width
             part = s * s * (3.0 - 2.0 * s)
-            return x[i] + part * (x[i + 1] - x[i]) + left * rate[i] + right * rate[i + 1]
+            return np.asarray(x[i] + part * (x[i + 1] - x[i]) + left * rate[i] + right * rate[i + 1])
 
         away = motion.y - between(some.y, slope)
         turned = (1.0 - s) * (K[i] @ away[..., None])[..., 0] + s * (K[i + 1] @ away[..., None])[..., 0]

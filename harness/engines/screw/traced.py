@@ -25,10 +25,10 @@ from screwgauge.reference.graph import Edge
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, Traced, traced
 from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Clock, Solution
@@ -52,7 +52,6 @@ class Runner(Protocol):
 
     def again(self) -> Runner:
         """One that may run at the same time."""
-
 
 
 def runner(program: Program, backend: str) -> tuple[Runner, str]:
@@ -119,7 +118,7 @@ class Numbers:
     checks: Array
 
     def __getitem__(self, name: str) -> Array:
-        return np.sqrt(self.checks[CHECKS.index(name)])
+        return np.asarray(np.sqrt(self.checks[CHECKS.index(name)]))
 
 
 def columns(n: int, m: int) -> Array:
@@ -146,7 +145,12 @@ class ArrayWork:
     """The array solver in the place of a program."""
 
     def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
-        self.lay, self.problem, self.reason, self.said = lay, problem, reason, f"all samples by the array solver: {reason}"
+        self.lay, self.problem, self.reason, self.said = (
+            lay,
+            problem,
+            reason,
+            f"all samples by the array solver: {reason}",
+        )
         self.length, self.by_array = home_equations(lay).length, Counter[str]()
         self.part(motion.part(slice(0, 1)))
 
@@ -431,12 +435,14 @@ class TracedWork:
             if swapped.any():
                 for name, places in self._middle[columns[1]].items():
                     if name in values:
-                        values[name][np.ix_(swapped, places)] *= -1.0
+                        values[name][np.ix_(np.flatnonzero(swapped), np.array(places, dtype=int))] *= -1.0
 
     @cached_property
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
         """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
-        tree = sorted(c for link in lay_out(self.lay.mechanism, "minimal").links for c in self.lay.columns[link.joint.name])
+        tree = sorted(
+            c for link in lay_out(self.lay.mechanism, "minimal").links for c in self.lay.columns[link.joint.name]
+        )
         found = {}
         for joint in self.lay.tree.cuts:
             column = self.lay.columns[joint.name][1:2]
