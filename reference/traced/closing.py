@@ -197,3 +197,12 @@ class Chart:
     def slide(self) -> Scalar:
         """Value of its slide."""
         return dot(vector(self.cut.joint.axes[0]), self.cut.d)
+
+
+def along(cut: Cut) -> tuple[Wrench, Wrench]:
+    """A unit of what acts along the freedom of a cut R or P joint, on child and on parent."""
+    axis = vector(cut.joint.axes[0])
+    on_child = turn_back(cut.M, axis)
+    if cut.joint.kind == "R":
+        return (ZERO, on_child), (ZERO, axis)
+    return (on_child, ZERO), (axis, cross(cut.d, axis))

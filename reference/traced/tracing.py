@@ -10,6 +10,7 @@ import numpy as np
 from screwgauge.reference.applied import Load
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import Row
+from screwgauge.reference.traced.constraints import Constraints
 from screwgauge.reference.traced.crossing import Coordinates, Wrench
 from screwgauge.reference.traced.equations import Closed, Dynamics, Question, coordinates, measured, newton
 from screwgauge.reference.traced.legs import closed_coordinates, has_closed_form
@@ -71,7 +72,11 @@ def traced(
     dynamics = Dynamics(question, q, yd, ydd)
     outputs = {"reached": [values[c] for c in predicted]} | everything(dynamics, wanted, values | rest(question))
     residuals = Closed(question, TreeAt(lay, q, closed=not predicted)).rows
-    outputs |= checks(dynamics, moved, residuals, balanced="reaction" in wanted)
+    left: Scalar = 0.0
+    if "reaction" in wanted:
+        constraints = Constraints(dynamics)
+        outputs["reaction"], left = constraints.values, balance_left(dynamics, constraints)
+    outputs |= checks(dynamics, moved, left, residuals)
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
@@ -91,7 +96,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 
 def everything(found: Dynamics, wanted: Collection[str], tree: Mapping[int, Scalar]) -> dict[str, list[Scalar]]:
-    """Quantity -> its numbers, in the order of its components.
+    """Quantity -> its numbers, in the order of its components; of constraint forces, see `Constraints`.
 
     Args:
         tree: Tree coordinates, or their (sine, cosine).
@@ -121,14 +126,12 @@ def everything(found: Dynamics, wanted: Collection[str], tree: Mapping[int, Scal
         out["generalized_force"] = found.generalized
     if "actuator_force" in wanted:
         out["actuator_force"] = found.forces
-    if "reaction" in wanted:
-        out["reaction"] = found.constraints.values
     return out
 
 
-def balance_left(found: Dynamics) -> Scalar:
+def balance_left(found: Dynamics, constraints: Constraints) -> Scalar:
     """Square of what is left along the tree's coordinates when actuators and constraint forces act."""
-    left = dict(found.constraints.rest)
+    left = dict(constraints.rest)
     for row, force in zip(found.drives, found.forces, strict=True):
         if len(row) == 1:
             (i,) = row
@@ -136,7 +139,7 @@ def balance_left(found: Dynamics) -> Scalar:
     return measured(left, found.question.size)
 
 
-def checks(found: Dynamics, moved: Scalar, residuals: Sequence[Row], *, balanced: bool) -> dict[str, list[Scalar]]:
+def checks(found: Dynamics, moved: Scalar, left: Scalar, residuals: Sequence[Row]) -> dict[str, list[Scalar]]:
     """What every sample says of itself, see `CHECKS`."""
     size = found.question.size
     charts = 0.0
@@ -149,7 +152,7 @@ def checks(found: Dynamics, moved: Scalar, residuals: Sequence[Row], *, balanced
         found.drive,
         moved,
         measured({i: row.residual for i, row in enumerate(residuals)}, found.pose.unit),
-        balance_left(found) if balanced else 0.0,
+        left,
         charts,
         measured(found.v, size),
         measured(found.a, size),

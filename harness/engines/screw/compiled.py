@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.engines.estimate import Part, errors
-from screwgauge.engines.screw.traced import ArrayWork, TracedWork, columns
+from screwgauge.engines.screw.programs import columns
+from screwgauge.engines.screw.traced import ArrayWork, TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice

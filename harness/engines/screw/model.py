@@ -12,7 +12,7 @@ from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
-from screwgauge.engines.screw.traced import NotTraceableError, solve_traced
+from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
@@ -23,6 +23,7 @@ from screwgauge.reference.forward import Forces, forces_at, forward, forward_den
 from screwgauge.reference.kinematics import accelerations, velocities
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values
 
 BACKENDS = ("array", "numpy", "llvm")

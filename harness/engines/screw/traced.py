@@ -7,126 +7,30 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
+from screwgauge.engines.estimate import Part, Trust
 from screwgauge.engines.parts import assemble
+from screwgauge.engines.screw.bounds import Bounds, Numbers
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
+from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN
-from screwgauge.reference import linear
-from screwgauge.reference.graph import Edge
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import Program
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tracing import CHECKS, Traced, traced
+from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Clock, Solution
-from screwgauge.truth import cache
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
-#: Worst case over these samples.
-SAFETY = 1.5
-#: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
-ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
-#: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
-NEAR = 0.2
-
-
-class Runner(Protocol):
-    """What runs a program."""
-
-    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-        """What runs the samples of some arrays. Shapes (m, n) each, in the order of the program."""
-
-    def again(self) -> Runner:
-        """One that may run at the same time."""
-
-
-def runner(program: Program, backend: str) -> tuple[Runner, str]:
-    """A program ready to run, and what is to be said about that."""
-    if backend == "numpy":
-        return Lanes(program), ""
-    try:
-        from screwgauge.reference.traced import native
-
-        version = cache.code_version(Path(native.__file__).parent, extra=f"{__version__} {native.cpu()}")
-    except ImportError:
-        return Lanes(program), "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
-    key = cache.digest("program", program.inputs, program.code, program.outputs, version)
-    stored, said = cache.read(key, version)
-    if stored is not None:
-        return native.Native(program, stored["code"].tobytes()), said
-    code = native.machine_code(program)
-    failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
-    return native.Native(program, code), "; ".join(filter(None, (said, failed)))
-
-
-def check_traceable(lay: Layout, problem: Problem) -> None:
-    """Refuses what is beyond the traced equations.
-
-    Raises:
-        NotTraceableError: With the reason.
-    """
-    mechanism, wanted = lay.mechanism, problem.wanted
-    forces = {"actuator_force", "reaction", "generalized_force"} & wanted
-    reasons = {
-        "coordinates are coupled": bool(getattr(mechanism, "couplings", ())),
-        "an independent coordinate belongs to a joint that closes a loop": bool(
-            {*mechanism.independent_columns} & {*lay.cut_columns}
-        ),
-        "springs, dampers or motors act": bool(forces and (problem.applied.springs or problem.applied.motors)),
-        "the rule is spherical_axial": bool(forces and problem.rule == "spherical_axial"),
-        "there are fewer actuators than freedoms": bool(
-            {"actuator_force", "reaction"} & wanted and len(mechanism.actuators) < len(mechanism.independent)
-        ),
-    }
-    for reason, applies in reasons.items():
-        if applies:
-            raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
-
-
-@dataclass(frozen=True, slots=True)
-class Anchor:
-    """Ratios that turn the cheap bounds of a program into what the array solver says, at worst over some samples."""
-
-    gain: float
-    condition: float
-    reaction: float
-    drive: float
-    load: float
-
-
-_NONE: Rows = np.zeros(0, dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Numbers:
-    """What a program says of its samples, see `CHECKS`: roots of the squares that it emits. Shape (n_check, n)."""
-
-    checks: Array
-
-    def __getitem__(self, name: str) -> Array:
-        return np.asarray(np.sqrt(self.checks[CHECKS.index(name)]))
-
-
-def columns(n: int, m: int) -> Array:
-    """An array of shape (n, m) in which the numbers of one column lie side by side.
-
-    Columns are not a whole number of pages apart: these would share the same few lines of the cache.
-    """
-    return np.empty((m, n + 8))[:, :n].T
 
 
 def under(problem: Problem, loads: Array | None) -> Problem:
@@ -216,17 +120,17 @@ class TracedWork:
             some, trust, q = self._anchors(motion)
             g = vector(problem.applied.g)
             size = [*map(float, system.size)]
-            self.question = Question(lay, system.fixed, size, system.length, g, problem.applied.loads, _open(lay))
+            self.question = Question(lay, system.fixed, size, system.length, g, problem.applied.loads, open_links(lay))
             self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
-        self.ratio = Anchor(1.0, 1.0, 1.0, 1.0, 1.0)
+        self.bounds = Bounds(lay, problem, self.length)
         constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
         loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
-        self.ratio = self._compared(self._run(some, q.T, loads, self.arrays(len(some))), trust)
+        self.bounds.compare(self._run(some, q.T, loads, self.arrays(len(some))), trust)
 
     def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
         """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
@@ -250,69 +154,6 @@ class TracedWork:
         other.runner = self.runner.again()
         return other
 
-    def _compared(self, out: Numbers, trust: Trust) -> Anchor:
-        cheap = self._trust(out)
-
-        def ratio(mine: Array | float, theirs: Array | float) -> float:
-            with np.errstate(all="ignore"):
-                found = np.asarray(theirs, dtype=float) / np.asarray(mine, dtype=float)
-            return SAFETY * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
-
-        own = {name: cheap.forces.get(name, np.ones(1)) for name in ("reaction", "actuator_force")}
-        return Anchor(
-            ratio(cheap.gain, trust.gain),
-            ratio(trust.gain, trust.condition) / SAFETY,
-            ratio(own["reaction"], trust.forces.get("reaction", 0.0)),
-            ratio(own["actuator_force"], trust.forces.get("actuator_force", 0.0)),
-            ratio(cheap.load, trust.load),
-        )
-
-    def _trust(self, out: Numbers) -> Trust:
-        """What the numbers of a program rest on."""
-        ratio = self.ratio
-        gain = ratio.gain * np.maximum(out["gain"], 1e-300)
-        speed = out["speed"]
-        rush = np.maximum(speed**2, out["rush"])
-        load = self.weight + self.lay.mechanism.mass * rush * self.length
-        charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
-        forces = dict[str, Array]()
-        if "reaction" in self.wanted:
-            forces["reaction"] = ratio.reaction * out["whole_gain"] ** 2
-        if forces or "actuator_force" in self.wanted:
-            forces["actuator_force"] = ratio.drive * out["drive"]
-        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
-
-    @cached_property
-    def weight(self) -> float:
-        """Weights and loads together [N]."""
-        applied, length = self.problem.applied, self.length
-        loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in applied.loads)
-        return self.lay.mechanism.mass * float(np.linalg.norm(applied.g)) + sum(loads)
-
-    @cached_property
-    def spare_charts(self) -> int:
-        """Each of several spherical joints adds one at least."""
-        return max(sum(joint.kind == "S" for joint in self.lay.tree.cuts) - 1, 0)
-
-    def _clear(self, checks: Array) -> bool:
-        """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
-        worst = (self._weights @ checks).max(initial=0.0)  # NaN where any is
-        return bool(worst <= 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2)
-
-    @cached_property
-    def _weights(self) -> Array:
-        ratio, most = self.ratio, SAFETY * CLEAR
-        limits = {
-            "gain": (most / ratio.gain) ** 2,
-            "whole_gain": SAFETY * CLEAR_FORCES / ratio.reaction if "reaction" in self.wanted else np.inf,
-            "drive": (SAFETY * CLEAR_FORCES / ratio.drive) ** 2,
-            "moved": (NEAR / most) ** 2,
-            "closing": self.arrived**2,
-            "balance": (BALANCED * ratio.load * self.weight) ** 2,
-            "charts": most**2,
-        }
-        return np.array([1.0 / limits.get(name, np.inf) for name in CHECKS])
-
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
         places = self.traced.places
@@ -332,10 +173,10 @@ class TracedWork:
         reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
         self.runner.bind(inputs, [reached, *(values[name].T for name in self.wanted), checks])()
         found = Numbers(checks)
-        if predicted and not self._clear(checks):  # once more from where Newton's method came to
+        if predicted and not self.bounds.clear(checks):  # once more from where Newton's method came to
             with np.errstate(all="ignore"):
-                near = found["moved"] * self.ratio.gain * found["gain"] <= NEAR
-                rows = np.flatnonzero(near & ~(found["closing"] <= self.arrived))
+                near = self.bounds.near(found)
+                rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
             if rows.size:
                 inputs[3] = reached
                 some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
@@ -345,11 +186,6 @@ class TracedWork:
                 for name, array in arrays.items():
                     values[name][rows] = array
         return found
-
-    @property
-    def arrived(self) -> float:
-        """Largest closure residual that rounding makes of all rows."""
-        return float(ARRIVED * max(self.lay.loop.shape[0] * 6, 1) ** 0.5)
 
     def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
         """Fills arrays with the values of some samples, if none of these is doubtful or has to be predicted.
@@ -372,7 +208,7 @@ class TracedWork:
             self.bound.inputs[row : row + array.shape[1]] = array.T
             row += array.shape[1]
         self.bound.run()
-        return self._clear(self.bound.checks)
+        return self.bounds.clear(self.bound.checks)
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
         """Some samples that follow those before.
@@ -389,25 +225,10 @@ class TracedWork:
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
-            trust = self._trust(out)
-            left = _NONE if self._clear(out.checks) else self._left(out, trust)
+            trust = self.bounds.trust(out)
+            clear = self.bounds.clear(out.checks)
+            left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
         return self._completed(motion, loads, values, trust, left)
-
-    def _left(self, out: Numbers, trust: Trust) -> Rows:
-        """Samples for the array solver."""
-        doubts = {
-            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= SAFETY * CLEAR),
-            "not closed": ~(out["closing"] <= self.arrived) | ~(out["moved"] * trust.gain <= NEAR),
-            "not balanced": ~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300)),
-        }
-        for condition in trust.forces.values():
-            doubts["badly conditioned"] |= ~(condition <= SAFETY * CLEAR_FORCES)
-        left = np.zeros(len(trust.condition), dtype=bool)
-        for reason, doubt in doubts.items():
-            self.by_array[reason] += int(np.count_nonzero(doubt & ~left))
-            left |= doubt
-        rows: Rows = np.flatnonzero(left)
-        return rows
 
     def _completed(
         self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
@@ -479,16 +300,3 @@ def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
     labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
     found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.length)
     return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))
-
-
-def _open(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
-    """Links of the open tree: body, its share, and the edge that leads from one link to another."""
-    links = lay_out(lay.mechanism, "minimal").links
-    parts = Counter(link.original for link in links)
-    return tuple(
-        (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
-        for link in links
-    )
-
-
-__all__ = ["NotTraceableError", "Traced", "TracedWork", "solve_traced"]
