@@ -118,10 +118,9 @@ class TracedWork:
         system = home_equations(lay)
         with self.clock.stage("tracing"):
             some, trust, q = self._anchors(motion)
-            g = vector(problem.applied.g)
-            size = [*map(float, system.size)]
-            self.question = Question(lay, system.fixed, size, system.length, g, problem.applied.loads, open_links(lay))
-            self.traced = traced(self.question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
+            applied, size = problem.applied, [*map(float, system.size)]
+            question = Question(lay, system.fixed, size, self.length, vector(applied.g), applied.loads, open_links(lay))
+            self.traced = traced(question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
@@ -275,11 +274,9 @@ class TracedWork:
 
     def notes(self, n: int) -> tuple[str, ...]:
         """What the program answered, and what else is to be said."""
-        told = [f"{count} {reason}" for reason, count in self.by_array.items() if count]
-        rest = f", {sum(self.by_array.values())} by the array solver ({', '.join(told)})" if told else ""
-        program = self.traced.program
-        answered = n - sum(self.by_array.values())
-        note = f"{answered} of {n} samples by a program of {len(program.code)} operations{rest}"
+        left, told = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
+        rest = f", {left} by the array solver ({', '.join(told)})" if told else ""
+        note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
         return (note, *filter(None, [self.said]))
 
 
