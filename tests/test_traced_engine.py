@@ -21,6 +21,8 @@ from screwgauge.reference.pose import layout
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
+#: Of the numbers of the same sample, badly conditioned ones left out: the program's and the array solver's rounding.
+LOCAL = 1e-10
 #: Scaled: the same equations in another order.
 SAME = 1e-11
 
@@ -114,6 +116,7 @@ def test_random_states_on_both_sides_of_the_leg_singularity(backend):
         if name == "joint_position":  # half a turn to the left is half a turn to the right
             away = np.minimum(away, np.abs(away - 2.0 * np.pi))
         right = np.isfinite(size).all(axis=1)
+        assert (away[right].max(axis=1) <= LOCAL * size[right].max(axis=1)).all(), name
         size = size[right].max()
         bound = (mine.estimate[name] + other.estimate[name])[right] * size
         assert (away[right].max(axis=1) <= bound).all(), name
