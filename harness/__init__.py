@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+    from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.results import Results, run
@@ -27,6 +28,7 @@ __all__ = [
     "Results",
     "Scene",
     "ScrewgaugeError",
+    "compile",
     "diagnose",
     "exciting",
     "load_scene",
@@ -41,6 +43,7 @@ _HOMES = {
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
+    "compile": "screwgauge.engines.screw.compiled",
     "diagnose": "screwgauge.diagnosis.diagnose",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",

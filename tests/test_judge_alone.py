@@ -154,7 +154,7 @@ def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
 
         monkeypatch.setattr(owner, name, wrong)
 
-    signed(inverse._Work, "_tree_force")
+    signed(inverse.Work, "_tree_force")
     for tree in (PinocchioTree, MujocoTree):
         signed(tree, "tree_force")
     scene = moving()

@@ -30,6 +30,7 @@ CLEAR, CLEAR_FORCES = 30.0, 1e4
 SAFETY = 4.0
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
+_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load")
 _JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
@@ -62,6 +63,24 @@ class Trust:
             worst = np.maximum(worst, condition / CLEAR_FORCES)
         rows: Rows = np.flatnonzero(~(worst <= 1.0))
         return rows
+
+    def _each(self) -> dict[str, Array]:
+        n = len(self.condition)
+        return {name: getattr(self, name) + np.zeros(n) for name in _NUMBERS}
+
+    def rows(self, rows: Rows) -> Trust:
+        """The same of some samples."""
+        arrays = {name: array[rows] for name, array in self._each().items()}
+        return Trust(**arrays, forces={name: array[rows] for name, array in self.forces.items()})
+
+    def with_rows(self, rows: Rows, other: Trust) -> Trust:
+        """The same, with that of another solution at some samples."""
+        arrays, forces = self._each(), {name: array.copy() for name, array in self.forces.items()}
+        for name, array in other._each().items():
+            arrays[name][rows] = array
+        for name, array in forces.items():
+            array[rows] = other.forces.get(name, 1.0)
+        return Trust(**arrays, forces=forces)
 
     def of(self, quantity: str) -> Array:
         """Condition number of all that a quantity was solved from."""

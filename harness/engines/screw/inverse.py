@@ -38,12 +38,12 @@ _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "
 
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
-    work, labels = _Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
+    work, labels = Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
     return replace(solution, assembly=np.concatenate(work.assembly))
 
 
-class _Work:
+class Work:
     """What stays the same from part to part."""
 
     def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:

@@ -12,17 +12,21 @@ from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
+from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.dynamics import joint_reactions
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import ModelFileError, check_choice
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
 from screwgauge.reference.kinematics import accelerations, velocities
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values
+
+BACKENDS = ("array", "numpy", "llvm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +34,14 @@ class Settings:
     """How given motions, and accelerations of states, are solved.
 
     Attributes:
+        backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``.
         whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
         refined: That system is refined once, its residual in wider numbers.
         projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
         variant: Name and settings of one of `screwgauge.engines.screw.variants`, which solves given motions instead.
     """
 
+    backend: str = "array"
     whole_system: bool = False
     refined: bool = False
     projected: bool = False
@@ -45,6 +51,7 @@ class Settings:
 def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
     """Loads a description; see `Settings`."""
     lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
+    check_choice("backend", [chosen.backend], BACKENDS, "settings of screw")
     return ScrewModel(lay, str(files.model), chosen) if chosen.variant is None else load_variant(lay, **chosen.variant)
 
 
@@ -68,10 +75,20 @@ class ScrewModel:
         if isinstance(problem.task, GivenMotion):
             if self.settings.whole_system:
                 return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
-            return solve_motion(self.lay, problem, problem.task, progress)
+            return self._move(problem, problem.task, progress)
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
         return self._accelerate(problem, problem.task)
+
+    def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
+        """A given motion, by the array solver where there is no program."""
+        if self.settings.backend == "array":
+            return solve_motion(self.lay, problem, task, progress)
+        try:
+            return solve_traced(self.lay, problem, task, progress, self.settings.backend)
+        except NotTraceableError as error:
+            solution = solve_motion(self.lay, problem, task, progress)
+            return replace(solution, notes=(*solution.notes, f"all samples by the array solver: {error.what}"))
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
         mechanism, method, clock = self.lay.mechanism, task.integration, Stopwatch()

@@ -1,0 +1,135 @@
+"""Cheap bounds that a program emits with every sample, and when they leave it to the array solver."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Trust
+from screwgauge.problem import Problem, Rows
+from screwgauge.reference import linear
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.tracing import CHECKS
+
+#: Worst case over these samples.
+SAFETY = 1.5
+#: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
+ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
+#: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
+NEAR = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """What a program says of its samples, see `CHECKS`: roots of the squares that it emits. Shape (n_check, n)."""
+
+    checks: Array
+
+    def __getitem__(self, name: str) -> Array:
+        return np.asarray(np.sqrt(self.checks[CHECKS.index(name)]))
+
+
+@dataclass(frozen=True, slots=True)
+class Ratios:
+    """What turns the cheap bounds into what the array solver says, at worst over some samples."""
+
+    gain: float = 1.0
+    condition: float = 1.0
+    reaction: float = 1.0
+    drive: float = 1.0
+    load: float = 1.0
+
+
+class Bounds:
+    """How the numbers of a program are read.
+
+    Attributes:
+        ratio: See `compare`.
+    """
+
+    def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
+        self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
+        loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
+        self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
+        # each of several spherical joints adds one at least
+        self.spare_charts = max(sum(joint.kind == "S" for joint in lay.tree.cuts) - 1, 0)
+        # largest closure residual that rounding makes of all rows
+        self.arrived = float(ARRIVED * max(6 * len(lay.tree.cuts), 1) ** 0.5)
+        self.ratio = Ratios()
+        self.weights = self._weights()
+
+    def compare(self, out: Numbers, trust: Trust) -> None:
+        """Fits the bounds to what the array solver says of the same samples."""
+        cheap = self.trust(out)
+
+        def ratio(mine: Array | float, theirs: Array | float) -> float:
+            with np.errstate(all="ignore"):
+                found = np.asarray(theirs, dtype=float) / np.asarray(mine, dtype=float)
+            return SAFETY * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
+
+        own = {name: cheap.forces.get(name, np.ones(1)) for name in ("reaction", "actuator_force")}
+        self.ratio = Ratios(
+            ratio(cheap.gain, trust.gain),
+            ratio(trust.gain, trust.condition) / SAFETY,
+            ratio(own["reaction"], trust.forces.get("reaction", 0.0)),
+            ratio(own["actuator_force"], trust.forces.get("actuator_force", 0.0)),
+            ratio(cheap.load, trust.load),
+        )
+        self.weights = self._weights()
+
+    def trust(self, out: Numbers) -> Trust:
+        """What the numbers of a program rest on."""
+        ratio = self.ratio
+        gain = ratio.gain * np.maximum(out["gain"], 1e-300)
+        speed = out["speed"]
+        rush = np.maximum(speed**2, out["rush"])
+        load = self.weight + self.mass * rush * self.length
+        charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
+        forces = dict[str, Array]()
+        if "reaction" in self.wanted:
+            forces["reaction"] = ratio.reaction * out["whole_gain"] ** 2
+        if forces or "actuator_force" in self.wanted:
+            forces["actuator_force"] = ratio.drive * out["drive"]
+        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
+
+    def clear(self, checks: Array) -> bool:
+        """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
+        worst = (self.weights @ checks).max(initial=0.0)  # NaN where any is
+        return bool(worst <= 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2)
+
+    def _weights(self) -> Array:
+        ratio, most = self.ratio, SAFETY * CLEAR
+        limits = {
+            "gain": (most / ratio.gain) ** 2,
+            "whole_gain": SAFETY * CLEAR_FORCES / ratio.reaction if "reaction" in self.wanted else np.inf,
+            "drive": (SAFETY * CLEAR_FORCES / ratio.drive) ** 2,
+            "moved": (NEAR / most) ** 2,
+            "closing": self.arrived**2,
+            "balance": (BALANCED * ratio.load * self.weight) ** 2,
+            "charts": most**2,
+        }
+        return np.array([1.0 / limits.get(name, np.inf) for name in CHECKS])
+
+    def near(self, out: Numbers) -> NDArray[np.bool_]:
+        """Whether Newton's method stayed on its assembly. Shape (n,)."""
+        return np.asarray(out["moved"] * self.ratio.gain * out["gain"] <= NEAR)
+
+    def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
+        """Samples for the array solver; `counts` says how many for which reason."""
+        doubts = {
+            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= SAFETY * CLEAR),
+            "not closed": ~(out["closing"] <= self.arrived) | ~self.near(out),
+            "not balanced": ~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300)),
+        }
+        for condition in trust.forces.values():
+            doubts["badly conditioned"] |= ~(condition <= SAFETY * CLEAR_FORCES)
+        left = np.zeros(len(trust.condition), dtype=bool)
+        for reason, doubt in doubts.items():
+            counts[reason] += int(np.count_nonzero(doubt & ~left))
+            left |= doubt
+        rows: Rows = np.flatnonzero(left)
+        return rows

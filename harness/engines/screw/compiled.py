@@ -1,0 +1,203 @@
+"""``screwgauge.compile``: the traced program of a scene as a function of samples, for volume."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.engines.estimate import Part, errors
+from screwgauge.engines.screw.programs import columns
+from screwgauge.engines.screw.traced import ArrayWork, TracedWork
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import GIVEN, check_quantities
+from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Values
+
+#: Samples worked on at a time, whatever is given: memory stays constant.
+PART = 4096
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a solver returns.
+
+    Attributes:
+        values: Quantity -> array of shape (n, n_component).
+        by_array: Reason -> number of samples that the array solver answered.
+        estimate: Quantity -> estimated error at each sample, see `Solution.estimate`; empty if it was not asked for.
+    """
+
+    values: Mapping[str, Array]
+    by_array: Mapping[str, int]
+    estimate: Mapping[str, Array]
+
+    def __getitem__(self, quantity: str) -> Array:
+        return self.values[quantity]
+
+
+class Solver:
+    """Inverse dynamics of one mechanism under one scene's gravity and loads. Not for two threads at once.
+
+    Attributes:
+        quantities: What it computes.
+        components: Quantity -> names of its components.
+        notes: What is to be said about it, such as why there is no program.
+    """
+
+    def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
+        """Traces and compiles; pivots are chosen at samples of the scene's motion."""
+        self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
+        self.works: dict[bool, list[TracedWork | ArrayWork]] = {}
+        work = self._works(loaded=False)[0]
+        self.components = {name: work.names()[name][0] for name in self.quantities}
+        self.notes = tuple(filter(None, [work.said]))
+
+    def _works(self, *, loaded: bool) -> list[TracedWork | ArrayWork]:
+        """One a thread."""
+        if loaded not in self.works:
+            lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
+            first: TracedWork | ArrayWork
+            try:
+                first = TracedWork(lay, problem, motion, self.backend, loaded=loaded)
+            except NotTraceableError as error:
+                first = ArrayWork(lay, problem, motion, error.what)
+            self.works[loaded] = [first, *(first.again() for _ in range(self.threads - 1))]
+        return self.works[loaded]
+
+    def as_c(self) -> str:
+        """The program as C, for reading; empty if there is none."""
+        work = self.works[False][0]
+        return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
+
+    def buffers(self, n: int) -> dict[str, Array]:
+        """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
+        return {name: columns(n, len(self.components[name])) for name in self.quantities}
+
+    def __call__(
+        self,
+        y: Array,
+        yd: Array,
+        ydd: Array,
+        *,
+        load: Array | None = None,
+        out: Mapping[str, Array] | None = None,
+        estimates: bool = False,
+    ) -> Answer:
+        """Answers samples.
+
+        Args:
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
+            load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
+                (n, 6 n_load).
+            out: Where the values are written, see `buffers`.
+            estimates: Whether errors are estimated sample by sample; samples are checked in any case.
+
+        Raises:
+            ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
+        """
+        n = len(y)
+        for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
+            _check_array(array, (n, len(self.scene.mechanism.independent)), name)
+        inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
+        values = self.buffers(n) if out is None else self._checked(out, n)
+        works = self._works(loaded=load is not None)
+        bounds = [n * i // self.threads for i in range(self.threads + 1)]
+        for work in works:
+            work.by_array.clear()
+
+        def run(i: int) -> list[Part]:
+            return self._run(works[i], slice(bounds[i], bounds[i + 1]), inputs, values, estimates)
+
+        if self.threads == 1:
+            parts = run(0)
+        else:
+            with ThreadPoolExecutor(self.threads) as pool:
+                parts = [part for found in pool.map(run, range(self.threads)) for part in found]
+        estimate = self._estimates(works[0], parts, values) if estimates else {}
+        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), estimate)
+
+    def _estimates(
+        self, work: TracedWork | ArrayWork, parts: list[Part], values: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        table = work.names()
+        return {name: errors(name, parts, Values(*table[name], x.view()), work.length)[0] for name, x in values.items()}
+
+    def _run(
+        self,
+        work: TracedWork | ArrayWork,
+        rows: slice,
+        inputs: Sequence[Array],
+        values: Mapping[str, Array],
+        estimates: bool,
+    ) -> list[Part]:
+        """Solves some samples part after part, and fills in their values."""
+        parts, n = [], len(inputs[0])
+        flat = all(array.strides[0] == array.itemsize for array in values.values())
+        for start in range(rows.start, rows.stop, PART):
+            some = slice(start, min(start + PART, rows.stop))
+            whole = some == slice(0, n)
+            given = inputs if whole else [array[some] for array in inputs]
+            into = values if whole else {name: array[some] for name, array in values.items()}
+            if flat and not estimates and work.fill(given, into):
+                continue
+            motion = GivenMotion(np.arange(some.start, some.stop, dtype=float), *(x.copy() for x in given[:3]))
+            loads = np.ascontiguousarray(given[3].T) if len(given) > 3 else None
+            parts.append(work.part(motion, loads, into if flat else None))
+            if not flat:
+                for name, array in parts[-1].values.items():
+                    into[name][:] = array
+        return parts
+
+    def _loads(self, load: Array, n: int) -> Array:
+        m = 6 * len(self.scene.applied.loads)
+        if not m:
+            raise DescriptionError("the scene has no load that could be replaced", "load", "leave it out")
+        load = np.asarray(load)
+        wide = np.broadcast_to(load, (n, m)) if load.shape == (m,) else load
+        _check_array(wide, (n, m), "load")
+        return wide
+
+    def _checked(self, out: Mapping[str, Array], n: int) -> Mapping[str, Array]:
+        if out.keys() != {*self.quantities}:
+            raise DescriptionError(f"buffers for {sorted(out)}", "out", f"give them for {', '.join(self.quantities)}")
+        for name, array in out.items():
+            _check_array(array, (n, len(self.components[name])), f"out, {name}")
+            if not array.flags.writeable:
+                raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
+        return out
+
+
+def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+        raise DescriptionError(f"it is of {kind}", where, "give an array of float64")
+    if array.shape != shape:
+        raise DescriptionError(f"its shape is {array.shape}, not {shape}", where, "give a row for each sample")
+
+
+def compile(
+    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
+) -> Solver:
+    """A fast function for the inverse dynamics of a scene.
+
+    Args:
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        backend: ``llvm`` (extra ``fast``) or ``numpy``.
+        threads: How many run at once.
+
+    Raises:
+        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+    """
+    check_choice("backend", [backend], ("numpy", "llvm"), "compile")
+    if not (isinstance(threads, int) and threads > 0):
+        raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
+    return Solver(scene, wanted, backend, threads)

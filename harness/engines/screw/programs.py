@@ -1,0 +1,92 @@
+"""Programs ready to run: which questions have one, what runs it, and machine code kept on disk."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from screwgauge import __version__
+from screwgauge.models.layout import lay_out
+from screwgauge.problem import Problem
+from screwgauge.reference.graph import Edge
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import Program
+from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.truth import cache
+
+
+class Runner(Protocol):
+    """What runs a program."""
+
+    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+        """What runs the samples of some arrays. Shapes (m, n) each, in the order of the program."""
+
+    def again(self) -> Runner:
+        """One that may run at the same time."""
+
+
+def runner(program: Program, backend: str) -> tuple[Runner, str]:
+    """A program ready to run, and what is to be said about that."""
+    if backend == "numpy":
+        return Lanes(program), ""
+    try:
+        from screwgauge.reference.traced import native
+
+        version = cache.code_version(Path(native.__file__).parent, extra=f"{__version__} {native.cpu()}")
+    except ImportError:
+        return Lanes(program), "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
+    key = cache.digest("program", program.inputs, program.code, program.outputs, version)
+    stored, said = cache.read(key, version)
+    if stored is not None:
+        return native.Native(program, stored["code"].tobytes()), said
+    code = native.machine_code(program)
+    failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
+    return native.Native(program, code), "; ".join(filter(None, (said, failed)))
+
+
+def check_traceable(lay: Layout, problem: Problem) -> None:
+    """Refuses what is beyond the traced equations.
+
+    Raises:
+        NotTraceableError: With the reason.
+    """
+    mechanism, wanted = lay.mechanism, problem.wanted
+    forces = {"actuator_force", "reaction", "generalized_force"} & wanted
+    reasons = {
+        "coordinates are coupled": bool(getattr(mechanism, "couplings", ())),
+        "an independent coordinate belongs to a joint that closes a loop": bool(
+            {*mechanism.independent_columns} & {*lay.cut_columns}
+        ),
+        "springs, dampers or motors act": bool(forces and (problem.applied.springs or problem.applied.motors)),
+        "the rule is spherical_axial": bool(forces and problem.rule == "spherical_axial"),
+        "there are fewer actuators than freedoms": bool(
+            {"actuator_force", "reaction"} & wanted and len(mechanism.actuators) < len(mechanism.independent)
+        ),
+    }
+    for reason, applies in reasons.items():
+        if applies:
+            raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
+
+
+def open_links(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
+    """Links of the open tree: body, its share, and the edge that leads from one link to another."""
+    links = lay_out(lay.mechanism, "minimal").links
+    parts = Counter(link.original for link in links)
+    return tuple(
+        (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
+        for link in links
+    )
+
+
+def columns(n: int, m: int) -> Array:
+    """An array of shape (n, m) in which the numbers of one column lie side by side.
+
+    Columns are not a whole number of pages apart: these would share the same few lines of the cache.
+    """
+    return np.empty((m, n + 8))[:, :n].T

@@ -1,0 +1,299 @@
+"""Given motions by a traced program, with the guard of the array solver, which takes what the program cannot answer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge import __version__
+from screwgauge.engines.estimate import Part, Trust
+from screwgauge.engines.parts import assemble
+from screwgauge.engines.screw.bounds import Bounds, Numbers
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.prediction import Predictor
+from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
+from screwgauge.models.layout import lay_out
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.pose import Layout
+from screwgauge.reference.resting import home_equations
+from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
+from screwgauge.reference.traced.equations import Question
+from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.reference.traced.tracing import CHECKS, traced
+from screwgauge.reference.traced.vectors import vector
+from screwgauge.solution import Clock, Solution
+
+#: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
+ANCHORS = 16
+
+
+def under(problem: Problem, loads: Array | None) -> Problem:
+    """A problem under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
+    if loads is None:
+        return problem
+    each = np.split(loads.T, len(loads) // 3, axis=1)
+    some = tuple(
+        replace(load, force=force, torque=torque)
+        for load, force, torque in zip(problem.applied.loads, each[::2], each[1::2], strict=True)
+    )
+    return replace(problem, applied=replace(problem.applied, loads=some))
+
+
+class ArrayWork:
+    """The array solver in the place of a program."""
+
+    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
+        self.lay, self.problem, self.reason, self.said = (
+            lay,
+            problem,
+            reason,
+            f"all samples by the array solver: {reason}",
+        )
+        self.length, self.by_array = home_equations(lay).length, Counter[str]()
+        self.part(motion.part(slice(0, 1)))
+
+    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
+        """As `TracedWork.part`."""
+        work = Work(under(self.problem, loads), motion, self.lay)
+        found = work.part(slice(None))
+        self.names = work.names
+        self.by_array[self.reason] += len(motion)
+        for name, array in (into or {}).items():
+            array[:] = found.values[name]
+        return found
+
+    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """As `TracedWork.fill`."""
+        return False
+
+    def again(self) -> ArrayWork:
+        """The same for another thread."""
+        return copy(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """A program bound to arrays that are used again.
+
+    Attributes:
+        key, values: Which arrays these are; they are kept, so that no others can take their place.
+    """
+
+    key: tuple[int, ...]
+    values: Mapping[str, Array]
+    inputs: Array
+    checks: Array
+    run: Callable[[], None]
+
+
+class TracedWork:
+    """A program for a problem, and the array solver beside it.
+
+    Attributes:
+        said: What is to be said about it.
+        by_array: Reason -> how many samples the array solver answered.
+    """
+
+    def __init__(
+        self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str, *, loaded: bool = False
+    ) -> None:
+        """Traces the program; pivots are chosen at samples of the motion.
+
+        Args:
+            loaded: Whether every sample has its own loads, in place of those of the problem.
+
+        Raises:
+            NotTraceableError: There is no such program.
+            ScrewgaugeError: The motion cannot be followed.
+        """
+        check_traceable(lay, problem)
+        self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
+        self.wanted = [name for name in GIVEN if name in problem.wanted]
+        system = home_equations(lay)
+        with self.clock.stage("tracing"):
+            some, trust, q = self._anchors(motion)
+            applied, size = problem.applied, [*map(float, system.size)]
+            question = Question(lay, system.fixed, size, self.length, vector(applied.g), applied.loads, open_links(lay))
+            self.traced = traced(question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
+        with self.clock.stage("compiling"):
+            self.runner, self.said = runner(self.traced.program, backend)
+        self.predictor = Predictor(lay) if self.traced.predicted else None
+        self.by_array: Counter[str] = Counter()
+        self.bound: Bound | None = None
+        self.bounds = Bounds(lay, problem, self.length)
+        constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
+        loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
+        self.bounds.compare(self._run(some, q.T, loads, self.arrays(len(some))), trust)
+
+    def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
+        """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
+
+        Raises:
+            NotTraceableError: There is none.
+        """
+        some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
+        work = Work(self.problem, some, self.lay)
+        self.names, trust = work.names, work.part(slice(None)).trust
+        clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
+        if not clear.size:
+            raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
+        return some.part(clear), trust.rows(clear), work.assembly[0][clear]
+
+    def again(self) -> TracedWork:
+        """The same for another thread: with buffers, predictions and counts of its own."""
+        other = copy(self)
+        other.clock, other.by_array, other.bound = Clock(), Counter(), None
+        other.predictor = None if self.predictor is None else Predictor(self.lay)
+        other.runner = self.runner.again()
+        return other
+
+    def arrays(self, n: int) -> dict[str, Array]:
+        """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
+        places = self.traced.places
+        return {name: columns(n, places[name].stop - places[name].start) for name in self.wanted}
+
+    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> Numbers:
+        """Runs the program.
+
+        Args:
+            q: Predicted joint coordinates. Shape (n_q, n).
+            loads: Of every sample, if each has its own. Shape (m, n).
+            values: Filled; see `arrays`.
+        """
+        predicted, n = list(self.traced.predicted), len(motion)
+        inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
+        inputs += [np.ascontiguousarray(q[predicted]), loads]
+        reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
+        self.runner.bind(inputs, [reached, *(values[name].T for name in self.wanted), checks])()
+        found = Numbers(checks)
+        if predicted and not self.bounds.clear(checks):  # once more from where Newton's method came to
+            with np.errstate(all="ignore"):
+                near = self.bounds.near(found)
+                rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
+            if rows.size:
+                inputs[3] = reached
+                some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
+                again = np.empty((len(CHECKS), len(rows)))
+                self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
+                checks[:, rows] = again
+                for name, array in arrays.items():
+                    values[name][rows] = array
+        return found
+
+    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """Fills arrays with the values of some samples, if none of these is doubtful or has to be predicted.
+
+        Args:
+            inputs: y, yd, ydd and, if the samples have their own, loads. Shape (n, m) each.
+
+        Returns:
+            Whether it did; if not, `part` is to be asked.
+        """
+        if self.predictor is not None:
+            return False
+        n, key = len(inputs[0]), tuple(map(id, values.values()))
+        if self.bound is None or self.bound.key != key:
+            given, checks = columns(n, self.traced.program.inputs).T, columns(n, len(CHECKS)).T
+            outputs = [given[:0], *(values[name].T for name in self.wanted), checks]
+            self.bound = Bound(key, values, given, checks, self.runner.bind([given], outputs))
+        row = 0
+        for array in inputs:
+            self.bound.inputs[row : row + array.shape[1]] = array.T
+            row += array.shape[1]
+        self.bound.run()
+        return self.bounds.clear(self.bound.checks)
+
+    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
+        """Some samples that follow those before.
+
+        Args:
+            loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
+            into: Where the values are written, see `arrays`.
+        """
+        n, values = len(motion), dict(self.arrays(len(motion)) if into is None else into)
+        with self.clock.stage("prediction"):
+            near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
+        with self.clock.stage("program"):
+            out = self._run(motion, near, np.empty((0, n)) if loads is None else loads, values)
+        with self.clock.stage("error estimate"), np.errstate(all="ignore"):
+            if self.predictor is not None:
+                self._nearest(values, near.T)
+            trust = self.bounds.trust(out)
+            clear = self.bounds.clear(out.checks)
+            left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
+        return self._completed(motion, loads, values, trust, left)
+
+    def _completed(
+        self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
+    ) -> Part:
+        """The same with some samples answered by the array solver."""
+        if not rows.size:
+            return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+        work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
+        part = work.part(slice(None))
+        for name, array in part.values.items():
+            values[name][rows] = array
+        return Part(values, trust.with_rows(rows, part.trust), rows[part.doubtful], part.moved)
+
+    def _nearest(self, values: dict[str, Array], near: Array) -> None:
+        """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
+        for joint in self.lay.tree.cuts:
+            columns = self.lay.columns[joint.name]
+            turning = [c for c in columns if self.lay.turns[c]]
+            swapped = np.cos(near[:, columns[1]]) < 0.0 if joint.kind == "S" else np.zeros(1, dtype=bool)
+            if "joint_position" in values:
+                q = values["joint_position"]
+                found, other = nearest_angles(q[:, turning], near[:, turning])
+                q[:, turning] = found if joint.kind == "S" else nearest_turn(q[:, turning], near[:, turning])
+                swapped = other if joint.kind == "S" else swapped
+            if swapped.any():
+                for name, places in self._middle[columns[1]].items():
+                    if name in values:
+                        values[name][np.ix_(np.flatnonzero(swapped), np.array(places, dtype=int))] *= -1.0
+
+    @cached_property
+    def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
+        """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
+        tree = sorted(
+            c for link in lay_out(self.lay.mechanism, "minimal").links for c in self.lay.columns[link.joint.name]
+        )
+        found = {}
+        for joint in self.lay.tree.cuts:
+            column = self.lay.columns[joint.name][1:2]
+            if joint.kind == "S":
+                place = [tree.index(column[0])] if column[0] in tree else []
+                rates = dict.fromkeys(("joint_velocity", "joint_acceleration"), column)
+                found[column[0]] = rates | dict.fromkeys(("tree_force", "tree_force_soft"), place)
+        return found
+
+    def notes(self, n: int) -> tuple[str, ...]:
+        """What the program answered, and what else is to be said."""
+        left, told = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
+        rest = f", {left} by the array solver ({', '.join(told)})" if told else ""
+        note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
+        return (note, *filter(None, [self.said]))
+
+
+def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, backend: str) -> Solution:
+    """Positions, velocities, accelerations and forces of a given motion by a traced program.
+
+    Raises:
+        NotTraceableError: There is no such program.
+    """
+    known = replace(problem, wanted=problem.wanted | {"joint_position"})  # which assembly was solved
+    work, assembly = TracedWork(lay, known, motion, backend), list[Array]()
+
+    def part(rows: slice) -> Part:
+        found = work.part(motion.part(rows))
+        assembly.append(found.values["joint_position"])
+        return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
+
+    labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
+    found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.length)
+    return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))

@@ -1,0 +1,70 @@
+"""A straight-line program: what is wanted of a trace, in order, with nothing that does not count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from screwgauge.reference.traced.trace import Node
+from screwgauge.reference.traced.vectors import Scalar
+
+Operand = int | float
+"""Number of a value, inputs first and then one an instruction, or a constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """Instructions on samples, all alike.
+
+    Attributes:
+        inputs: How many numbers a sample has.
+        code: (operation, operands); instruction number i makes value ``inputs + i``.
+        outputs: Values handed out.
+    """
+
+    inputs: int
+    code: tuple[tuple[str, tuple[Operand, ...]], ...]
+    outputs: tuple[Operand, ...]
+
+    def as_c(self, name: str = "sample") -> str:
+        """The program as C, for reading."""
+        signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+
+        def shown(x: Operand) -> str:
+            if isinstance(x, float):
+                return repr(x)
+            return f"x[{x}]" if x < self.inputs else f"v{x}"
+
+        lines = [f"void {name}(const double *x, double *out)", "{"]
+        for i, (op, args) in enumerate(self.code, self.inputs):
+            first, *rest = map(shown, args)
+            if op in signs:
+                right = f"{first} {signs[op]} {rest[0]}"
+            else:
+                right = f"-{first}" if op == "neg" else f"{op}({', '.join([first, *rest])})"
+            lines.append(f"    double v{i} = {right};")
+        lines += [f"    out[{i}] = {shown(x)};" for i, x in enumerate(self.outputs)]
+        return "\n".join([*lines, "}", ""])
+
+
+def program(inputs: int, outputs: Sequence[Scalar]) -> Program:
+    """What these outputs need of their trace; operands come shortly before they are used."""
+    number, code = dict[int, int](), list[tuple[str, tuple[Operand, ...]]]()
+
+    def operand(x: Scalar) -> Operand:
+        return number[x.index] if isinstance(x, Node) else float(x)
+
+    for output in outputs:
+        stack = [output] if isinstance(output, Node) else []
+        while stack:
+            node = stack[-1]
+            if node.index in number:
+                stack.pop()
+            elif node.op == "input":
+                number[node.index] = node.args[0]
+            elif missing := [x for x in node.args if isinstance(x, Node) and x.index not in number]:
+                stack += missing
+            else:
+                number[node.index] = inputs + len(code)
+                code.append((node.op, tuple(operand(x) for x in node.args)))
+    return Program(inputs, tuple(code), tuple(operand(x) for x in outputs))

@@ -1,0 +1,179 @@
+"""Records scalar equations while they are evaluated: operator overloading, structural folding, one node an expression.
+
+Only what the structure says is folded: zeros, ones, signs and constants. Expressions that merely agree in value are
+never merged: they may agree on one assembly and differ on another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.vectors import Scalar
+
+#: Operation -> what computes it on arrays.
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan2": np.arctan2,
+}
+
+#: More operations are not traced: every thousand takes some 20 ms, and a program of them is no faster than arrays.
+MOST = 100_000
+
+
+class NotTraceableError(ScrewgaugeError):
+    """A mechanism or a question that no straight-line program is made of; the array solver answers it."""
+
+
+class Node:
+    """A number of a trace.
+
+    Attributes:
+        args: What it is made of, nodes and floats.
+        index: Its place in the order in which nodes were made.
+    """
+
+    __slots__ = ("args", "index", "op", "trace")
+
+    def __init__(self, trace: Trace, op: str, args: tuple[Scalar, ...]) -> None:
+        self.trace, self.op, self.args, self.index = trace, op, args, len(trace.nodes)
+
+    @property
+    def value(self) -> Array:
+        """Its value at the samples that the trace was made at; it chooses pivots and nothing else. Shape (n,)."""
+        return self.trace.value(self.index)
+
+    def __add__(self, other: Scalar) -> Scalar:
+        return self.trace.add(self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Scalar) -> Scalar:
+        return self.trace.sub(self, other)
+
+    def __rsub__(self, other: Scalar) -> Scalar:
+        return self.trace.sub(other, self)
+
+    def __mul__(self, other: Scalar) -> Scalar:
+        return self.trace.mul(self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Scalar) -> Scalar:
+        return self.trace.div(self, other)
+
+    def __rtruediv__(self, other: Scalar) -> Scalar:
+        return self.trace.div(other, self)
+
+    def __neg__(self) -> Scalar:
+        return self.trace.neg(self)
+
+
+def _order(x: Scalar) -> tuple[int, float]:
+    return (1, x.index) if isinstance(x, Node) else (0, x)
+
+
+def _negated(x: Scalar) -> bool:
+    return isinstance(x, Node) and x.op == "neg"
+
+
+class Trace:
+    """The graph of all that was computed from its inputs."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self.inputs: list[Array] = []
+        self._values: list[Array] = []
+        self._known: dict[tuple[Any, ...], Node] = {}
+
+    def input(self, value: Array) -> Node:
+        """A new input. `value`: at the samples that the trace is made at, shape (n,)."""
+        self.inputs.append(np.asarray(value, dtype=float))
+        return self._make("input", len(self.inputs) - 1)
+
+    def value(self, index: int) -> Array:
+        """Value of a node; all before it are worked out, too."""
+        with np.errstate(all="ignore"):
+            for node in self.nodes[len(self._values) : index + 1]:
+                operands = [self._values[x.index] if isinstance(x, Node) else x for x in node.args]
+                known = self.inputs[node.args[0]] if node.op == "input" else OPERATIONS[node.op](*operands)
+                self._values.append(known)
+        return self._values[index]
+
+    def _make(self, op: str, *args: Scalar) -> Node:
+        key = (op, *(("node", arg.index) if isinstance(arg, Node) else arg for arg in args))
+        if key not in self._known:
+            if len(self.nodes) == MOST:
+                raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
+            self._known[key] = node = Node(self, op, args)
+            self.nodes.append(node)
+        return self._known[key]
+
+    def function(self, name: str, *x: Scalar) -> Node:
+        """``sin``, ``cos``, ``sqrt`` or ``atan2``."""
+        return self._make(name, *x)
+
+    def neg(self, a: Scalar) -> Scalar:
+        if not isinstance(a, Node):
+            return -a
+        return a.args[0] if a.op == "neg" else self._make("neg", a)
+
+    def add(self, a: Scalar, b: Scalar) -> Scalar:
+        if a is b:
+            return self.mul(2.0, a)
+        a, b = sorted((a, b), key=_order)
+        if not isinstance(a, Node) and a == 0.0:
+            return b
+        if _negated(b):
+            return self.sub(a, b.args[0])
+        return self.sub(b, a.args[0]) if _negated(a) else self._make("add", a, b)
+
+    def sub(self, a: Scalar, b: Scalar) -> Scalar:
+        if a is b:
+            return 0.0
+        if not isinstance(b, Node) and b == 0.0:
+            return a
+        if not isinstance(a, Node) and a == 0.0:
+            return self.neg(b)
+        if _negated(b):
+            return self.add(a, b.args[0])
+        if _negated(a):
+            return self.neg(self.add(a.args[0], b))
+        # a difference and its opposite are one node
+        return self._make("sub", a, b) if _order(a) < _order(b) else self.neg(self._make("sub", b, a))
+
+    def mul(self, a: Scalar, b: Scalar) -> Scalar:
+        a, b = sorted((a, b), key=_order)
+        if _negated(b):
+            return self.neg(self.mul(a, b.args[0]))
+        if isinstance(a, Node):
+            return self.neg(self.mul(a.args[0], b)) if a.op == "neg" else self._make("mul", a, b)
+        if a <= 0.0:
+            return self.neg(self.mul(-a, b)) if a else 0.0
+        if a == 1.0:
+            return b
+        if b.op == "mul" and not isinstance(b.args[0], Node):
+            return self.mul(a * b.args[0], b.args[1])
+        return self._make("mul", a, b)
+
+    def div(self, a: Scalar, b: Scalar) -> Scalar:
+        if not isinstance(b, Node):
+            return self.mul(1.0 / b, a)
+        if not isinstance(a, Node) and a == 0.0:
+            return 0.0
+        if _negated(b):
+            return self.neg(self.div(a, b.args[0]))
+        if _negated(a):
+            return self.neg(self.div(a.args[0], b))
+        return self._make("div", a, b)

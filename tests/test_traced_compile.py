@@ -1,0 +1,179 @@
+"""`screwgauge.compile`: buffers, loads, threads, the cache on disk, and what is refused."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines.screw.model import ScrewModel
+from screwgauge.reference.pose import layout
+from screwgauge.truth import cache
+
+needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
+FORCES = ("generalized_force", "actuator_force")
+#: Relative: the same equations in another order.
+SAME = 1e-12
+
+
+@pytest.fixture(scope="module")
+def scene():
+    scene = screwgauge.load_scene("3ups-upu-s")
+    return scene.at(scene.t[:500:5])
+
+
+@pytest.fixture(scope="module")
+def solver(scene):
+    return screwgauge.compile(scene, FORCES, backend="numpy")
+
+
+def motion(scene):
+    return scene.motion.y.copy(), scene.motion.yd.copy(), scene.motion.ydd.copy()
+
+
+def expected(scene, quantity="actuator_force"):
+    return ScrewModel(layout(scene.mechanism)).solve(scene.problem([quantity])).values[quantity].array
+
+
+def far(a, b):
+    return np.abs(a - b).max() / np.abs(b).max()
+
+
+def test_it_answers_as_the_engine_does(scene, solver):
+    answer = solver(*motion(scene))
+    assert far(answer["actuator_force"], expected(scene)) <= SAME
+    assert answer.by_array == {}
+    assert solver.components["actuator_force"] == ("leg1", "leg2", "leg3", "leg4")
+
+
+def test_buffers_are_filled_in_place(scene, solver):
+    for out in (solver.buffers(100), {"generalized_force": np.empty((100, 2)), "actuator_force": np.empty((100, 4))}):
+        answer = solver(*motion(scene), out=out)
+        assert answer["actuator_force"] is out["actuator_force"]
+        assert far(out["actuator_force"], expected(scene)) <= SAME
+
+
+def test_many_samples_go_through_in_parts(scene, solver):
+    y, yd, ydd = (np.tile(x, (50, 1)) for x in motion(scene))
+    assert far(solver(y, yd, ydd)["actuator_force"], np.tile(expected(scene), (50, 1))) <= SAME
+
+
+def test_loads_of_the_samples_replace_those_of_the_scene(scene, solver):
+    load = np.array([5.0, -70.0, 300.0, 20.0, 0.0, -3.0])
+    (old,) = scene.applied.loads
+    other = scene.under(loads=(type(old)(old.body, old.point, load[:3], load[3:]),))
+    for given in (load, np.tile(load, (100, 1))):
+        assert far(solver(*motion(scene), load=given)["actuator_force"], expected(other)) <= SAME
+
+
+def test_estimates_cover_the_difference(scene, solver):
+    answer = solver(*motion(scene), estimates=True)
+    away = np.abs(answer["actuator_force"] - expected(scene)).max(axis=1)
+    assert (away <= answer.estimate["actuator_force"] * np.abs(expected(scene)).max()).all()
+
+
+def test_threads_share_the_samples(scene):
+    both = screwgauge.compile(scene, FORCES, backend="numpy", threads=2)
+    assert far(both(*motion(scene))["actuator_force"], expected(scene)) <= SAME
+
+
+def test_singular_samples_are_counted(scene, solver):
+    y, yd, ydd = motion(scene)
+    y[7] = 1e-9 - np.arctan2(0.3 * 3**0.5, 0.5), 0.0  # the base of leg 2 locks
+    assert solver(y, yd, ydd).by_array == {"badly conditioned": 1}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(100, 2\)"),
+        (lambda y, yd, ydd: (y, yd[:-1], ydd), r"yd: its shape is \(99, 2\)"),
+        (lambda y, yd, ydd: (y, yd, ydd.astype(np.float32)), "ydd: it is of float32"),
+        (lambda y, yd, ydd: (y.tolist(), yd, ydd), "y: it is of list"),
+    ],
+)
+def test_bad_samples_are_refused(scene, solver, arguments, message):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=message):
+        solver(*arguments(*motion(scene)))
+
+
+def test_bad_buffers_and_loads_are_refused(scene, solver):
+    given, good = motion(scene), solver.buffers(100)
+    read_only = {name: array.copy() for name, array in good.items()}
+    read_only["actuator_force"].setflags(write=False)
+    for out, message in (
+        ({"actuator_force": good["actuator_force"]}, "buffers for"),
+        ({**good, "actuator_force": np.empty((100, 3))}, r"its shape is \(100, 3\)"),
+        ({**good, "actuator_force": np.empty((100, 4), np.float32)}, "it is of float32"),
+        (read_only, "read-only"),
+    ):
+        with pytest.raises(screwgauge.ScrewgaugeError, match=message):
+            solver(*given, out=out)
+    with pytest.raises(screwgauge.ScrewgaugeError, match="load: its shape"):
+        solver(*given, load=np.zeros(5))
+    bare = screwgauge.compile(scene.under(loads=()), ["actuator_force"], backend="numpy")
+    with pytest.raises(screwgauge.ScrewgaugeError, match="no load"):
+        bare(*given, load=np.zeros(6))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"backend": "jax"}, "backend"), ({"threads": 0}, "0 threads"), ({"quantities": ["x"]}, "x")],
+)
+def test_bad_settings_are_refused(scene, settings, message):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=message):
+        screwgauge.compile(scene, **{"quantities": FORCES, "backend": "numpy", **settings})
+
+
+def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
+    scene = screwgauge.random(2, "underactuated")
+    solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
+    (note,) = solver.notes
+    assert note == "all samples by the array solver: there are fewer actuators than freedoms"
+    answer = solver(*motion(scene))
+    assert np.array_equal(answer["actuator_force"], expected(scene))
+    assert sum(answer.by_array.values()) == len(scene.t)
+
+
+def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeypatch):
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    if "screwgauge.reference.traced.native" in sys.modules:
+        sys.modules["screwgauge.reference.traced.native"]._host.cache_clear()
+    solver = screwgauge.compile(scene, FORCES, backend="llvm")
+    assert [*solver.notes] == ["llvmlite is not installed (extra 'fast'): the program runs with NumPy"]
+    assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
+
+
+@needs_llvm
+@pytest.mark.parametrize("n", [1, 7, 8, 100])
+def test_machine_code_answers_any_number_of_samples(scene, n):
+    solver = screwgauge.compile(scene, FORCES)
+    found = solver(*(x[:n] for x in motion(scene)))["actuator_force"]
+    assert far(found, expected(scene)[:n]) <= SAME
+
+
+@needs_llvm
+def test_machine_code_is_kept_and_a_damaged_file_is_made_anew(scene, tmp_path, monkeypatch):
+    from screwgauge.reference.traced import native
+
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    assert screwgauge.compile(scene, FORCES).notes == ()
+    (file,) = tmp_path.iterdir()
+    with monkeypatch.context() as patch:
+        patch.delattr(native, "machine_code")
+        assert screwgauge.compile(scene, FORCES).notes == ()
+    file.write_bytes(file.read_bytes()[:-5] + b"break")
+    solver = screwgauge.compile(scene, FORCES)
+    assert [*solver.notes] == [cache.DAMAGED]
+    assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
+    assert screwgauge.compile(scene, FORCES).notes == ()
+
+
+def test_the_program_can_be_read(solver):
+    text = solver.as_c()
+    assert text.startswith("void sample(const double *x, double *out)\n{\n    double v6 = ")
+    assert len(re.findall("out\\[", text)) >= 6

@@ -1,0 +1,173 @@
+"""Traced programs answer as the array solver and the truth do, or leave the sample to the array solver and say so."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tolerances
+
+import screwgauge
+from screwgauge.engines.registry import get_engine
+from screwgauge.engines.screw.model import ScrewModel, Settings
+from screwgauge.engines.screw.traced import TracedWork
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.problem import GivenMotion, ModelFiles
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.pose import layout
+
+needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
+BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
+#: Of the numbers of the same sample, badly conditioned ones left out: the program's and the array solver's rounding.
+LOCAL = 1e-10
+#: Scaled: the same equations in another order.
+SAME = 1e-11
+
+
+def solved(scene, backend, **settings):
+    model = ScrewModel(layout(scene.mechanism), settings=Settings(backend=backend, **settings))
+    return model.solve(scene.problem(GIVEN))
+
+
+def worst(mine, other):
+    """Largest difference over the largest magnitude of the unit, beyond what either says of its own rounding."""
+    found = {}
+    for name, values in other.values.items():
+        assert mine.values[name].components == values.components
+        for unit in dict.fromkeys(values.units):
+            columns = [i for i, u in enumerate(values.units) if u == unit]
+            a, b = mine.values[name].array[:, columns], values.array[:, columns]
+            assert np.array_equal(np.isnan(a), np.isnan(b)), name
+            slack = 2.0 * max(solution.tolerances.get(name, {}).get(unit, 0.0) for solution in (mine, other))
+            away, size = np.nanmax(np.abs(a - b), initial=0.0), np.nanmax(np.abs(b), initial=0.0)
+            found[name, unit] = 0.0 if away <= slack else away / (size or 1.0)
+    return max(found.items(), key=lambda item: item[1])
+
+
+def by_program(solution):
+    return int(solution.notes[0].split(" of ")[0])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
+def test_as_close_to_the_truth_as_promised(name, backend):
+    pytest.importorskip("flint", reason="python-flint is not installed")
+    scene = screwgauge.load_scene(name)
+    scene = scene.at(scene.t[:: len(scene.t) // 40])
+    mine = solved(scene, backend)
+    assert by_program(mine) == len(scene.t)
+    some = scene.at(scene.t[[0, 7, 33]])
+    truth = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(some.problem(GIVEN[:6] + GIVEN[8:]))
+    for quantity, values in truth.values.items():
+        picked = mine.values[quantity].at(np.array([0, 7, 33])).array
+        for unit in dict.fromkeys(values.units):
+            columns = [i for i, u in enumerate(values.units) if u == unit]
+            size = np.abs(mine.values[quantity].array[:, columns]).max() or 1.0
+            error = np.abs(picked[:, columns] - values.array[:, columns]).max() / size
+            assert error <= 1e-12, (quantity, unit, error)
+
+
+#: Forty four-bars take a minute by the array solver.
+@pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
+def test_every_built_in_mechanism(name):
+    mechanism = load_mechanism(name)
+    rng = np.random.default_rng(5)
+    k = len(mechanism.independent)
+    t = np.linspace(0.0, 1.0, 60)
+    size = 0.02 * rng.uniform(0.5, 1.0, k)
+    w = rng.uniform(1.0, 4.0, k)
+    home = mechanism.home[mechanism.independent_columns]
+    arm = np.sin(np.outer(t, w))
+    motion = GivenMotion(t, home + size * arm, size * w * np.cos(np.outer(t, w)), -size * w * w * arm)
+    scene = replace(screwgauge.load_scene("3ups-upu-s").under(loads=()), mechanism=mechanism, task=motion, text={})
+    mine, other = solved(scene, "numpy"), solved(scene, "array")
+    assert worst(mine, other)[1] <= SAME
+    assert mine.notes
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    [
+        ("planar-4", 1), ("rccc", 1), ("rscr", 1), ("rrsrr", 3), ("bennett", 1),
+        ("7r", 1), ("serial", 3), ("spherical-loop", 1), ("rssr", 2),
+    ],
+)  # fmt: skip
+def test_random_mechanisms(family, seed):
+    scene = screwgauge.random(seed, family)
+    scene = scene.at(np.linspace(scene.t[0], scene.t[-1], 40))
+    assert worst(solved(scene, "numpy"), solved(scene, "array"))[1] <= SAME
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_random_states_on_both_sides_of_the_leg_singularity(backend):
+    """Beyond b = 0.357 rad, where expressions that agree at home differ by kilonewtons."""
+    rng = np.random.default_rng(0)
+    y, yd, ydd = rng.uniform(-0.9, 0.9, (800, 2)), rng.normal(size=(800, 2)), rng.normal(size=(800, 2))
+    scene = replace(
+        screwgauge.load_scene("3ups-upu-s"), task=GivenMotion(np.arange(800.0), y, yd, ydd), drive=None, text={}
+    )
+    mine, other = solved(scene, backend), solved(scene, "array")
+    assert by_program(mine) > 500
+    for name, values in other.values.items():
+        away, size = np.abs(mine.values[name].array - values.array), np.abs(values.array)
+        if name == "joint_position":  # half a turn to the left is half a turn to the right
+            away = np.minimum(away, np.abs(away - 2.0 * np.pi))
+        right = np.isfinite(size).all(axis=1)
+        assert (away[right].max(axis=1) <= LOCAL * size[right].max(axis=1)).all(), name
+        size = size[right].max()
+        bound = (mine.estimate[name] + other.estimate[name])[right] * size
+        assert (away[right].max(axis=1) <= bound).all(), name
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_home_at_rest_has_numbers(backend):
+    """Pivots that are zero there would give none."""
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0])
+    found = solved(scene, backend)
+    assert by_program(found) == 1
+    assert all(np.isfinite(values.array).all() for values in found.values.values())
+
+
+def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
+    b = 0.356801 - np.array([0.2, 0.1, 1e-4, 1e-7])
+    y = np.stack([np.full(4, 0.1), b], axis=1)
+    motion = GivenMotion(np.arange(4.0), y, np.ones((4, 2)), np.ones((4, 2)))
+    scene = replace(screwgauge.load_scene("3ups-upu-s"), task=motion, drive=None, text={})
+    mine, other = solved(scene, "numpy"), solved(scene, "array")
+    assert mine.notes[0].startswith("2 of 4 samples by a program of")
+    assert mine.notes[0].endswith("2 by the array solver (2 badly conditioned)")
+    assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
+
+
+def test_a_prediction_from_afar_is_left_to_the_array_solver(monkeypatch):
+    scene = screwgauge.load_scene("stewart-legs").at(np.linspace(0.0, 1.0, 41))
+    lay = layout(scene.mechanism)
+    work = TracedWork(lay, scene.problem(["joint_position"]), scene.motion, "numpy")
+    near = work.predictor.predict(scene.motion)
+    monkeypatch.setattr(work.predictor, "predict", lambda motion: near + 0.05 * np.eye(*near.shape))
+    part = work.part(scene.motion)
+    assert work.by_array["not closed"] > 0
+    expected = solved(scene, "array").values["joint_position"].array
+    assert np.abs(part.values["joint_position"] - expected).max() <= tolerances.READ
+
+
+@pytest.mark.parametrize(
+    ("scene", "reason"),
+    [
+        (lambda s: replace(s, rule="spherical_axial"), "the rule is spherical_axial"),
+        (lambda s: s.under(springs=(screwgauge.reference.applied.JointSpring("leg1.q3", 1e3, 0.6),)), "springs"),
+    ],
+)
+def test_what_cannot_be_traced_is_said(scene, reason):
+    asked = scene(screwgauge.load_scene("3ups-upu-s").at([0.5, 1.0]))
+    found = solved(asked, "numpy")
+    assert any(reason in note for note in found.notes)
+    assert worst(found, solved(asked, "array"))[1] == 0.0
+
+
+def test_there_is_no_other_backend():
+    with pytest.raises(UnknownNameError, match="unknown backend 'numba'"):
+        get_engine("screw").load(ModelFiles(screwgauge.load_scene("3ups-upu-s").mechanism_file), backend="numba")
