@@ -58,7 +58,8 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
         return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
     causes = _listed(_largest_first(found[number] for number in numbers))
-    slips = [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
+    # among many causes nobody could tell of which one a slip is
+    slips = [slip for step in why.steps for slip in step.hypothesis.slips[:1] if len(numbers) <= _NAMED]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
