@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from screwgauge.diagnosis.asked import answers
 from screwgauge.diagnosis.common import STANDARD, states_of_b, velocity_map
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.mapping import paired
-from screwgauge.diagnosis.matrix import sentences_between
+from screwgauge.diagnosis.matrix import differences_between
 from screwgauge.diagnosis.reshape import ordered, renamed
 from screwgauge.diagnosis.tree import draw, plant
 from screwgauge.diagnosis.words import with_sides
@@ -21,6 +22,8 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 
+#: Properties that no torque shows; they are named last.
+SILENT = ("limits", "actuator", "gear", "closure", "coupling", "polynomial")
 #: A larger scaled difference of torques is one.
 SAME = 1e-9
 
@@ -41,40 +44,46 @@ class TwoReaders:
     causes: tuple[str, ...]
 
 
-def compared(file: Path, one: Reading, two: Reading, seed: int = 0) -> TwoReaders:
+def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False, seed: int = 0) -> TwoReaders:
     """Compares two readings of a file.
 
     Args:
         one, two: By libraries that have dynamics.
+        floating: The base of a URDF was read as moving freely.
         seed: Of the random states.
     """
     pairing = paired(one, two)
-    said = sentences_between(one, two, pairing)
-    causes = [with_sides(sentence, f"as {one.library} reads it", f"as {two.library} reads it") for sentence in said]
+    found = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
+    by = [f"as {each.library} reads it" for each in (one, two)]
+    causes = [with_sides(each.sentence, *by) for each in found]
     if pairing.only_a or pairing.only_b or not pairing.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
-        torque, rigid, omitted = _torques(file, one, two, pairing.joints, seed)
+        torque, rigid, omitted = _torques((file, floating), (one, two), pairing.joints, seed)
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return TwoReaders(math.nan, math.nan, (*causes, f"no torques: {error}"))
-    return TwoReaders(torque, rigid, (*omitted, *causes) if torque > SAME else tuple(causes))
+    omitted = omitted if torque > SAME else []
+    return TwoReaders(torque, rigid, (*causes, *omitted) if rigid > SAME else (*omitted, *causes))
 
 
 def _torques(
-    file: Path, one: Reading, two: Reading, joints: dict[str, str], seed: int
+    file: tuple[Path, bool], readings: tuple[Reading, Reading], joints: Mapping[str, str], seed: int
 ) -> tuple[float, float, list[str]]:
-    """Both differences, and what either library leaves out."""
-    a, b = (plant(replace(each, gravity=STANDARD if each.gravity is None else each.gravity)) for each in (one, two))
-    states = draw(one, STATES, seed)
-    first = answers(file, one.library, a, states)
-    # B's joints in the order and by the names of A's; it is asked by its own names
-    common = plant(ordered(renamed(b.reading, {"joints": {other: name for name, other in joints.items()}}), one.joints))
-    own = plant(renamed(common.reading, {"joints": joints}))
-    second = answers(file, two.library, own, states_of_b(a, common, states))
-    C = velocity_map(a, common)
-    rigid = [_rigid(each, qdd) for each, qdd in ((first, states.qdd), (second, states.qdd @ C.T))]
-    torque = _apart(first.tau, second.tau @ C), _apart(rigid[0], rigid[1] @ C)
-    return *torque, _omitted((first, second), (one, two))
+    """Both differences, and what either library leaves out.
+
+    Args:
+        file: It, and whether its base floats.
+    """
+    one, two = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in readings)
+    path, floating = file
+    a, states = plant(one), draw(one, STATES, seed)
+    first = answers(path, one.library, a, states, floating=floating)
+    # B has the order and the names of A's joints, and is asked by its own names
+    b = ordered(renamed(two, {"joints": {other: name for name, other in joints.items()}}), one.joints)
+    theirs, C = states_of_b(a, plant(b), states), velocity_map(a, plant(b))
+    second = answers(path, two.library, plant(renamed(b, {"joints": joints})), theirs, floating=floating)
+    rigid = _rigid(first, states.qdd), _rigid(second, theirs.qdd) @ C
+    return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
 
 
 def _rigid(said: Answers, qdd: Array) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pandas as pd
 
@@ -83,22 +82,22 @@ def reader_rows(model: Public, limits: Limits = LOADING) -> list[ReaderRow]:
     except ScrewgaugeError as error:
         return [replace(blank, cause=error.what)]
     form = "urdf" if libraries[0] == "pinocchio" else "mjcf"
-    found = readings({library: Request(model.file, library) for library in libraries}, limits)
+    found = readings({library: Request(model.file, library, floating=model.floating) for library in libraries}, limits)
     return [
-        _row(replace(blank, format=form, library=library), model.file, reading, found[libraries[0]])
+        _row(replace(blank, format=form, library=library), model, reading, found[libraries[0]])
         for library, reading in found.items()
     ]
 
 
-def _row(blank: ReaderRow, file: Path, reading: Reading | Failure, first: Reading | Failure) -> ReaderRow:
+def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Reading | Failure) -> ReaderRow:
     """Args: first: What the library of the format reads."""
     if isinstance(reading, Failure):
-        return replace(blank, cause=reading.reason.removeprefix(f"{file}: "))
+        return replace(blank, cause=reading.reason.removeprefix(f"{model.file}: "))
     torque, rigid, causes = math.nan, math.nan, list[str]()
     if reading is first:
         torque = rigid = 0.0
     elif isinstance(first, Reading):
-        two = compared(file, first, reading)
+        two = compared(model.file, first, reading, floating=model.floating)
         torque, rigid, causes = two.torque, two.rigid, [*two.causes]
     dropped = [phrase for phrase in reading.ignored if phrase.endswith(" drops")]
     return replace(
