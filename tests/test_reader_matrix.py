@@ -15,8 +15,8 @@ ARM = """<mujoco model="arm">{option}<worldbody><body name="upper" pos="0 0 1">
 SECOND = """<body name="other"><joint name="hinge" axis="0 1 0"/>
 <inertial pos="0.1 0 0" mass="2" diaginertia="1 1 1"/></body>"""
 FLAT = """<robot name="flat"><link name="base"/><link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
-<inertia ixx="{ixx}" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="hinge" type="continuous">
-<parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+<inertia ixx="{ixx}" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
 
 
 def arm(joint: str = "", option: str = "", more: str = "") -> str:
