@@ -177,3 +177,18 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
     scene = with_(screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5]), models={"mujoco": own})
     results = screwgauge.run(scene, ("screw", "mujoco"), ("actuator_force",))
     assert "leg3.upper: mass 1.4342 kg in own.xml, 1.4200 kg in the description (+1.00 %)" in verdict(results).text
+
+
+def test_of_many_causes_those_that_explain_the_most_are_named_first(tmp_path):
+    """Not those that are the largest beside what stands in A: nothing is infinitely less than a trace of damping."""
+    model = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" {0}/>
+<inertial pos="0.1 0.02 -0.2" mass="{1}" diaginertia="0.1 0.12 0.09"/><body name="lower" pos="0.3 0 0">
+<joint name="elbow" axis="1 0 0" {0}/><inertial pos="0 0.1 0.05" mass="0.5" diaginertia="0.03 0.02 0.01"/>
+</body></body></worldbody></mujoco>"""
+    a, b = tmp_path / "a.xml", tmp_path / "b.xml"
+    a.write_text(model.format("", "1"), encoding="utf-8")
+    b.write_text(model.format('damping="1e-5" armature="1e-5"', "1.5"), encoding="utf-8")
+    found = screwgauge.diagnose(a, b)
+    assert len(found.differences) == 5
+    assert found.verdict.startswith("upper: mass 1.500 kg in B, 1.000 kg in A")
+    assert "and 2 more; together explain 100.0000 %" in found.verdict

@@ -10,6 +10,7 @@ from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement
 from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.hypothesis import Hypothesis
 from screwgauge.diagnosis.matter import Matter, steiner
+from screwgauge.diagnosis.words import vector
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.lookalikes import renamed
@@ -145,3 +146,8 @@ def test_names_that_all_have_a_prefix_are_the_same_names(tmp_path):
     (tmp_path / "a.urdf").write_text(text)
     (tmp_path / "b.urdf").write_text(renamed(text, np.random.default_rng(0)))
     assert diagnose(f"{tmp_path / 'a.urdf'}@pinocchio", f"{tmp_path / 'b.urdf'}@yourdfpy").same
+
+
+def test_rounding_beside_the_largest_entry_is_not_printed():
+    gravity = np.array([3.8e-16, -7.1e-17, 9.81])
+    assert vector(gravity, np.array([0.0, 0.0, -9.81])) == "(0, 0, 9.810)"

@@ -127,6 +127,25 @@ def test_a_link_that_is_fixed_to_another_one_is_changed_itself(tmp_path):
     assert float(lines[0].split('"')[1]) == pytest.approx(3.25, rel=1e-12, abs=0)
 
 
+def test_a_body_of_two_links_that_have_to_lose_inertia_is_written_in_shares(tmp_path):
+    """No change of one of the links does: the other one alone has more inertia than the whole is to have."""
+    file = tmp_path / "model.xml"
+    file.write_text(
+        """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/>
+<inertial pos="0 0 0.08" mass="0.5" diaginertia="0.05 0.05 0.05"/>
+<body name="hand" pos="0 0 0.1"><inertial pos="0 0 0" mass="0.5" diaginertia="0.05 0.05 0.05"/></body>
+</body></worldbody></mujoco>"""
+    )
+    reading = read(file, "mujoco")
+    wanted = {"mass": 1.5, "com": [0.002, 0.001, 0.1], "inertia": np.diag([0.006, 0.014, 0.017])}
+    changes = [Change("arm", what, np.asarray(value)) for what, value in wanted.items()]
+    patch = patched(file.read_text(), reading, changes)
+    assert not patch.left
+    file.write_text(patch.text)
+    a, b = torques(applied(reading, changes)), torques(read(file, "mujoco"), draw(reading, 8))
+    assert np.abs(a - b).max() <= AGAIN * np.abs(a).max()
+
+
 def test_what_geoms_or_the_compiler_say_is_not_written(tmp_path):
     file = tmp_path / "model.xml"
     text = '<mujoco><compiler settotalmass="3"/><worldbody><body><joint/><geom size="0.1"/></body></worldbody></mujoco>'

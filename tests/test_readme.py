@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -62,8 +64,6 @@ def example(tmp_path_factory):
     generated = (folder / source).read_text(encoding="utf-8")
     assert generated.count(old) == 1
     (folder / target).write_text(generated.replace(old, new), encoding="utf-8")
-    (base, line, target) = re.search(r"^\(cat (\S+); echo '(.*)'\) > (\S+)$", commands, re.MULTILINE).groups()
-    (folder / target).write_text(f"{shown(base)}{line}\n", encoding="utf-8")
     return folder
 
 
@@ -99,13 +99,7 @@ def test_four_bar_runs_with_all_three_engines(run) -> None:
     assert f"screw, pinocchio and mujoco agree: all {count} comparisons are within tolerance" in said
 
 
-def test_edited_inertia_is_found_as_shown(run) -> None:
-    status, said = run("debug.toml")
-    assert status == 1
-    assert squeezed(block_with("✗ DIFFER: screw and mujoco differ: first in tree_force")) in said
-
-
-def test_reversed_axis_is_found_as_said(example, run) -> None:
+def test_reversed_axis_faults_the_loop_that_it_opens(example, run) -> None:
     model = (example / "four-bar.xml").read_text(encoding="utf-8")
     (joint,) = re.findall(r'<joint name="b" .*?/>', model)
     reversed_one = model.replace(joint, joint.replace('axis="0 1 0"', 'axis="0 -1 0"'))
@@ -117,6 +111,48 @@ def test_reversed_axis_is_found_as_said(example, run) -> None:
     assert status == 1
     assert "first in joint_position at b" in said
     assert re.search(r"faults mujoco: loop closure .* at d\.", said)
+
+
+def test_the_panda_differs_as_its_report_says() -> None:
+    """What the README quotes, ``...`` for what it leaves out, is in the committed report of the same command."""
+    report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
+    said, table = block_with("✗ DIFFER: panda").split("\n\n")
+    parts = [part.strip() for part in squeezed(said).removeprefix("✗ DIFFER: ").split("...")]
+    places = [report["verdict"].find(part) for part in parts]
+    assert places[0] == 0
+    assert places == sorted(places)
+    assert report["verdict"].endswith(parts[-1])
+    sentences = {(each["what"], each["item_a"] or each["item_b"]): each["sentence"] for each in report["differences"]}
+    rows = [line.split(None, 2) for line in table.splitlines()[1:]]
+    assert len(rows) >= 3
+    for what, item, sentence in rows:
+        assert sentences[what, item].startswith(f"{item}: {sentence.removesuffix(' ...').strip()}")
+
+
+def test_the_panda_is_told_as_its_report_says() -> None:
+    """The numbers of the text, and the command: its files are those of the report."""
+    report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
+    text = squeezed(README)
+    for side in "AB":
+        assert report["models"][side]["file"] in text
+    dynamics = {row["quantity"]: row for row in report["dynamics"]}
+    assert all(dynamics[f"body {what}"]["scaled"] < 1e-14 for what in ("velocity", "acceleration"))
+    torque = dynamics["inverse dynamics"]
+    assert f"joint {torque['worst'][-1]} is off by {torque['max_abs']:.1f} N m" in text
+    inertias = [np.array(each["b"]) for each in report["differences"] if each["what"] == "inertia"]
+    assert all(np.abs(inertia / inertia[0, 0] - np.eye(3)).max() < 3e-3 for inertia in inertias)
+    assert {round(inertia[0, 0], 3) for inertia in inertias} == {0.1, 0.2, 0.3}
+    damping = [each["b"] / each["a"] for each in report["differences"] if each["what"] == "damping"]
+    assert f"up to {max(damping):.0f} times" in text
+    assert report["backfill"]["on"] == "file"
+    readers = pd.read_csv(ROOT / "reports/readers/readers.csv")
+    assert f"[{len(readers.groupby(['source', 'model']))} public models]" in text
+
+
+def test_no_report_says_where_it_was_made() -> None:
+    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "reports").glob("*/*.json")}
+    assert len(texts) > 4
+    assert not {path.parent.name: found for path, text in texts.items() if (found := re.findall(r'"/[^"\s]+"', text))}
 
 
 def test_gate_ends_as_shown(example, run) -> None:

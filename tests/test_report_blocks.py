@@ -216,3 +216,9 @@ def test_a_section_has_the_text_of_its_title() -> None:
 def test_every_page_has_a_report_and_a_terminal(module) -> None:
     for name in ("report", "terminal", "write"):
         assert callable(getattr(module, name))
+
+
+def test_a_terminal_says_where_it_cuts_a_line() -> None:
+    long, short = terminal([Table(("what",), (("x" * 150,), ("y" * 100,)))]).splitlines()[1:]
+    assert long == "x" * 96 + " ..."
+    assert short == "y" * 100

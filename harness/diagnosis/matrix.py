@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from screwgauge.diagnosis.branches import missing
+from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.common import brought
-from screwgauge.diagnosis.mapping import paired
+from screwgauge.diagnosis.mapping import Pairing, paired
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.static import differences, sorted_by_size
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.diagnosis.words import with_sides
 from screwgauge.models.readings.read import libraries_for
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 
 _NAMED = 4
@@ -115,14 +117,17 @@ def _between(
     one, two = models[first].reading, models[second].reading
     # names of A are given with those of B; the other way round they are the same file's
     pairing = paired(one, two, given if first[0] != second[0] else None)
-    said = [each.sentence for each in missing(one, two, pairing)]
-    if pairing.joints:
-        found = differences(brought(one, two, pairing))[0]
-        said += [each.sentence for each in sorted_by_size(found)]
+    said = [each.sentence for each in differences_between(one, two, pairing)]
     kind = "loader" if first[0] == second[0] else "model" if first[1] == second[1] else "both"
     if kind == "loader":
         said = [with_sides(sentence, f"as {first[1]} reads it", f"as {second[1]} reads it") for sentence in said]
     return Between(first, second, kind, tuple(said))
+
+
+def differences_between(one: Reading, two: Reading, pairing: Pairing) -> list[Difference]:
+    """What two readings say otherwise: what one of them has not, then the largest first."""
+    found = [*missing(one, two, pairing)]
+    return found + sorted_by_size(differences(brought(one, two, pairing))[0]) if pairing.joints else found
 
 
 def _sentences(

@@ -141,6 +141,13 @@ def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[i
     return found
 
 
+def shared(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
+    """All parts of a body as shares of what it is to be, as their masses are, about one centre of mass."""
+    whole = sum(part.mass for part in parts.values())
+    shares = {i: part.mass / whole for i, part in parts.items()}
+    return {i: Matter(share * after.mass, after.com, share * after.inertia) for i, share in shares.items()}
+
+
 def _much(before: Matter, after: Matter) -> bool:
     """Whether a body becomes smaller by far."""
     moments = (float(np.abs(m.inertia + m.mass * steiner(m.com)).max()) for m in (before, after))

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.change import Change, applied
 from screwgauge.diagnosis.layout import Link, UnpatchableError
-from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, same, spread
+from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.diagnosis.opened import Opened, move, opened
 from screwgauge.diagnosis.write_urdf import SAME
 from screwgauge.models.readings.reading import BodyReading, Reading
@@ -107,7 +107,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     new = _changed(parts, of_body(old), of_body(body))
     if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
-        raise UnpatchableError(f"several links of '{name}' differ, and no change of one or of all of them does")
+        raise UnpatchableError(f"several links make up '{name}', and no change of one or of all of them does")
     for i, part in new.items():
         now = relative(body.pose, frames[i])
         if part is not parts[i] or np.abs(now - T[i]).max() > SAME:
@@ -119,7 +119,10 @@ def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Ma
     if same(old, new):
         return parts
     chosen, matter = plainest(parts, old, new)
-    return {**parts, chosen: matter} if matter.possible or len(parts) == 1 else spread(parts, old, new)
+    if matter.possible or len(parts) == 1:
+        return {**parts, chosen: matter}
+    found = spread(parts, old, new)
+    return found if all(part.possible for part in found.values()) else shared(parts, new)
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:

@@ -93,7 +93,7 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     if np.linalg.norm(a - R.T @ b) > CLOSE * float(np.linalg.norm(a)):
         return ""
     angle = math.degrees(math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(R)) - 1.0)))))
-    return f", because B as a whole stands turned by {angle:.4g} deg against A"
+    return f", because the whole stands turned by {angle:.4g} deg in B"
 
 
 def _differ(a: float, b: float) -> bool:

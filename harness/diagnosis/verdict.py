@@ -57,8 +57,11 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
         rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
-    causes = _listed(_largest_first(found[number] for number in numbers))
-    slips = [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
+    # of many causes those that explain the most come first
+    many = len(numbers) > _NAMED
+    named = [found[number] for number in numbers]
+    causes = _listed([each.sentence for each in named] if many else _largest_first(named))
+    slips = [] if many else [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""

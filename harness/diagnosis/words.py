@@ -89,7 +89,9 @@ def digits(value: float, other: float) -> str:
 
 def vector(value: Array, other: Array) -> str:
     """Entries in brackets."""
-    return f"({', '.join(digits(float(x), float(y)) for x, y in zip(value.ravel(), other.ravel(), strict=True))})"
+    least = 1e-13 * max(_finite(value), _finite(other))  # rounding beside the largest entry
+    pairs = zip(value.ravel(), other.ravel(), strict=True)
+    return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
 
 
 def _finite(value: Array) -> float:

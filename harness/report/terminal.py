@@ -13,7 +13,7 @@ COLUMNS = 100
 def terminal(blocks: Iterable[Block]) -> str:
     """The text, with an empty line between blocks; plots are left out."""
     parts = (_lines(block) for block in blocks)
-    return "\n\n".join("\n".join(line[:COLUMNS].rstrip() for line in lines) for lines in parts if lines)
+    return "\n\n".join("\n".join(map(_cut, lines)) for lines in parts if lines)
 
 
 def _lines(block: Block) -> list[str]:
@@ -30,6 +30,11 @@ def _lines(block: Block) -> list[str]:
             return [f"{plain(title)}:", *terminal(inside).splitlines()]
         case Picture():
             return []
+
+
+def _cut(line: str) -> str:
+    line = line.rstrip()
+    return line if len(line) <= COLUMNS else f"{line[: COLUMNS - 4]} ..."
 
 
 def _table(lines: list[list[str]], block: Table) -> list[str]:

@@ -8,12 +8,13 @@ import numpy as np
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.page import arrange, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, GREY, MARKERS, Look, styled
+from screwgauge.report.figures.style import COLOURS, GREY, MARKERS, SMALL, Look, styled
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
 
 BAR, MOST = 15.0, 20  # points of a bar with the gap beside it; bars of a picture
+LEAST, FEWEST = 1e-3, 4  # share below which a change has no bar, unless there are so few
 FLOOR = 1e-17  # what is zero is drawn so small
 
 
@@ -43,13 +44,16 @@ def _by_joint(found: Diagnosis) -> Picture:
 
 def _by_hypothesis(found: Diagnosis) -> Picture:
     assert found.attribution is not None
-    ranking = found.attribution.ranking[:MOST][::-1]
+    ranking = found.attribution.ranking[:MOST]
+    seen = max(FEWEST, sum(share >= LEAST for _, share in ranking))
+    ranking = ranking[:seen][::-1]
     page = panels(576.0, [BAR * len(ranking) + BAR])
     (ax,) = page.axes
-    place = np.arange(len(ranking))
-    ax.barh(place, [max(100.0 * share, 0.0) for _, share in ranking], color=COLOURS[0], height=0.6)
+    place, shares = np.arange(len(ranking)), [max(100.0 * share, 0.0) for _, share in ranking]
+    bars = ax.barh(place, shares, color=COLOURS[0], height=0.6)
+    ax.bar_label(bars, [f"{share:.3g} %" for share in shares], padding=3.0, fontsize=SMALL)
     ax.axvline(100.0, color=GREY, linewidth=0.8)
     ax.set_yticks(place, [hypothesis.name for hypothesis, _ in ranking])
-    ax.set(xlabel="share of the torque difference that each change explains alone [%]", xlim=(0.0, 103.0))
+    ax.set(xlabel="share of the torque difference that each change explains alone [%]", xlim=(0.0, 115.0))
     arrange(page, "What explains the torque difference")
     return saved(page, "torques-by-hypothesis")

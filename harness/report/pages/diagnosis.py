@@ -21,13 +21,15 @@ from screwgauge.report.write import write_report
 DATA = ("diagnosis.json", "environment.json")
 SCHEMA = 1
 _RANKED = 12  # hypotheses that are shown
+_SHORT = 3  # columns of the table of differences for which a terminal has room
 
 
 def terminal(found: Diagnosis) -> list[Block]:
     """What is printed."""
     blocks: list[Block] = [_banner(found)]
     if found.differences:
-        blocks.append(_differences(sorted_by_size(found.differences)[:_RANKED]))
+        whole = _differences(sorted_by_size(found.differences)[:_RANKED])
+        blocks.append(Table(whole.head[:_SHORT], tuple(line[:_SHORT] for line in whole.body)))
     if found.rows:
         blocks.append(_rows(found))
     if found.matrix:
@@ -114,7 +116,11 @@ def _name(model: Model) -> str:
 
 
 def _differences(found: Sequence[Difference]) -> Table:
-    lines = ((each.what, each.item_a or each.item_b, each.sentence, size(each.size), each.kind) for each in found)
+    lines = [
+        (each.what, item, each.sentence.removeprefix(f"{item}: "), size(each.size), each.kind)
+        for each in found
+        for item in (each.item_a or each.item_b,)
+    ]
     return Table(("what", "of", "difference", "relative", "kind"), tuple(lines))
 
 

@@ -1,0 +1,109 @@
+"""One file read by two libraries: what they read otherwise, and what torques either computes itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.asked import answers
+from screwgauge.diagnosis.common import STANDARD, states_of_b, velocity_map
+from screwgauge.diagnosis.compare import STATES
+from screwgauge.diagnosis.mapping import paired
+from screwgauge.diagnosis.matrix import differences_between
+from screwgauge.diagnosis.reshape import ordered, renamed
+from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.words import with_sides
+from screwgauge.engines.plain import Answers
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+
+#: Properties that no torque shows; they are named last.
+SILENT = ("limits", "actuator", "gear", "closure", "coupling", "polynomial")
+#: A larger scaled difference of torques is one.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class TwoReaders:
+    """What two libraries make of one file.
+
+    Attributes:
+        torque: Largest difference of their own inverse dynamics at random states, over the largest torque; NaN where
+            they do not move alike.
+        rigid: The same of inertia, gravity and velocities alone, without what joints add.
+        causes: What they read or compute otherwise.
+    """
+
+    torque: float
+    rigid: float
+    causes: tuple[str, ...]
+
+
+def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False, seed: int = 0) -> TwoReaders:
+    """Compares two readings of a file.
+
+    Args:
+        one, two: By libraries that have dynamics.
+        floating: The base of a URDF was read as moving freely.
+        seed: Of the random states.
+    """
+    pairing = paired(one, two)
+    found = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
+    by = [f"as {each.library} reads it" for each in (one, two)]
+    causes = [with_sides(each.sentence, *by) for each in found]
+    if pairing.only_a or pairing.only_b or not pairing.joints:
+        return TwoReaders(math.nan, math.nan, tuple(causes))
+    try:
+        torque, rigid, omitted = _torques((file, floating), (one, two), pairing.joints, seed)
+    except (ScrewgaugeError, ValueError, LookupError) as error:
+        return TwoReaders(math.nan, math.nan, (*causes, f"no torques: {error}"))
+    omitted = omitted if torque > SAME else []
+    return TwoReaders(torque, rigid, (*causes, *omitted) if rigid > SAME else (*omitted, *causes))
+
+
+def _torques(
+    file: tuple[Path, bool], readings: tuple[Reading, Reading], joints: Mapping[str, str], seed: int
+) -> tuple[float, float, list[str]]:
+    """Both differences, and what either library leaves out.
+
+    Args:
+        file: It, and whether its base floats.
+    """
+    one, two = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in readings)
+    path, floating = file
+    a, states = plant(one), draw(one, STATES, seed)
+    first = answers(path, one.library, a, states, floating=floating)
+    # B has the order and the names of A's joints, and is asked by its own names
+    b = ordered(renamed(two, {"joints": {other: name for name, other in joints.items()}}), one.joints)
+    theirs, C = states_of_b(a, plant(b), states), velocity_map(a, plant(b))
+    second = answers(path, two.library, plant(renamed(b, {"joints": joints})), theirs, floating=floating)
+    rigid = _rigid(first, states.qdd), _rigid(second, theirs.qdd) @ C
+    return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
+
+
+def _rigid(said: Answers, qdd: Array) -> Array:
+    """Inverse dynamics without damping, springs and the medium. Shape (n, n_freedom)."""
+    return np.asarray((said.mass_matrix @ qdd[..., None])[..., 0] + said.bias)
+
+
+def _apart(a: Array, b: Array) -> float:
+    scale, off = float(np.abs(a).max()), float(np.abs(a - b).max())
+    return off / scale if scale else off
+
+
+def _omitted(said: tuple[Answers, Answers], readings: tuple[Reading, Reading]) -> list[str]:
+    """What a reading has, and the inverse dynamics of its library has not."""
+    found = []
+    for i, reading in enumerate(readings):
+        has = {what for joint in reading.joints.values() for what in ("damping", "stiffness") if getattr(joint, what)}
+        has |= {"armature" for joint in reading.joints.values() if joint.armature}
+        has |= {"medium"} if any(reading.medium) else set()
+        # what neither has is no difference
+        if left := sorted((has - said[i].covers) & said[1 - i].covers):
+            found.append(f"inverse dynamics of {reading.library} leave out {', '.join(left)}")
+    return found
