@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.attribution import Attribution, Torques
-from screwgauge.diagnosis.backfill import Backfill, backfill, write_fix
+from screwgauge.diagnosis.backfill import Backfill, write_fix
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
 from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
 from screwgauge.diagnosis.dynamics import not_modelled
-from screwgauge.diagnosis.explain import Explanation, explained
+from screwgauge.diagnosis.explain import Explanation, explained, proved
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
@@ -141,16 +141,16 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
 def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
     """Attribution and proof; backfill of all differences where steps taken one by one do not get through."""
     a, b = models
-    paths = [None if model.library == "screwgauge" else model.file for model in models]
+    first, second = (None if model.library == "screwgauge" else model.file for model in models)
 
     def read(file: Path) -> Reading:
         return b.read_again(file, load)
 
-    why = explained(asked, (a.reading, b.reading), (paths[0], paths[1]), found, read)
+    why = explained(asked, (a.reading, b.reading), (first, second), found, read)
     if why.attribution.complete or why.attribution.before.scaled <= SAME:
         return why
     everything = _changes(found)
-    return replace(why, proof=backfill(asked, b.reading, everything, paths[1], read)) if everything else why
+    return replace(why, proof=proved(asked, b.reading, everything, (first, second), read)) if everything else why
 
 
 def _changes(found: Sequence[Difference]) -> list[Change]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.known import one_file, unused
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
@@ -27,8 +28,9 @@ def verdict(
     """What differs, what it explains, and what is left."""
     said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
     first, second = models
-    if first.file is not None and first.file == second.file and found:
+    if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
+        said += unused(models, found)
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
 
