@@ -12,14 +12,14 @@ from screwgauge.diagnosis.attribution import Attribution, Torques
 from screwgauge.diagnosis.backfill import Backfill, write_fix
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import Common, brought
+from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.dynamics import not_modelled
 from screwgauge.diagnosis.explain import Explanation, explained, proved
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
+from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.verdict import SAME, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
@@ -133,7 +133,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
         attribution=why,
         proof=proof,
         witnesses=seen,
-        notes=_notes(a, b, common),
+        notes=notes(a, b, common, seen, seed),
         by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
 
@@ -167,17 +167,3 @@ def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
     silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
     silent |= set() if a.says_closures and b.says_closures else {"closure"}
     return [each for each in found if each.what not in silent]
-
-
-def _notes(a: Model, b: Model, common: Common) -> tuple[str, ...]:
-    """What is taken for granted, and what is not compared."""
-    said = []
-    for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
-        if model.reading.gravity is None:
-            said.append(f"{side} says no gravity; 9.81 m/s^2 downwards is taken")
-        said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
-        if not model.says_closures and (common.a.closures or common.b.closures):
-            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
-        if model.floating:
-            said.append(f"the base of {side} is read as floating, as that of the other one does")
-    return tuple(said)
