@@ -161,7 +161,7 @@ def _unpaired(common: Common) -> Iterator[Difference]:
     """Bodies that one has and the other has not, of joints that both have."""
     for here, there, side in ((common.a, common.b, "A"), (common.b, common.a, "B")):
         for name, body in here.bodies.items():
-            if name in there.bodies or (side == "B" and body.mass == 0.0) or body.mass == 0.0:
+            if name in there.bodies or body.mass == 0.0:
                 continue
             own = common.own["bodies"].get(name, name)
             sentence = f"{own if side == 'B' else name}: a body of {body.mass:.6g} kg in {side} only"
@@ -213,12 +213,14 @@ def _couplings(common: Common) -> Iterator[Difference]:
             sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in A only"
             yield Difference(name, "", "coupling", coupling.polynomial, None, "1", math.inf, sentence)
             continue
+        if coupling.of != other.of:
+            own = common.own["couplings"].get(name, name)
+            leads = common.own["joints"].get(other.of, other.of) or "nothing"
+            sentence = f"{coupling.joint}: follows {leads} in B, {coupling.of or 'nothing'} in A"
+            yield Difference(name, own, "leading joint", None, None, "", math.inf, sentence)
         n = max(len(coupling.polynomial), len(other.polynomial))
         a, b = (np.pad(each.polynomial, (0, n - len(each.polynomial))) for each in (coupling, other))
-        if (
-            np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max()))
-            or coupling.of != other.of
-        ):
+        if np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max())):
             yield _difference(common, name, "polynomial", a, b)
     for name, coupling in common.b.couplings.items():
         if name not in common.a.couplings:
@@ -243,8 +245,14 @@ def _actuators(common: Common) -> Iterator[Difference]:
             yield Difference(
                 name, "", "actuator", np.asarray(gear), None, "1", math.inf, f"{name}: an actuator of {joint} in A only"
             )
-        elif _differ(gear, common.b.actuators[name][1]):
-            yield _difference(common, name, "gear", np.asarray(gear), np.asarray(common.b.actuators[name][1]))
+            continue
+        driven, other = common.b.actuators[name]
+        if driven != joint:
+            own = common.own["actuators"].get(name, name)
+            sentence = f"{name}: drives {common.own['joints'].get(driven, driven)} in B, {joint} in A"
+            yield Difference(name, own, "driven joint", None, None, "", math.inf, sentence)
+        if _differ(gear, other):
+            yield _difference(common, name, "gear", np.asarray(gear), np.asarray(other))
     for name, (joint, gear) in common.b.actuators.items():
         if name not in common.a.actuators:
             own = common.own["actuators"].get(name, name)

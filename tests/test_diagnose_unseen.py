@@ -1,0 +1,55 @@
+"""What no torque of the open tree can show is found all the same, named as what it is, and patched where it can be."""
+
+from __future__ import annotations
+
+import pytest
+
+import screwgauge
+
+INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
+FOUR_BAR = (
+    '<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{i}<body name="rod" pos="0 0 0.2">'
+    '<joint name="b" axis="0 1 0"/>{i}</body></body><body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>'
+    '{i}<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{i}</body></body></worldbody><equality>'
+    '<connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
+    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/>'
+    '</equality><actuator><motor name="m" joint="a" gear="2"/></actuator></mujoco>'
+).format(i=INERTIAL)
+
+
+@pytest.fixture
+def diagnosed(tmp_path):
+    """Diagnosis of the linkage against a copy with some texts replaced."""
+
+    def of(*edits):
+        text = FOUR_BAR
+        for old, new in edits:
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        for name, content in (("a.xml", FOUR_BAR), ("b.xml", text)):
+            (tmp_path / name).write_text(content, encoding="utf-8")
+        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+
+    return of
+
+
+def sentences(found):
+    assert found.same == (not found.differences)
+    assert found.exit_status == (1 if found.differences else 0)
+    return [each.sentence for each in found.differences]
+
+
+def test_the_same_is_the_same(diagnosed):
+    assert sentences(diagnosed()) == []
+
+
+def test_a_motor_on_another_joint(diagnosed):
+    found = diagnosed(('<motor name="m" joint="a"', '<motor name="m" joint="c"'))
+    assert sentences(found) == ["m: drives c in B, a in A"]
+    assert "m: drives c in B, a in A" in found.verdict
+
+
+def test_a_coupling_to_another_joint_names_both(diagnosed):
+    found = diagnosed(('joint1="d" joint2="a"', 'joint1="d" joint2="b"'))
+    assert sentences(found) == ["d: follows b in B, a in A"]
+    assert [each.change for each in found.differences] == [None]
