@@ -8,13 +8,14 @@ import screwgauge
 
 INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
 FOUR_BAR = (
-    '<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{i}<body name="rod" pos="0 0 0.2">'
-    '<joint name="b" axis="0 1 0"/>{i}</body></body><body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>'
-    '{i}<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{i}</body></body></worldbody><equality>'
-    '<connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
-    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/>'
-    '</equality><actuator><motor name="m" joint="a" gear="2"/></actuator></mujoco>'
-).format(i=INERTIAL)
+    f'<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{INERTIAL}'
+    f'<body name="rod" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{INERTIAL}</body></body>'
+    f'<body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>{INERTIAL}'
+    f'<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{INERTIAL}</body></body></worldbody>'
+    '<equality><connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
+    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/></equality>'
+    '<actuator><motor name="m" joint="a" gear="2"/></actuator></mujoco>'
+)
 
 
 @pytest.fixture
@@ -53,3 +54,37 @@ def test_a_coupling_to_another_joint_names_both(diagnosed):
     found = diagnosed(('joint1="d" joint2="a"', 'joint1="d" joint2="b"'))
     assert sentences(found) == ["d: follows b in B, a in A"]
     assert [each.change for each in found.differences] == [None]
+
+
+OPEN = "torques are compared of the open tree, which cannot show it."
+
+
+def test_an_anchor_elsewhere_is_said_with_what_it_opens(diagnosed):
+    found = diagnosed(('anchor="0.3 0 0"', 'anchor="0.301 0 0"'))
+    assert len(found.differences) == 2
+    assert all("1 mm elsewhere in B; open at home by" in each for each in sentences(found))
+    assert all(each.endswith("m in A") for each in sentences(found))
+    assert found.verdict.endswith(OPEN)
+
+
+def test_a_closure_that_is_missing_or_of_another_kind(diagnosed):
+    loop = '<connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
+    found = diagnosed((loop, ""))
+    (sentence,) = sentences(found)
+    assert sentence.startswith("loop: a closure of rod and rocker in A only, open at home by ")
+    assert found.verdict.endswith(OPEN)
+    found = diagnosed((loop, '<weld name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'))
+    assert sentences(found)[0].startswith("loop: a weld in B, a point in A; open at home by ")
+    assert found.verdict.endswith(OPEN)
+
+
+def test_beside_what_no_torque_shows_for_another_reason(diagnosed):
+    found = diagnosed(('anchor="0.3 0 0"', 'anchor="0.301 0 0"'), ('gear="2"', 'gear="3"'))
+    assert "the open tree, which cannot show what differs in closures and couplings, and no torque" in found.verdict
+
+
+def test_beside_what_torques_show(diagnosed):
+    found = diagnosed(
+        ('polycoef="0 1 0 0 0"', 'polycoef="0 2 0 0 0"'), ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>')
+    )
+    assert found.verdict.endswith("1 other difference no torque of the open tree shows.")

@@ -172,25 +172,32 @@ def _unpaired(common: Common) -> Iterator[Difference]:
 
 
 def _closures(common: Common) -> Iterator[Difference]:
-    gap_a, gap_b = residual_at_home(plant(common.a)), residual_at_home(plant(common.b))
-    for name, closure in common.a.closures.items():
-        if name not in common.b.closures:
-            sentence = f"{name}: a closure of {closure.first} and {closure.second} in A only"
-            yield Difference(name, "", "closure", None, None, "", math.inf, sentence)
-            continue
-        yield from _closure(common, name, (gap_a[name], gap_b[name]))
-    for name, closure in common.b.closures.items():
-        if name not in common.a.closures:
-            own = common.own["closures"].get(name, name)
-            sentence = f"{own}: a closure of {closure.first} and {closure.second} in B only"
-            yield Difference("", own, "closure", None, None, "", math.inf, sentence)
+    """Those that both have, with how far they are open; then those of one alone, A's first."""
+    gaps = [residual_at_home(plant(each)) for each in (common.a, common.b)]
+    for name in common.a.closures:
+        if name in common.b.closures:
+            yield from _closure(common, name, (gaps[0][name], gaps[1][name]))
+    for side, here, there, open_ in (("A", common.a, common.b, gaps[0]), ("B", common.b, common.a, gaps[1])):
+        for name, closure in here.closures.items():
+            if name not in there.closures:
+                own = common.own["closures"].get(name, name) if side == "B" else name
+                sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
+                sentence += f", open at home by {_gap(closure, open_[name])}"
+                items = (own, "") if side == "A" else ("", own)
+                yield Difference(*items, "closure", None, None, "", math.inf, sentence)
+
+
+def _gap(closure: ClosureReading, gap: float) -> str:
+    return f"{gap:.3g} m" if closure.kind == "point" else f"{gap:.3g} m or rad"
 
 
 def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
     own = common.own["closures"].get(name, name)
+    still = f"; open at home by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
     if a.kind != b.kind:
-        yield Difference(name, own, "kind", None, None, "", math.inf, f"{name}: a {b.kind} in B, a {a.kind} in A")
+        sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
+        yield Difference(name, own, "closure", None, None, "", math.inf, sentence)
     if (a.first, a.second) == (b.second, b.first) and a.first != a.second:
         a = ClosureReading(a.kind, a.second, a.second_frame, a.first, a.first_frame)
     for what, body in (("first_frame", a.first), ("second_frame", a.second)):
@@ -198,11 +205,10 @@ def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[D
         if body in common.a.bodies and body in common.b.bodies:
             ours = np.linalg.inv(common.b.bodies[body].pose) @ common.a.bodies[body].pose @ ours
         step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
-        turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == "weld" else 0.0
+        turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
         if max(step / size(common.a), turn) > 10 * ROUNDING:
             off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
-            said = f"{name}: its frame on {body} is {off} elsewhere in B"
-            more = step / size(common.a) + turn, f"{said}; open at home by {gaps[1]:.3g} in B, {gaps[0]:.3g} in A"
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{still}"
             yield _difference(common, name, what, ours, theirs, more)
 
 
