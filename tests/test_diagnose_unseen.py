@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import arm
 import pytest
 
 import screwgauge
+from screwgauge.cli import main
+from screwgauge.reference.errors import OutputError
 
 INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
 FOUR_BAR = (
@@ -88,3 +91,33 @@ def test_beside_what_torques_show(diagnosed):
         ('polycoef="0 1 0 0 0"', 'polycoef="0 2 0 0 0"'), ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>')
     )
     assert found.verdict.endswith("1 other difference no torque of the open tree shows.")
+
+
+def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
+    """Alone, and beside what torques show."""
+    path = arm.write(tmp_path)[1]
+    text = path.read_text(encoding="utf-8")
+    start = text.index('name="link0"')
+    mass = text[text.index('mass="', start) :].split('"')[1]
+    both = text.replace(f'mass="{mass}"', f'mass="{float(mass) + 0.5}"', 1).replace("-1.5 1.2", "-1 1.2")
+    limits = text.replace("-1.5 1.2", "-1 1.2")
+    for name, other, shown in (("limits.xml", limits, 0), ("both.xml", both, 1)):
+        b, out = tmp_path / name, tmp_path / f"fixed-{name}"
+        b.write_text(other, encoding="utf-8")
+        found = screwgauge.diagnose(path, b)
+        assert len(found.differences) == 1 + shown
+        found.write_fix(out)
+        assert found.not_fixed == ()
+        assert screwgauge.diagnose(path, out).same
+
+
+def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
+    moved = ('<motor name="m" joint="a"', '<motor name="m" joint="c"')
+    with pytest.raises(OutputError, match=r"nothing to write: no change of B's file is known for this: m: drives c"):
+        diagnosed(moved).write_fix(tmp_path / "fixed.xml")
+    diagnosed(moved, ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>'))
+    files = [str(tmp_path / name) for name in ("a.xml", "b.xml")]
+    assert main(["diagnose", *files, "--out", str(tmp_path / "out"), "--fix", str(tmp_path / "fixed.xml")]) == 1
+    assert "not fixed: no change of B's file is known for this: m: drives c in B, a in A" in " ".join(
+        capsys.readouterr().out.split()
+    )

@@ -24,10 +24,12 @@ class Explanation:
 
     Attributes:
         proof: None where the torques do not differ, or nothing explains it.
+        fix: The same of all changes, what no torque shows among them; None where there are none.
     """
 
     attribution: Attribution
     proof: Backfill | None
+    fix: Backfill | None = None
 
 
 def explained(
