@@ -8,6 +8,7 @@ import pytest
 import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
 from screwgauge.diagnosis import known, notes
+from screwgauge.models.readings.read import read
 from screwgauge.reference.errors import OutputError
 
 BAR = (
@@ -75,3 +76,34 @@ def test_the_difference_of_calls_is_that_of_the_libraries(tmp_path):
         mujoco.mj_inverse(one, data)
         apart.append(data.qfrc_inverse - pinocchio.rnea(other, other.createData(), q, v, a))
     assert value == pytest.approx(np.abs(apart).max(), rel=1e-3)
+
+
+LINK = (
+    '<link name="{0}"><inertial><origin xyz="0.2 0 0.1"/><mass value="2"/>'
+    '<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/><axis xyz="0 1 0"/>'
+    '<limit lower="-1" upper="1" effort="1" velocity="1"/>{4}</joint>'
+)
+
+
+def chain(path, first, second):
+    """A base and three links; the middle joint is fixed."""
+    joints = (("a", "w", "p", "revolute", ""), ("b", "p", "q", "fixed", first), ("c", "q", "r", "revolute", second))
+    parts = [LINK.format(name) for name in "pqr"] + [JOINT.format(*joint) for joint in joints]
+    path.write_text(f'<robot name="chain"><link name="w"/>{"".join(parts)}</robot>', encoding="utf-8")
+    return path
+
+
+def test_a_fixed_joint_follows_nothing(tmp_path):
+    path = chain(tmp_path / "chain.urdf", '<mimic joint="a" multiplier="2"/>', "")
+    found = screwgauge.diagnose(f"{path}@pinocchio", f"{path}@mujoco")
+    assert found.same, found.verdict
+
+
+@pytest.mark.parametrize("library", ["pinocchio", "yourdfpy"])
+def test_what_follows_a_fixed_joint_is_held(tmp_path, library):
+    path = chain(tmp_path / "chain.urdf", "", '<mimic joint="b" offset="0.1" multiplier="2"/>')
+    (coupling,) = read(path, library).couplings.values()
+    assert (coupling.joint, coupling.of, coupling.polynomial.tolist()) == ("c", "", [0.1])
