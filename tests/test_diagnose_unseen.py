@@ -121,3 +121,13 @@ def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
     assert "not fixed: no change of B's file is known for this: m: drives c in B, a in A" in " ".join(
         capsys.readouterr().out.split()
     )
+
+
+def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
+    found = diagnosed(('name="loop"', 'name="loop" solref="0.5 1"'))
+    assert sentences(found) == ["loop: softness, solref (0.5000, 1) in B, (0.02000, 1) in A"]
+    assert found.verdict.endswith(OPEN)
+    found = diagnosed(('name="gear"', 'name="gear" solimp="0.8 0.95 0.001 0.5 2"'))
+    (sentence,) = sentences(found)
+    assert sentence.startswith("gear: softness, solimp (0.8000, 0.95, 0.001, 0.5, 2) in B, (0.9000, 0.95, ")
+    assert found.differences[0].what == "softness"
