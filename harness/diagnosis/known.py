@@ -6,14 +6,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Difference
+from screwgauge.diagnosis.change import PROPERTIES, Change, Difference
 from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.words import NAMES
+from screwgauge.models.readings.reading import Reading
 
 #: Value of a property that no file has to say, for all that is not zero.
 _DEFAULTS = {"gravity": STANDARD}
 _OPTIONAL = ("gravity", "medium", "gravcomp", "armature", "damping", "friction", "stiffness", "rest")
+_ITEMS = {"body": "bodies", "joint": "joints"}
 #: Library that does not use a property -> case of the casebook.
 CASES = {
     ("pinocchio", "gravity"): "pin-mjcf-gravity",
@@ -33,10 +35,25 @@ def unused(models: tuple[Model, Model], found: Sequence[Difference]) -> Iterator
     for k, model in enumerate(models if one_file(models) else ()):
         whats = [each.what for each in found if each.what in _OPTIONAL and _left_out((each.a, each.b), k, each.what)]
         if whats:
-            names = ", ".join(dict.fromkeys(NAMES.get(what, what) for what in whats))
-            cases = dict.fromkeys(CASES[key] for what in whats if (key := (model.library, what)) in CASES)
-            book = f" (casebook: {', '.join(cases)})" if cases else ""
-            yield f"{model.library} does not use what the file says of {names}{book}."
+            yield does_not_use(model.library, whats)
+
+
+def does_not_use(library: str, whats: Sequence[str]) -> str:
+    """A sentence on properties that a library leaves in a file."""
+    names = ", ".join(dict.fromkeys(NAMES.get(what, what) for what in whats))
+    cases = dict.fromkeys(CASES[key] for what in whats if (key := (library, what)) in CASES)
+    book = f" (casebook: {', '.join(cases)})" if cases else ""
+    return f"{library} does not use what the file says of {names}{book}."
+
+
+def unheard(change: Change, before: Reading, after: Reading) -> bool:
+    """Whether a library reads the same as before from a file that has the change."""
+    owner = PROPERTIES[change.what].owner
+    if change.what not in _OPTIONAL or (owner != "model" and change.item not in getattr(after, _ITEMS[owner])):
+        return False
+    holders = [r if owner == "model" else getattr(r, _ITEMS[owner])[change.item] for r in (before, after)]
+    old, new = (np.asarray(getattr(holder, change.what), dtype=float) for holder in holders)
+    return np.array_equal(old, new) and not np.array_equal(new, change.value)
 
 
 def _left_out(values: tuple[object, object], k: int, what: str) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
-from screwgauge.diagnosis.known import one_file, unused
+from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
@@ -33,6 +33,8 @@ def verdict(
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
         said += unused(models, found)
+    elif proof is not None and proof.unheard:
+        said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
 
