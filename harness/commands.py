@@ -204,6 +204,8 @@ def diagnose(options: argparse.Namespace) -> int:
     )
     if options.fix is not None:
         say(f"fixed: {found.write_fix(options.fix)}")
+        for sentence in found.not_fixed:
+            say(f"not fixed: {sentence}")
     return int(found.exit_status)
 
 

@@ -105,6 +105,13 @@ def test_what_is_the_same_is_said_to_be(machine, arms):
         assert max(row.scaled for row in found.rows) <= AGREE
 
 
+def test_one_joint_and_one_body_are_counted_as_such(tmp_path):
+    bar = tmp_path / "bar.xml"
+    inertial = '<inertial pos="0.2 0 0.1" mass="2" diaginertia="0.01 0.02 0.02"/>'
+    bar.write_text(f"<mujoco><worldbody><body><joint/>{inertial}</body></worldbody></mujoco>", encoding="utf-8")
+    assert screwgauge.diagnose(bar, bar).verdict.startswith("The same: 1 joint and 1 body say the same")
+
+
 def test_a_seed_is_what_makes_states_reproducible(arms):
     one, two, three = (screwgauge.diagnose(*arms, seed=seed).rows for seed in (1, 1, 2))
     assert one == two

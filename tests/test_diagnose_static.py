@@ -165,3 +165,13 @@ def test_printed_digits_are_told_as_such(arms):
     assert digits_of(text) == 6
     assert digits_of(text + f'<x mass="{1 / 3!r}"/>') == ALL
     assert digits_of('<x mass="1.42" pos="0.1 0.25 0"/>') == ALL
+
+
+@pytest.mark.parametrize(("size", "kind"), [(1e-6, "digits"), (1e-4, "convention")])
+def test_a_zero_that_a_printed_orientation_has_moved_is_digits(arms, size, kind):
+    from screwgauge.diagnosis.digits import ALL, marked
+
+    a, b = arms
+    (said,) = marked(found(a, applied(b, [Change("joint3", "zero", np.asarray(size))])), (ALL, 6))
+    assert (said.what, said.kind) == ("zero", kind)
+    assert ("rounding, B has 6 digits" in said.sentence) == (kind == "digits")

@@ -14,6 +14,7 @@ from uuid import uuid4
 
 from screwgauge.diagnosis.attribution import ROUNDING, Largest, Torques, largest
 from screwgauge.diagnosis.change import Change, applied
+from screwgauge.diagnosis.known import unheard
 from screwgauge.diagnosis.patch import patched
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
@@ -31,13 +32,15 @@ class Backfill:
         on: ``file`` if the change was made in B's file, ``reading`` if in what was read from it.
         why_not: Why not, or not all of it, in the file; a sentence each.
         left: Largest torque difference that is left.
-        text: The file with the changes; empty if none could be made in it.
+        text: The file with the changes; empty if none could be made in it, or none is read from it.
+        unheard: Changes that the file says and B's library does not read; they are made in what it reads.
     """
 
     on: Literal["file", "reading"]
     why_not: tuple[str, ...]
     left: Largest
     text: str
+    unheard: tuple[Change, ...] = ()
 
     @property
     def agrees(self) -> bool:
@@ -69,9 +72,13 @@ def backfill(
         except ScrewgaugeError as error:
             why.append(f"the changed file cannot be read: {error.what}")
             continue
-        left = largest(torques, torques.left(applied(again, [change for change, _ in patch.left])))
+        deaf = tuple(change for change in done if unheard(change, b, again))
+        why += dict.fromkeys(f"{b.library} reads no {change.what} from the file" for change in deaf)
+        if len(deaf) == len(done):
+            return Backfill("reading", tuple(why), on_reading, "", deaf)
+        left = largest(torques, torques.left(applied(again, [*(change for change, _ in patch.left), *deaf])))
         if best.on == "reading" or left.scaled < best.left.scaled:
-            best = Backfill("file", tuple(why), left, patch.text)
+            best = Backfill("file", tuple(why), left, patch.text, deaf)
         if best.agrees:
             return best
     return best if best.on == "file" else Backfill("reading", tuple(why), on_reading, "")

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.attribution import Attribution, Torques
-from screwgauge.diagnosis.backfill import Backfill, backfill, write_fix
+from screwgauge.diagnosis.backfill import Backfill, write_fix
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import Common, brought
+from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.dynamics import not_modelled
-from screwgauge.diagnosis.explain import Explanation, explained
+from screwgauge.diagnosis.explain import Explanation, explained, proved
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
+from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.verdict import SAME, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
@@ -37,6 +37,7 @@ class Diagnosis:
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
+        fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
         witnesses: Each library's own torques beside the dynamics of what it has read.
         matrix: All readings of both files, if asked for.
         notes: What was taken for granted, or not compared.
@@ -53,6 +54,7 @@ class Diagnosis:
     rows: tuple[Row, ...] = ()
     attribution: Attribution | None = None
     proof: Backfill | None = None
+    fix: Backfill | None = None
     witnesses: tuple[Witness, ...] = ()
     matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
@@ -65,16 +67,22 @@ class Diagnosis:
             return 3
         return 0 if self.same else 1
 
+    @property
+    def not_fixed(self) -> tuple[str, ...]:
+        """What the file that `write_fix` writes does not put right, and why."""
+        alone = [f"no change of B's file is known for this: {d.sentence}" for d in self.differences if d.change is None]
+        return (*(self.fix.why_not if self.fix else ()), *alone)
+
     def write_fix(self, out: Path) -> Path:
         """Writes B as it would have to be to agree with A.
 
         Raises:
             OutputError: There is no such file, or it cannot be written.
         """
-        if self.proof is None or not self.proof.text or self.b.file is None:
-            why = "; ".join(self.proof.why_not) if self.proof else "no torque differs"
+        if self.fix is None or not self.fix.text or self.b.file is None:
+            why = "; ".join(self.not_fixed) or "nothing differs"
             raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
-        write_fix(out, self.proof.text, self.b.file)
+        write_fix(out, self.fix.text, self.b.file)
         return out
 
 
@@ -132,25 +140,33 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
         rows=tuple(table(common, states)),
         attribution=why,
         proof=proof,
+        fix=explanation.fix,
         witnesses=seen,
-        notes=_notes(a, b, common),
+        notes=notes(a, b, common, seen, seed),
         by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
 
 
 def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
-    """Attribution and proof; backfill of all differences where steps taken one by one do not get through."""
+    """Attribution and proof; backfill of all differences where steps taken one by one do not get through.
+
+    What no torque shows is put right, too, in the file that is written.
+    """
     a, b = models
-    paths = [None if model.library == "screwgauge" else model.file for model in models]
+    first, second = (None if model.library == "screwgauge" else model.file for model in models)
 
     def read(file: Path) -> Reading:
         return b.read_again(file, load)
 
-    why = explained(asked, (a.reading, b.reading), (paths[0], paths[1]), found, read)
-    if why.attribution.complete or why.attribution.before.scaled <= SAME:
-        return why
-    everything = _changes(found)
-    return replace(why, proof=backfill(asked, b.reading, everything, paths[1], read)) if everything else why
+    why = explained(asked, (a.reading, b.reading), (first, second), found, read)
+    everything, proof = _changes(found), why.proof
+    if len(everything) == len(why.attribution.changes):
+        return replace(why, fix=proof)
+    whole = proved(asked, b.reading, everything, (first, second), read)
+    if not why.attribution.complete and why.attribution.before.scaled > SAME:
+        return replace(why, proof=whole, fix=whole)
+    worse = proof is not None and proof.agrees and not whole.agrees
+    return replace(why, fix=proof if worse or not whole.text else whole)
 
 
 def _changes(found: Sequence[Difference]) -> list[Change]:
@@ -167,17 +183,3 @@ def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
     silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
     silent |= set() if a.says_closures and b.says_closures else {"closure"}
     return [each for each in found if each.what not in silent]
-
-
-def _notes(a: Model, b: Model, common: Common) -> tuple[str, ...]:
-    """What is taken for granted, and what is not compared."""
-    said = []
-    for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
-        if model.reading.gravity is None:
-            said.append(f"{side} says no gravity; 9.81 m/s^2 downwards is taken")
-        said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
-        if not model.says_closures and (common.a.closures or common.b.closures):
-            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
-        if model.floating:
-            said.append(f"the base of {side} is read as floating, as that of the other one does")
-    return tuple(said)

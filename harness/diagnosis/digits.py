@@ -63,7 +63,7 @@ def marked(differences: Sequence[Difference], digits: tuple[int, int]) -> list[D
     unit = 10.0 ** (1 - n)
     return [
         replace(each, kind="digits", sentence=f"{each.sentence}: rounding, {side} has {n} digits")
-        if each.kind == "model" and _rounding(each, unit)
+        if (each.kind == "model" or each.what == "zero") and _rounding(each, unit)
         else each
         for each in differences
     ]
@@ -73,7 +73,7 @@ def _rounding(difference: Difference, unit: float) -> bool:
     """Half a unit of the last digit of the number itself; of what is made of several numbers, some of them."""
     if difference.a is None or difference.b is None or not math.isfinite(difference.size):
         return False
-    if np.ndim(difference.a) == 0:
+    if np.ndim(difference.a) == 0 and difference.what != "zero":  # which follows from orientations
         return abs(float(difference.a - difference.b)) <= 0.501 * unit * _decade(float(difference.a))
     return difference.size <= 5.0 * unit
 

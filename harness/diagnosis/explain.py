@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from screwgauge.diagnosis.attribution import Attribution, Torques, attribute
 from screwgauge.diagnosis.backfill import Backfill, backfill
-from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.change import Change, Difference
 from screwgauge.diagnosis.hypotheses import hypotheses
 from screwgauge.diagnosis.hypothesis import Files
 from screwgauge.diagnosis.layout import UnpatchableError
@@ -24,10 +24,12 @@ class Explanation:
 
     Attributes:
         proof: None where the torques do not differ, or nothing explains it.
+        fix: The same of all changes, what no torque shows among them; None where there are none.
     """
 
     attribution: Attribution
     proof: Backfill | None
+    fix: Backfill | None = None
 
 
 def explained(
@@ -49,7 +51,21 @@ def explained(
     attribution = attribute(torques, b, differences, hypotheses(differences, b, files))
     if not attribution.steps:
         return Explanation(attribution, None)
-    return Explanation(attribution, backfill(torques, b, attribution.changes, paths[1], read))
+    return Explanation(attribution, proved(torques, b, attribution.changes, paths, read))
+
+
+def proved(
+    torques: Torques,
+    b: Reading,
+    changes: Sequence[Change],
+    paths: tuple[Path | None, Path | None],
+    read: Callable[[Path], Reading],
+) -> Backfill:
+    """Proof by backfill, in the reading where both are of one file: no change of it makes two loaders agree."""
+    if paths[0] is None or paths[0] != paths[1]:
+        return backfill(torques, b, changes, paths[1], read)
+    proof = backfill(torques, b, changes, None, read)
+    return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
 
 
 def _beside(path: Path | None, reading: Reading) -> Opened | None:

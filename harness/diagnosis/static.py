@@ -7,15 +7,15 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Change, Difference, Kind
-from screwgauge.diagnosis.closing import residual_at_home
-from screwgauge.diagnosis.common import Common, owned
+from screwgauge.diagnosis.change import PROPERTIES, Difference, Kind
+from screwgauge.diagnosis.common import Common
 from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.geometry import ROUNDING, Deviation, deviations
 from screwgauge.diagnosis.lines import CLOSE, size
-from screwgauge.diagnosis.tree import plant
+from screwgauge.diagnosis.stated import differ, difference
+from screwgauge.diagnosis.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.words import compared, place, unit_of
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading
+from screwgauge.models.readings.reading import BodyReading, JointReading
 from screwgauge.reference.rotations import Array
 
 #: Entries of a joint that are one number each.
@@ -35,26 +35,8 @@ def differences(common: Common) -> tuple[list[Difference], Common]:
         if name in right.b.bodies:
             out += _body(right, name)
     out += _unpaired(right)
-    out += [*_closures(right), *_couplings(right), *_actuators(right)]
+    out += [*closures(right), *couplings(right), *actuators(right)]
     return out, right
-
-
-def _difference(
-    common: Common, item: str, what: str, a: Array, b: Array, more: tuple[float, str] | None = None
-) -> Difference:
-    """With its change.
-
-    Args:
-        item: Common name.
-        a, b: Values in B's frame.
-        more: Relative size and sentence, where they are not those of the values.
-    """
-    owner = PROPERTIES[what].owner
-    joint = common.a.joints.get(item) if owner == "joint" else None
-    unit = unit_of(what, joint)
-    size_, sentence = more or compared(item, what, a, b, unit)
-    change = owned(common, Change(item, what, a))
-    return Difference(item, change.item, what, a, b, unit, size_, sentence, change)
 
 
 def _deviation(common: Common, found: Deviation) -> Difference:
@@ -81,10 +63,10 @@ def _model(common: Common) -> Iterator[Difference]:
     a, b = downwards(common.a), downwards(common.b)
     if np.linalg.norm(a - b) > ROUNDING * max(float(np.linalg.norm(a)), float(np.linalg.norm(b))):
         size_, sentence = compared("", "gravity", a, b, PROPERTIES["gravity"].unit)
-        yield _difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
+        yield difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
     first, second = np.array(common.a.medium), np.array(common.b.medium)
     if np.any(np.abs(first - second) > ROUNDING * np.maximum(first, second)):
-        yield _difference(common, "", "medium", first, second)
+        yield difference(common, "", "medium", first, second)
 
 
 def _stands(common: Common, a: Array, b: Array) -> str:
@@ -96,10 +78,6 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     return f", because the whole stands turned by {angle:.4g} deg in B"
 
 
-def _differ(a: float, b: float) -> bool:
-    return abs(a - b) > ROUNDING * max(abs(a), abs(b))
-
-
 def _joint(common: Common, name: str) -> Iterator[Difference]:
     a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
@@ -109,10 +87,10 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
         if what == "rest" and not (a.stiffness or b.stiffness):
             continue
         first, second = getattr(a, what), getattr(b, what)
-        if _differ(first, second):
-            yield _difference(common, name, what, np.asarray(first), np.asarray(second))
+        if differ(first, second):
+            yield difference(common, name, what, np.asarray(first), np.asarray(second))
     if not _same_limits(a, b):
-        yield _difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
+        yield difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
 
 
 def _limits(joint: JointReading) -> list[float]:
@@ -131,19 +109,19 @@ def _same_limits(a: JointReading, b: JointReading) -> bool:
 def _body(common: Common, name: str) -> Iterator[Difference]:
     a, b = common.a.bodies[name], common.b.bodies[name]
     com, inertia = seen_from(a, b)
-    if _differ(a.mass, b.mass):
-        yield _difference(common, name, "mass", np.asarray(a.mass), np.asarray(b.mass))
+    if differ(a.mass, b.mass):
+        yield difference(common, name, "mass", np.asarray(a.mass), np.asarray(b.mass))
     if a.mass and b.mass:
         radius = max(math.sqrt(abs(float(np.trace(a.inertia))) / a.mass), float(np.linalg.norm(com)))
         step = float(np.linalg.norm(com - b.com))
         if step > ROUNDING * max(radius, size(common.a)):
             more = step / max(radius, 1e-300), compared(name, "com", com, b.com, "m")[1]
-            yield _difference(common, name, "com", com, b.com, more)
+            yield difference(common, name, "com", com, b.com, more)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
     if np.abs(inertia - b.inertia).max() > 10 * ROUNDING * scale:
-        yield _difference(common, name, "inertia", inertia, b.inertia)
-    if _differ(a.gravcomp, b.gravcomp):
-        yield _difference(common, name, "gravcomp", np.asarray(a.gravcomp), np.asarray(b.gravcomp))
+        yield difference(common, name, "inertia", inertia, b.inertia)
+    if differ(a.gravcomp, b.gravcomp):
+        yield difference(common, name, "gravcomp", np.asarray(a.gravcomp), np.asarray(b.gravcomp))
 
 
 def seen_from(a: BodyReading, b: BodyReading) -> tuple[Array, Array]:
@@ -161,95 +139,13 @@ def _unpaired(common: Common) -> Iterator[Difference]:
     """Bodies that one has and the other has not, of joints that both have."""
     for here, there, side in ((common.a, common.b, "A"), (common.b, common.a, "B")):
         for name, body in here.bodies.items():
-            if name in there.bodies or (side == "B" and body.mass == 0.0) or body.mass == 0.0:
+            if name in there.bodies or body.mass == 0.0:
                 continue
             own = common.own["bodies"].get(name, name)
             sentence = f"{own if side == 'B' else name}: a body of {body.mass:.6g} kg in {side} only"
             a, b = (np.asarray(body.mass), None) if side == "A" else (None, np.asarray(body.mass))
             yield Difference(
                 name if side == "A" else "", own if side == "B" else "", "body", a, b, "kg", math.inf, sentence
-            )
-
-
-def _closures(common: Common) -> Iterator[Difference]:
-    gap_a, gap_b = residual_at_home(plant(common.a)), residual_at_home(plant(common.b))
-    for name, closure in common.a.closures.items():
-        if name not in common.b.closures:
-            sentence = f"{name}: a closure of {closure.first} and {closure.second} in A only"
-            yield Difference(name, "", "closure", None, None, "", math.inf, sentence)
-            continue
-        yield from _closure(common, name, (gap_a[name], gap_b[name]))
-    for name, closure in common.b.closures.items():
-        if name not in common.a.closures:
-            own = common.own["closures"].get(name, name)
-            sentence = f"{own}: a closure of {closure.first} and {closure.second} in B only"
-            yield Difference("", own, "closure", None, None, "", math.inf, sentence)
-
-
-def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[Difference]:
-    a, b = common.a.closures[name], common.b.closures[name]
-    own = common.own["closures"].get(name, name)
-    if a.kind != b.kind:
-        yield Difference(name, own, "kind", None, None, "", math.inf, f"{name}: a {b.kind} in B, a {a.kind} in A")
-    if (a.first, a.second) == (b.second, b.first) and a.first != a.second:
-        a = ClosureReading(a.kind, a.second, a.second_frame, a.first, a.first_frame)
-    for what, body in (("first_frame", a.first), ("second_frame", a.second)):
-        ours, theirs = getattr(a, what), getattr(b, what)
-        if body in common.a.bodies and body in common.b.bodies:
-            ours = np.linalg.inv(common.b.bodies[body].pose) @ common.a.bodies[body].pose @ ours
-        step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
-        turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == "weld" else 0.0
-        if max(step / size(common.a), turn) > 10 * ROUNDING:
-            off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
-            said = f"{name}: its frame on {body} is {off} elsewhere in B"
-            more = step / size(common.a) + turn, f"{said}; open at home by {gaps[1]:.3g} in B, {gaps[0]:.3g} in A"
-            yield _difference(common, name, what, ours, theirs, more)
-
-
-def _couplings(common: Common) -> Iterator[Difference]:
-    for name, coupling in common.a.couplings.items():
-        other = common.b.couplings.get(name)
-        if other is None:
-            sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in A only"
-            yield Difference(name, "", "coupling", coupling.polynomial, None, "1", math.inf, sentence)
-            continue
-        n = max(len(coupling.polynomial), len(other.polynomial))
-        a, b = (np.pad(each.polynomial, (0, n - len(each.polynomial))) for each in (coupling, other))
-        if (
-            np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max()))
-            or coupling.of != other.of
-        ):
-            yield _difference(common, name, "polynomial", a, b)
-    for name, coupling in common.b.couplings.items():
-        if name not in common.a.couplings:
-            sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in B only"
-            yield Difference(
-                "",
-                common.own["couplings"].get(name, name),
-                "coupling",
-                None,
-                coupling.polynomial,
-                "1",
-                math.inf,
-                sentence,
-            )
-
-
-def _actuators(common: Common) -> Iterator[Difference]:
-    if not (common.a.actuators and common.b.actuators):
-        return  # one of the formats has none
-    for name, (joint, gear) in common.a.actuators.items():
-        if name not in common.b.actuators:
-            yield Difference(
-                name, "", "actuator", np.asarray(gear), None, "1", math.inf, f"{name}: an actuator of {joint} in A only"
-            )
-        elif _differ(gear, common.b.actuators[name][1]):
-            yield _difference(common, name, "gear", np.asarray(gear), np.asarray(common.b.actuators[name][1]))
-    for name, (joint, gear) in common.b.actuators.items():
-        if name not in common.a.actuators:
-            own = common.own["actuators"].get(name, name)
-            yield Difference(
-                "", own, "actuator", None, np.asarray(gear), "1", math.inf, f"{own}: an actuator of {joint} in B only"
             )
 
 

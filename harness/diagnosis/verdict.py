@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
@@ -14,6 +15,8 @@ from screwgauge.diagnosis.witness import Witness
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
+#: Of closures and couplings, which hold a tree together and are not in its own torques.
+CLOSING = {"closure", "first_frame", "second_frame", "softness", "coupling", "polynomial", "leading joint"}
 _NAMED = 3
 
 
@@ -27,8 +30,11 @@ def verdict(
     """What differs, what it explains, and what is left."""
     said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
     first, second = models
-    if first.file is not None and first.file == second.file and found:
+    if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
+        said += unused(models, found)
+    elif proof is not None and proof.unheard:
+        said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
 
@@ -46,13 +52,14 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
 
 def _same(models: tuple[Model, Model], why: Attribution) -> str:
     reading = models[0].reading
-    count = f"{len(reading.joints)} joints and {len(reading.bodies)} bodies"
+    joints, bodies = len(reading.joints), len(reading.bodies)
+    count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
     return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
 
 
 def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None) -> str:
     if why.before.scaled <= SAME:
-        return f"{_listed(_largest_first(found))}; no torque shows it ({why.before.scaled:.1g})."
+        return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled)}."
     if not why.steps:
         rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
@@ -67,13 +74,29 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
     doubt = f", as would {_listed(alike)}" if alike else ""
     others, more = len(found) - len(numbers), ""
     if others and why.complete:
-        more = f" {others} other difference{'s' if others > 1 else ''} no torque shows."
+        more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
     share = why.share
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
         causes, share, numbers, slip, doubt = _listed(_largest_first(found)), 1.0, [0, 0], "", ""
     verb = "explains" if len(numbers) == 1 else "together explain"
     return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
+
+
+def _of_tree(found: Sequence[Difference], seen: Sequence[int]) -> str:
+    """Where closures or couplings are among what is not seen."""
+    closed = any(each.what in CLOSING for i, each in enumerate(found) if i not in seen)
+    return " of the open tree" if closed else ""
+
+
+def _unseen(found: Sequence[Difference], off: float) -> str:
+    """Why torques agree all the same."""
+    closed = [each.what in CLOSING for each in found]
+    if not any(closed):
+        return f"no torque shows it ({off:.1g})"
+    which = "it" if all(closed) else "what differs in closures and couplings"
+    rest = "" if all(closed) else f", and no torque shows the rest ({off:.1g})"
+    return f"torques are compared of the open tree, which cannot show {which}{rest}"
 
 
 def _largest_first(found: Iterable[Difference]) -> list[str]:

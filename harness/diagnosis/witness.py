@@ -25,7 +25,7 @@ class Witness:
     Attributes:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: What its inverse dynamics do not contain.
+        omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
         failed: Why it could not say; empty if it did.
     """
 
@@ -33,6 +33,7 @@ class Witness:
     library: str
     scaled: dict[str, float]
     omits: tuple[str, ...] = ()
+    adds: tuple[str, ...] = ()
     failed: str = ""
 
     @property
@@ -61,4 +62,5 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
             for entry in ("armature", "damping", "friction", "stiffness")
             if getattr(joint, entry)
         }
-        yield Witness(side, model.library, found, (*sorted(acts - said.covers), *not_modelled(reading)))
+        omits = (*sorted(acts - said.covers), *not_modelled(reading))
+        yield Witness(side, model.library, found, omits, tuple(sorted(acts & said.covers)))

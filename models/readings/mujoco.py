@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -194,13 +195,18 @@ def _equalities(
         if off or not model.eq_active0[i]:
             ignored.append(f"equality {name}, which is not active")
         elif kind == _JOINT:
-            couplings[name] = joint_equality(model, i)
+            couplings[name] = replace(joint_equality(model, i), softness=_softness(model, i))
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
-            closures[name] = ClosureReading("weld" if kind == _WELD else "point", *sides[0], *sides[1])
+            joint = "weld" if kind == _WELD else "point"
+            closures[name] = ClosureReading(joint, *sides[0], *sides[1], softness=_softness(model, i))
         else:
             ignored.append(f"equality {name}, which is not of bodies or joints")
     return closures, couplings
+
+
+def _softness(model: Any, i: int) -> tuple[float, ...]:
+    return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist())
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:

@@ -80,6 +80,7 @@ class ClosureReading:
 
     Attributes:
         first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
+        softness: MuJoCo's solref and solimp, seven numbers; none where the closure is kept exactly.
     """
 
     kind: str
@@ -87,6 +88,7 @@ class ClosureReading:
     first_frame: Array
     second: str
     second_frame: Array
+    softness: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,11 +98,13 @@ class CouplingReading:
     Attributes:
         joint, of: Names of hinges or slides; `of` is empty where the joint is held.
         polynomial: Coefficients, lowest first, of coordinates as the file counts them. Shape (m,).
+        softness: As that of a `ClosureReading`.
     """
 
     joint: str
     of: str
     polynomial: Array
+    softness: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

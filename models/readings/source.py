@@ -56,13 +56,16 @@ class Source:
 
     @property
     def mimics(self) -> dict[str, CouplingReading]:
-        """Joints of a URDF that follow another one, by name."""
-        found = {}
+        """Joints of a URDF that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
+        found, moving = {}, self.names("joint") if self.form == "urdf" else []
         for joint in self.root.iterfind("joint") if self.form == "urdf" else ():
             mimic, name = joint.find("mimic"), joint.get("name", "")
-            if mimic is not None:
-                ratio = [number(mimic, key, default, str(self.path)) for key, default in _MIMIC]
-                found[name] = CouplingReading(name, mimic.get("joint", ""), np.array(ratio))
+            if mimic is not None and name in moving:
+                ratio = np.array([number(mimic, key, default, str(self.path)) for key, default in _MIMIC])
+                leads = mimic.get("joint", "")
+                found[name] = (
+                    CouplingReading(name, leads, ratio) if leads in moving else CouplingReading(name, "", ratio[:1])
+                )
         return found
 
     def names(self, what: str) -> list[str]:

@@ -1,0 +1,63 @@
+"""Which library does not use what, where two read one file, and the case of the casebook that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from screwgauge.diagnosis.change import PROPERTIES, Change, Difference
+from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.words import NAMES
+from screwgauge.models.readings.reading import Reading
+
+#: Value of a property that no file has to say, for all that is not zero.
+_DEFAULTS = {"gravity": STANDARD}
+_OPTIONAL = ("gravity", "medium", "gravcomp", "armature", "damping", "friction", "stiffness", "rest")
+_ITEMS = {"body": "bodies", "joint": "joints"}
+#: Library that does not use a property -> case of the casebook.
+CASES = {
+    ("pinocchio", "gravity"): "pin-mjcf-gravity",
+    ("pinocchio", "gravcomp"): "pin-mjcf-gravcomp",
+    ("pinocchio", "stiffness"): "pin-mjcf-springs",
+    ("pinocchio", "rest"): "pin-mjcf-springs",
+}
+
+
+def one_file(models: tuple[Model, Model]) -> bool:
+    """Whether both sides are the same file."""
+    return models[0].file is not None and models[0].file == models[1].file
+
+
+def unused(models: tuple[Model, Model], found: Sequence[Difference]) -> Iterator[str]:
+    """Of one file: what one library reads and the other leaves as if the file did not say it; a sentence each."""
+    for k, model in enumerate(models if one_file(models) else ()):
+        whats = [each.what for each in found if each.what in _OPTIONAL and _left_out((each.a, each.b), k, each.what)]
+        if whats:
+            yield does_not_use(model.library, whats)
+
+
+def does_not_use(library: str, whats: Sequence[str]) -> str:
+    """A sentence on properties that a library leaves in a file."""
+    names = ", ".join(dict.fromkeys(NAMES.get(what, what) for what in whats))
+    cases = dict.fromkeys(CASES[key] for what in whats if (key := (library, what)) in CASES)
+    book = f" (casebook: {', '.join(cases)})" if cases else ""
+    return f"{library} does not use what the file says of {names}{book}."
+
+
+def unheard(change: Change, before: Reading, after: Reading) -> bool:
+    """Whether a library reads the same as before from a file that has the change."""
+    owner = PROPERTIES[change.what].owner
+    if change.what not in _OPTIONAL or (owner != "model" and change.item not in getattr(after, _ITEMS[owner])):
+        return False
+    holders = [r if owner == "model" else getattr(r, _ITEMS[owner])[change.item] for r in (before, after)]
+    old, new = (np.asarray(getattr(holder, change.what), dtype=float) for holder in holders)
+    return np.array_equal(old, new) and not np.array_equal(new, change.value)
+
+
+def _left_out(values: tuple[object, object], k: int, what: str) -> bool:
+    """Whether one value is that of a file that does not say it, and the other one is not."""
+    default = _DEFAULTS.get(what, np.zeros(PROPERTIES[what].shape))
+    plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
+    return plain[k] and not plain[1 - k]

@@ -1,0 +1,63 @@
+"""What is taken for granted, what is not compared, and what calls of libraries give that their readings do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from screwgauge.diagnosis.common import STANDARD, Common
+from screwgauge.diagnosis.compare import STATES, components
+from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.witness import Witness
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.rotations import Array
+
+#: Library -> its call for inverse dynamics.
+_CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
+#: What one call contains and another one does not -> case of the casebook.
+CASES = {
+    "damping": "urdf-damping-one-side",
+    "stiffness": "pin-mjcf-springs",
+}
+
+
+def notes(a: Model, b: Model, common: Common, seen: Sequence[Witness], seed: int) -> tuple[str, ...]:
+    """All of them, a sentence each."""
+    said = []
+    for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
+        if model.reading.gravity is None:
+            said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
+        said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
+        if not model.says_closures and (common.a.closures or common.b.closures):
+            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
+        if model.floating:
+            said.append(f"the base of {side} is read as floating, as that of the other one does")
+    return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
+
+
+def _calls(readings: dict[str, Reading], seen: Sequence[Witness], seed: int) -> Iterator[str]:
+    """Passive forces that the inverse dynamics of one library contain and those of the other one leave out."""
+    for more, less in ((one, other) for one in seen for other in seen if one.library != other.library):
+        what = sorted({*more.adds} & {*less.omits})
+        if what:
+            reading = readings[less.side]
+            value, component = _largest_left_out(reading, what, seed)
+            cases = [CASES[each] for each in what if each in CASES]
+            book = f" (casebook: {', '.join(cases)})" if cases else ""
+            yield (
+                f"{_CALLS[more.library]} of {more.side} contains {' and '.join(what)}, {_CALLS[less.library]} of "
+                f"{less.side} does not: called as they are, they differ by {value} at {component} on this account{book}"
+            )
+
+
+def _largest_left_out(reading: Reading, what: Sequence[str], seed: int) -> tuple[str, str]:
+    """The largest force of some passive parts at random states, with its unit, and its component."""
+    tree, states = plant(reading), draw(reading, STATES, seed)
+    parts = passive_parts(tree, states)
+    force: Array = np.abs(sum(parts[each] for each in what)).max(axis=0)
+    i = int(force.argmax())
+    name, unit = components(reading)[i]
+    return f"{force[i]:.4g} {unit}", name

@@ -1,0 +1,133 @@
+"""What no torque of the open tree can show is found all the same, named as what it is, and patched where it can be."""
+
+from __future__ import annotations
+
+import arm
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.reference.errors import OutputError
+
+INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
+FOUR_BAR = (
+    f'<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{INERTIAL}'
+    f'<body name="rod" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{INERTIAL}</body></body>'
+    f'<body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>{INERTIAL}'
+    f'<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{INERTIAL}</body></body></worldbody>'
+    '<equality><connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
+    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/></equality>'
+    '<actuator><motor name="m" joint="a" gear="2"/></actuator></mujoco>'
+)
+
+
+@pytest.fixture
+def diagnosed(tmp_path):
+    """Diagnosis of the linkage against a copy with some texts replaced."""
+
+    def of(*edits):
+        text = FOUR_BAR
+        for old, new in edits:
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        for name, content in (("a.xml", FOUR_BAR), ("b.xml", text)):
+            (tmp_path / name).write_text(content, encoding="utf-8")
+        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+
+    return of
+
+
+def sentences(found):
+    assert found.same == (not found.differences)
+    assert found.exit_status == (1 if found.differences else 0)
+    return [each.sentence for each in found.differences]
+
+
+def test_the_same_is_the_same(diagnosed):
+    assert sentences(diagnosed()) == []
+
+
+def test_a_motor_on_another_joint(diagnosed):
+    found = diagnosed(('<motor name="m" joint="a"', '<motor name="m" joint="c"'))
+    assert sentences(found) == ["m: drives c in B, a in A"]
+    assert "m: drives c in B, a in A" in found.verdict
+
+
+def test_a_coupling_to_another_joint_names_both(diagnosed):
+    found = diagnosed(('joint1="d" joint2="a"', 'joint1="d" joint2="b"'))
+    assert sentences(found) == ["d: follows b in B, a in A"]
+    assert [each.change for each in found.differences] == [None]
+
+
+OPEN = "torques are compared of the open tree, which cannot show it."
+
+
+def test_an_anchor_elsewhere_is_said_with_what_it_opens(diagnosed):
+    found = diagnosed(('anchor="0.3 0 0"', 'anchor="0.301 0 0"'))
+    assert len(found.differences) == 2
+    assert all("1 mm elsewhere in B; open at home by" in each for each in sentences(found))
+    assert all(each.endswith("m in A") for each in sentences(found))
+    assert found.verdict.endswith(OPEN)
+
+
+def test_a_closure_that_is_missing_or_of_another_kind(diagnosed):
+    loop = '<connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
+    found = diagnosed((loop, ""))
+    (sentence,) = sentences(found)
+    assert sentence.startswith("loop: a closure of rod and rocker in A only, open at home by ")
+    assert found.verdict.endswith(OPEN)
+    found = diagnosed((loop, '<weld name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'))
+    assert sentences(found)[0].startswith("loop: a weld in B, a point in A; open at home by ")
+    assert found.verdict.endswith(OPEN)
+
+
+def test_beside_what_no_torque_shows_for_another_reason(diagnosed):
+    found = diagnosed(('anchor="0.3 0 0"', 'anchor="0.301 0 0"'), ('gear="2"', 'gear="3"'))
+    assert "the open tree, which cannot show what differs in closures and couplings, and no torque" in found.verdict
+
+
+def test_beside_what_torques_show(diagnosed):
+    found = diagnosed(
+        ('polycoef="0 1 0 0 0"', 'polycoef="0 2 0 0 0"'), ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>')
+    )
+    assert found.verdict.endswith("1 other difference no torque of the open tree shows.")
+
+
+def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
+    """Alone, and beside what torques show."""
+    path = arm.write(tmp_path)[1]
+    text = path.read_text(encoding="utf-8")
+    start = text.index('name="link0"')
+    mass = text[text.index('mass="', start) :].split('"')[1]
+    both = text.replace(f'mass="{mass}"', f'mass="{float(mass) + 0.5}"', 1).replace("-1.5 1.2", "-1 1.2")
+    limits = text.replace("-1.5 1.2", "-1 1.2")
+    for name, other, shown in (("limits.xml", limits, 0), ("both.xml", both, 1)):
+        b, out = tmp_path / name, tmp_path / f"fixed-{name}"
+        b.write_text(other, encoding="utf-8")
+        found = screwgauge.diagnose(path, b)
+        assert len(found.differences) == 1 + shown
+        found.write_fix(out)
+        assert found.not_fixed == ()
+        assert screwgauge.diagnose(path, out).same
+
+
+def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
+    moved = ('<motor name="m" joint="a"', '<motor name="m" joint="c"')
+    with pytest.raises(OutputError, match=r"nothing to write: no change of B's file is known for this: m: drives c"):
+        diagnosed(moved).write_fix(tmp_path / "fixed.xml")
+    diagnosed(moved, ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>'))
+    files = [str(tmp_path / name) for name in ("a.xml", "b.xml")]
+    assert main(["diagnose", *files, "--out", str(tmp_path / "out"), "--fix", str(tmp_path / "fixed.xml")]) == 1
+    assert "not fixed: no change of B's file is known for this: m: drives c in B, a in A" in " ".join(
+        capsys.readouterr().out.split()
+    )
+
+
+def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
+    found = diagnosed(('name="loop"', 'name="loop" solref="0.5 1"'))
+    assert sentences(found) == ["loop: softness, solref (0.5000, 1) in B, (0.02000, 1) in A"]
+    assert found.verdict.endswith(OPEN)
+    found = diagnosed(('name="gear"', 'name="gear" solimp="0.8 0.95 0.001 0.5 2"'))
+    (sentence,) = sentences(found)
+    assert sentence.startswith("gear: softness, solimp (0.8000, 0.95, 0.001, 0.5, 2) in B, (0.9000, 0.95, ")
+    assert found.differences[0].what == "softness"
