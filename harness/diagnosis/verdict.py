@@ -136,5 +136,13 @@ def _witness(witness: Witness) -> str:
     name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
     return (
         f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
-        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model."
+        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model{_looks(witness)}."
     )
+
+
+def _looks(witness: Witness) -> str:
+    """What the torques of an engine look like, if one cause explains more than half of their difference."""
+    if not witness.fits or witness.fits[0][1] < 0.5:
+        return ""
+    names = [name for name, _ in witness.fits]
+    return f" (what fits its torques best: {' or '.join(names)}, {_percent(witness.fits[0][1])} of the difference)"

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from screwgauge.diagnosis.asked import ASKED, answers, apart
 from screwgauge.diagnosis.common import STANDARD
-from screwgauge.diagnosis.dynamics import not_modelled
+from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.fitting import fitted
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.tree import States, Tree, draw, plant
+from screwgauge.engines.plain import Answers
 from screwgauge.reference.errors import ScrewgaugeError
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
@@ -27,6 +31,8 @@ class Witness:
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
         omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
         failed: Why it could not say; empty if it did.
+        fits: What the model would have to say otherwise for torques like the library's, and the share of their difference
+            that this explains; the best first, with those that cannot be told from it.
     """
 
     side: str
@@ -35,6 +41,7 @@ class Witness:
     omits: tuple[str, ...] = ()
     adds: tuple[str, ...] = ()
     failed: str = ""
+    fits: tuple[tuple[str, float], ...] = ()
 
     @property
     def agrees(self) -> bool:
@@ -63,4 +70,14 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
             if getattr(joint, entry)
         }
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
-        yield Witness(side, model.library, found, omits, tuple(sorted(acts & said.covers)))
+        adds = tuple(sorted(acts & said.covers))
+        yield Witness(side, model.library, found, omits, adds, fits=_fits(tree, states, said, found.get("tau", 0.0)))
+
+
+def _fits(tree: Tree, states: States, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
+    """Single causes that a library's torques look like."""
+    if not ROUNDING < off < np.inf:
+        return ()
+    left_out = [force for name, force in passive_parts(tree, states).items() if name not in said.covers]
+    best = fitted(tree.reading, states, said.tau + sum(left_out, np.zeros_like(said.tau)))[:1]
+    return tuple((name, fit.share) for fit in best for name in (fit.name, *fit.alike))
