@@ -31,8 +31,8 @@ class Witness:
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
         omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
         failed: Why it could not say; empty if it did.
-        fits: What the model would have to say otherwise for torques like the library's, and the share of their difference
-            that this explains; the best first, with those that cannot be told from it.
+        fits: What the model would have to say otherwise for torques like the library's, and the share of their
+            difference that this explains; the best, and those that cannot be told from it.
     """
 
     side: str
