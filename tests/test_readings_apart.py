@@ -1,16 +1,14 @@
-"""A library that crashes or takes all memory costs its reading only; the matrix of readers says why."""
+"""A library that crashes or takes all memory costs its reading only."""
 
 from __future__ import annotations
 
 import os
 
-import numpy as np
 import pytest
 
 from screwgauge.solution import Failure
 from screwgauge.study import apart, loading
 from screwgauge.study.loading import Request, readings
-from screwgauge.study.readers import COLUMNS, reader_matrix
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'
@@ -46,49 +44,3 @@ def test_a_refusal_is_a_failure_with_its_reason(write):
     assert found["B"].engine == "mujoco"
     assert "MuJoCo refuses it (" in found["B"].reason
     assert list(found["A"].bodies) == list(found["C"].bodies) == ["b"]
-
-
-def test_the_matrix_says_what_is_dropped_and_what_does_not_load(roots, write):
-    thin, none = write("thin.urdf", ARM.replace("@", "5")), write("none.xml", "<html/>")
-    table = reader_matrix([roots, thin, none])
-    assert list(table.columns) == list(COLUMNS)
-    rows = {(row.model, row.library): row for row in table.itertuples()}
-    assert list(rows) == [
-        ("roots", "mujoco"),
-        ("roots", "pinocchio"),
-        *(("thin", library) for library in ("pinocchio", "yourdfpy", "mujoco")),
-        ("none", ""),
-    ]
-    full, part = rows["roots", "mujoco"], rows["roots", "pinocchio"]
-    assert (full.loads, full.freedoms, full.mass, full.cause) == (True, 3, 3.0, "")
-    assert (part.loads, part.freedoms, part.mass) == (True, 1, 1.0)
-    assert part.cause.startswith("body b, c, which pinocchio drops; joint bj, cj, which pinocchio drops")
-    refused = rows["thin", "mujoco"]
-    assert not refused.loads
-    assert np.isnan(refused.mass)
-    assert refused.cause.startswith("MuJoCo refuses it (inertia must satisfy A + B >= C")
-    assert rows["none", ""].cause.startswith("is no model")
-
-
-def test_the_matrix_compares_torques_where_it_is_told_how(write):
-    path = write("arm.urdf", ARM.replace("@", "1"))
-    seen = []
-
-    def torques(one, other):
-        seen.append((one.library, other.library))
-        return 0.25
-
-    table = reader_matrix([path], torques)
-    assert seen == [("pinocchio", "yourdfpy"), ("pinocchio", "mujoco")]
-    assert list(table["torque"]) == [0.0, 0.25, 0.25]
-    assert reader_matrix([path])["torque"].isna().tolist() == [False, True, True]
-
-
-def test_masses_and_kinds_that_differ_are_causes(write):
-    """Pinocchio takes the mass of every geom, MuJoCo that of some groups."""
-    shapes = '<geom size="0.1" mass="1"/><geom size="0.1" mass="2" group="4"/>'
-    body = f'<body name="a"><joint name="j"/>{shapes}</body>'
-    compiler = '<compiler inertiagrouprange="0 1"/>'
-    path = write("groups.xml", f"<mujoco>{compiler}<worldbody>{body}</worldbody></mujoco>")
-    (_, row) = reader_matrix([path]).itertuples()
-    assert "mass of a 3 kg, not 1 kg" in row.cause
