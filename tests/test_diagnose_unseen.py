@@ -131,3 +131,16 @@ def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     (sentence,) = sentences(found)
     assert sentence.startswith("gear: softness, solimp (0.8000, 0.95, 0.001, 0.5, 2) in B, (0.9000, 0.95, ")
     assert found.differences[0].what == "softness"
+
+
+def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="{}"/>'
+        '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    for name, mass in (("a.urdf", 1), ("b.urdf", 1.5)):
+        (tmp_path / name).write_text(text.format(mass), encoding="utf-8")
+    found = screwgauge.diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf")
+    assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %); explains 100.0000 %" in found.verdict

@@ -167,7 +167,8 @@ def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> 
         mass: That of the whole, if it is more than these [kg].
         size: Its length [m].
     """
-    m, L = max(mass, old.mass, new.mass, 1e-300), max(size, _size(old), _size(new), 1e-300)
+    # of a point mass in the origin there is no length; the least ones must not vanish when multiplied
+    m, L = max(mass, old.mass, new.mass, 1e-90), max(size, _size(old), _size(new), 1e-90)
     com = float(np.abs(new.com - old.com).max())
     return {
         "mass": abs(new.mass - old.mass) / m,
