@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,10 +16,11 @@ import pandas as pd
 from screwgauge.families.draw import families, random
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of, other_assemblies
-from screwgauge.reference.errors import OutputError, ScrewgaugeError, check_choice
+from screwgauge.reference.errors import ScrewgaugeError, check_choice
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.run import run
+from screwgauge.study.table import added_to, rows_in
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 TRUTH, CERTIFIED = "truth", "certified"
@@ -55,29 +55,13 @@ def campaign(
     """
     names = families() if only is None else check_choice("family", only, families())
     items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = {(int(row["seed"]), row["family"]) for row in _rows(file)}
+    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, COLUMNS, "random mechanisms")}
     todo = [item for item in items if item not in done]
-    with file.open("a", newline="", encoding="utf-8") as stream, ProcessPoolExecutor(workers) as pool:
-        writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
-        if not stream.tell():
-            writer.writeheader()
+    with added_to(file, COLUMNS) as add, ProcessPoolExecutor(workers) as pool:
         for i, row in enumerate(pool.map(measured, todo)):
-            writer.writerow(row)
-            stream.flush()
+            add(row)
             progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
     return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
-
-
-def _rows(file: Path) -> list[dict[str, str]]:
-    if not file.is_file():
-        return []
-    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.DictReader(stream)
-        if tuple(rows.fieldnames or COLUMNS) != COLUMNS:
-            what = "is no table of random mechanisms, or one of another version"
-            raise OutputError(what, str(file), "move it, or choose another --out")
-        return list(rows)
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:

@@ -21,19 +21,12 @@ from screwgauge.scene.read import load_scene
 from screwgauge.study.campaign import judged
 from screwgauge.study.importing import import_apart
 from screwgauge.study.run import run
-from screwgauge.study.table import frame
+from screwgauge.study.table import columns_of, frame
 
 #: Models of packages that the extra ``study`` installs.
 LIST = Path(__file__).with_name("public.toml")
 ENGINES = ("screw", "pinocchio", "mujoco")
 SAMPLES = 5
-COLUMNS = {
-    name: name
-    for name in (
-        *("model", "source", "format", "bodies", "joints", "freedoms", "loops", "couplings", "actuators"),
-        *("verdict", "max_scaled", "quantity", "reason", "import_s", "run_s", "remarks", "left_out"),
-    )
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,12 +111,12 @@ def _label(path: Path | str) -> str:
 def imports(
     models: Sequence[Public], progress: Callable[[str, float], None] = lambda step, share: None
 ) -> pd.DataFrame:
-    """A row for each model, columns `COLUMNS`."""
+    """A row for each model, a column for each field of `ImportRow`."""
     rows = []
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
         rows.append(import_row(model))
-    return frame(rows, COLUMNS)
+    return frame(rows, columns_of(ImportRow))
 
 
 def import_row(model: Public) -> ImportRow:

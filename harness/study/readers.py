@@ -17,17 +17,10 @@ from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits
 from screwgauge.study.imports import Public
 from screwgauge.study.loading import LOADING, Request, readings
-from screwgauge.study.table import frame
+from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.
 NAMED = 3
-COLUMNS = {
-    name: name
-    for name in (
-        *("model", "source", "format", "library", "loads"),
-        *("freedoms", "mass", "closures", "couplings", "torque", "rigid", "cause"),
-    )
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +55,7 @@ def reader_matrix(
     progress: Callable[[str, float], None] = lambda step, share: None,
     limits: Limits = LOADING,
 ) -> pd.DataFrame:
-    """A row for each file and library, columns `COLUMNS`.
+    """A row for each file and library, a column for each field of `ReaderRow`.
 
     Args:
         limits: Of one reading.
@@ -71,7 +64,7 @@ def reader_matrix(
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
         rows += reader_rows(model, limits)
-    return frame(rows, COLUMNS)
+    return frame(rows, columns_of(ReaderRow))
 
 
 def reader_rows(model: Public, limits: Limits = LOADING) -> list[ReaderRow]:

@@ -1,12 +1,18 @@
-"""Tidy tables: one row for each item, columns as data."""
+"""Tidy tables: one row for each item, columns as data; and CSV files of them to which long studies add."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import csv
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
+
+from screwgauge.reference.errors import OutputError
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
@@ -18,3 +24,43 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
     return pd.DataFrame(
         [[attrgetter(name)(item) for name in columns.values()] for item in items], columns=list(columns)
     )
+
+
+def columns_of(row: type[Any]) -> dict[str, str]:
+    """Columns of a dataclass: its fields, by their own names."""
+    return {field.name: field.name for field in fields(row)}
+
+
+def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str]]:
+    """The rows that a CSV file has already; none where there is no file.
+
+    Args:
+        what: It is the table of, for the complaint.
+
+    Raises:
+        OutputError: Its columns are others.
+    """
+    if not file.is_file():
+        return []
+    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
+        rows = csv.DictReader(stream)
+        if tuple(rows.fieldnames or columns) != tuple(columns):
+            said = f"is no table of {what}, or one of another version"
+            raise OutputError(said, str(file), "move it, or choose another --out")
+        return list(rows)
+
+
+@contextmanager
+def added_to(file: Path, columns: Sequence[str]) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """What adds rows to a CSV file, begun if there is none; each is there as soon as it is added."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("a", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, columns, lineterminator="\n")
+        if not stream.tell():
+            writer.writeheader()
+
+        def add(row: Mapping[str, Any]) -> None:
+            writer.writerow(row)
+            stream.flush()
+
+        yield add

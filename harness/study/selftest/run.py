@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,13 +13,14 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
-from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.study.selftest.judged import CLOSE, judged
 from screwgauge.study.selftest.kinds import KINDS, changed
 from screwgauge.study.selftest.lookalikes import REWRITES
 from screwgauge.study.selftest.mutant import TURNED, CannotError
 from screwgauge.study.selftest.pools import Pool, pools
+from screwgauge.study.table import added_to, rows_in
 
 #: Changes, and pairs that are alike for each; --quick.
 COUNT, QUICK, PAIRS = 500, 100, 0.4
@@ -82,30 +82,14 @@ def selftest(
     Returns:
         The table, sorted, columns `COLUMNS`.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = {(row["group"], int(row["number"])) for row in _rows(file)}
+    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test")}
     todo = [item for item in items(count, pairs) if (item.group, item.number) not in done]
-    with TemporaryDirectory(prefix="screwgauge-") as folder, file.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
-        if not stream.tell():
-            writer.writeheader()
+    with TemporaryDirectory(prefix="screwgauge-") as folder, added_to(file, COLUMNS) as add:
         models = pools(Path(folder), quick)
         for i, item in enumerate(todo):
-            writer.writerow(row_of(item, models, Path(folder), seed))
-            stream.flush()
+            add(row_of(item, models, Path(folder), seed))
             progress(f"{item.kind} {item.number}", (i + 1) / len(todo))
     return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
-
-
-def _rows(file: Path) -> list[dict[str, str]]:
-    if not file.is_file():
-        return []
-    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.DictReader(stream)
-        if tuple(rows.fieldnames or COLUMNS) != COLUMNS:
-            what = "is no table of a self-test, or one of another version"
-            raise OutputError(what, str(file), "move it, or choose another --out")
-        return list(rows)
 
 
 def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[str, Any]:
