@@ -12,10 +12,12 @@ from screwgauge.diagnosis.change import Change, applied
 from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.dynamics import inverse_dynamics
 from screwgauge.diagnosis.mapping import paired
-from screwgauge.diagnosis.reshape import held, placed, placement, rehomed, renamed
+from screwgauge.diagnosis.reshape import held, placed, rehomed
 from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.read import read
+from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.rotations import rotation
 
 TILT = rotation(np.array([0.0, 0.6, 0.8]), np.array(1e-3))
@@ -51,7 +53,7 @@ CHANGES = {
     "com": ("link6", lambda b: b.bodies["link6"].com + STEP),
     "inertia": ("link2", lambda b: TILT @ b.bodies["link2"].inertia @ TILT.T),
     "gravcomp": ("link4", lambda b: 0.1),
-    "placement": ("joint3", lambda b: placement(TILT, STEP)),
+    "placement": ("joint3", lambda b: matrix(STEP, TILT)),
     "axis": ("joint4", lambda b: TILT @ b.joints["joint4"].screw[:3]),
     "centre": ("joint2", lambda b: b.joints["joint2"].centre + STEP),
     "zero": ("joint1", lambda b: 0.02),
@@ -84,7 +86,7 @@ def test_a_joint_that_sits_elsewhere_is_told_from_one_whose_axis_is_another(arms
     a, b = arms
     turn = rotation(np.array([0.0, 0.6, 0.8]), np.array(size))
     axis = b.joints[joint].screw[3:] if joint == "joint5" else b.joints[joint].screw[:3]
-    for what, value in (("placement", placement(turn, size * STEP)), ("axis", turn @ axis), ("zero", size)):
+    for what, value in (("placement", matrix(size * STEP, turn)), ("axis", turn @ axis), ("zero", size)):
         said = found(a, applied(b, [Change(joint, what, np.asarray(value))]))
         assert [(each.what, each.item_a) for each in said] == [(what, joint)], [each.sentence for each in said]
 
@@ -92,7 +94,7 @@ def test_a_joint_that_sits_elsewhere_is_told_from_one_whose_axis_is_another(arms
 def test_several_at_once_are_all_found(arms):
     a, b = arms
     done = [("link1", "mass"), ("link5", "com"), ("joint2", "placement"), ("joint4", "axis"), ("joint6", "zero")]
-    values = [2.0, b.bodies["link5"].com + STEP, placement(TILT, STEP), TILT.T @ b.joints["joint4"].screw[:3], 0.1]
+    values = [2.0, b.bodies["link5"].com + STEP, matrix(STEP, TILT), TILT.T @ b.joints["joint4"].screw[:3], 0.1]
     changes = [Change(item, what, np.asarray(v)) for (item, what), v in zip(done, values, strict=True)]
     changed = applied(b, changes)
     said = found(a, changed)
@@ -105,7 +107,7 @@ def test_where_home_is_changes_nothing(arms):
     q = {name: 0.1 * (i + 1) for i, name in enumerate(b.joints)}
     there = rehomed(b, q)[0]
     assert found(a, there) == []
-    changed = applied(there, [Change("joint3", "placement", placement(TILT, STEP))])
+    changed = applied(there, [Change("joint3", "placement", matrix(STEP, TILT))])
     said = found(a, changed)
     assert [(each.what, each.item_a) for each in said] == [("placement", "joint3")]
     assert off(a, applied(changed, [said[0].change])) < 1e-13
@@ -113,7 +115,7 @@ def test_where_home_is_changes_nothing(arms):
 
 def test_a_model_that_stands_elsewhere_under_other_names_is_the_same(arms):
     a, b = arms
-    turn = placement(rotation(np.array([0.0, 0.0, 1.0]), np.array(0.7)), np.array([0.2, -0.4, 0.9]))
+    turn = matrix(np.array([0.2, -0.4, 0.9]), rotation(np.array([0.0, 0.0, 1.0]), np.array(0.7)))
     elsewhere = renamed(
         placed(b, turn),
         {

@@ -9,10 +9,11 @@ import numpy as np
 
 from screwgauge.diagnosis.change import PROPERTIES, Change, applied, outwards
 from screwgauge.diagnosis.mapping import Pairing
-from screwgauge.diagnosis.reshape import held, ordered, placed, rehomed, renamed
+from screwgauge.diagnosis.reshape import held, ordered, placed, rehomed
 from screwgauge.diagnosis.tree import States, Tree, rotations
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.rotations import Array, skew
 
 #: Gravity of a file that cannot say it [m/s^2].

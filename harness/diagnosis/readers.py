@@ -14,11 +14,12 @@ from screwgauge.diagnosis.common import STANDARD, states_of_b, velocity_map
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.mapping import paired
 from screwgauge.diagnosis.matrix import differences_between
-from screwgauge.diagnosis.reshape import ordered, renamed
+from screwgauge.diagnosis.reshape import ordered
 from screwgauge.diagnosis.tree import draw, plant
 from screwgauge.diagnosis.words import with_sides
 from screwgauge.engines.plain import Answers
 from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.diagnosis.change import moved
-from screwgauge.diagnosis.regressor import bodies_of, parameters
+from screwgauge.diagnosis.matter import combined, displaced, of_body
 from screwgauge.diagnosis.tree import displacements, home, plant
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -32,8 +33,8 @@ def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str
     for name, value in q.items():
         there[0, tree.places[name]] = value
     (inner_R, inner_p), (outer_R, outer_p) = displacements(tree, there)
-    before = {name: placement(inner_R[0, i], inner_p[0, i]) for i, name in enumerate(reading.joints)}
-    behind = {name: placement(outer_R[0, i], outer_p[0, i]) for name, i in zip(reading.bodies, tree.last, strict=True)}
+    before = {name: matrix(inner_p[0, i], inner_R[0, i]) for i, name in enumerate(reading.joints)}
+    behind = {name: matrix(outer_p[0, i], outer_R[0, i]) for name, i in zip(reading.bodies, tree.last, strict=True)}
     new = replace(
         reading,
         joints={
@@ -43,13 +44,6 @@ def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str
         bodies={name: replace(body, pose=behind[name] @ body.pose) for name, body in reading.bodies.items()},
     )
     return new, before, behind
-
-
-def placement(R: Array, p: Array) -> Array:
-    """As a matrix. Shape (4, 4)."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, p
-    return T
 
 
 def placed(reading: Reading, T: Array) -> Reading:
@@ -72,37 +66,6 @@ def placed(reading: Reading, T: Array) -> Reading:
             for name, c in reading.closures.items()
         },
         gravity=None if reading.gravity is None else T[:3, :3] @ reading.gravity,
-    )
-
-
-def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
-    """A reading by other names.
-
-    Args:
-        names: ``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators`` -> name -> other name.
-    """
-    bodies, joints, closures, couplings, actuators = (
-        {**{name: name for name in getattr(reading, kind)}, **names.get(kind, {})}
-        for kind in ("bodies", "joints", "closures", "couplings", "actuators")
-    )
-    return replace(
-        reading,
-        bodies={
-            bodies[name]: replace(
-                body, near=bodies.get(body.near, body.near), joints=tuple(joints[joint] for joint in body.joints)
-            )
-            for name, body in reading.bodies.items()
-        },
-        joints={joints[name]: joint for name, joint in reading.joints.items()},
-        closures={
-            closures[name]: replace(c, first=bodies.get(c.first, c.first), second=bodies.get(c.second, c.second))
-            for name, c in reading.closures.items()
-        },
-        couplings={
-            couplings[name]: replace(c, joint=joints[c.joint], of=joints.get(c.of, ""))
-            for name, c in reading.couplings.items()
-        },
-        actuators={actuators[n]: (joints.get(joint, joint), gear) for n, (joint, gear) in reading.actuators.items()},
     )
 
 
@@ -154,19 +117,14 @@ def _moved_to(closure: ClosureReading, into: Mapping[str, tuple[str, Array]]) ->
 def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
     """A body with another one fixed to it as both are at home."""
     T = np.linalg.inv(body.pose) @ part.pose
-    R = T[:3, :3]
-    both = (
-        parameters(np.asarray(body.mass), body.com, body.inertia),
-        parameters(np.asarray(part.mass), R @ part.com + T[:3, 3], R @ part.inertia @ R.T),
-    )
-    mass, com, inertia = bodies_of(both[0] + both[1])
+    both = combined(of_body(body), displaced(of_body(part), T))
     weight = body.mass * body.gravcomp + part.mass * part.gravcomp
     links = {name: T, **{link: T @ frame for link, frame in part.fixed.items()}}
     return replace(
         body,
-        mass=float(mass),
-        com=com,
-        inertia=inertia,
-        gravcomp=weight / float(mass) if mass else 0.0,
+        mass=both.mass,
+        com=both.com,
+        inertia=both.inertia,
+        gravcomp=weight / both.mass if both.mass else 0.0,
         fixed={**body.fixed, **links},
     )

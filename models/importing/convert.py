@@ -15,6 +15,7 @@ from screwgauge.models.importing.motion import length_of
 from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
 from screwgauge.models.readings.reading import CouplingReading, Reading
+from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -117,30 +118,17 @@ def _mechanism(
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
     """The reading with names that a description accepts, and those that changed."""
-    bodies = {**accepted(reading.bodies, "body"), GROUND: GROUND}
     joints = accepted(reading.joints, "joint")
-    closures = accepted(reading.closures, "loop", (*TAKEN, *joints.values()))
-    couplings = accepted(reading.couplings, "coupling")
-    changed = {old: new for table in (bodies, joints, closures) for old, new in table.items() if old != new}
-    reading = replace(
-        reading,
-        bodies={
-            bodies[name]: replace(body, near=bodies[body.near], joints=tuple(joints[j] for j in body.joints))
-            for name, body in reading.bodies.items()
-        },
-        joints={joints[name]: entry for name, entry in reading.joints.items()},
-        closures={
-            closures[name]: replace(entry, first=bodies[entry.first], second=bodies[entry.second])
-            for name, entry in reading.closures.items()
-        },
-        couplings={
-            couplings[name]: replace(entry, joint=joints[entry.joint], of=joints.get(entry.of, ""))
-            for name, entry in reading.couplings.items()
-            if entry.joint in joints
-        },
-        actuators={name: (joints[entry], gear) for name, (entry, gear) in reading.actuators.items()},
-    )
-    return reading, changed
+    names = {
+        "bodies": accepted(reading.bodies, "body"),
+        "joints": joints,
+        "closures": accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
+        "couplings": accepted(reading.couplings, "coupling"),
+    }
+    told = (names[kind] for kind in ("bodies", "joints", "closures"))
+    changed = {old: new for table in told for old, new in table.items() if old != new}
+    known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
+    return renamed(replace(reading, couplings=known), names), changed
 
 
 def _actuated(reading: Reading, graph: Graph, chosen: Sequence[str] | None, where: str) -> list[str] | None:
