@@ -17,6 +17,7 @@ from screwgauge.diagnosis.words import with_sides
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.wording import first_few
 
 _NAMED = 4
 
@@ -141,9 +142,8 @@ def _sentences(
         yield from _loaders(side, [cell for cell in cells if cell.side == side and not cell.refused], pairs, trees)
     for pair in pairs:
         if pair.kind == "model":
-            what = "; ".join(pair.differences[:_NAMED]) or "nothing differs"
-            more = f"; and {len(pair.differences) - _NAMED} more" if len(pair.differences) > _NAMED else ""
-            yield f"The two files, both read by {pair.first[1]}: {what}{more}."
+            what = first_few(pair.differences, _NAMED, "; ") or "nothing differs"
+            yield f"The two files, both read by {pair.first[1]}: {what}."
     for witness in seen:
         if not witness.agrees:
             what = witness.failed or f"computes otherwise than it reads ({max(witness.scaled.values()):.2g})"
@@ -169,8 +169,8 @@ def _loaders(
             )
     for pair in own:
         if pair.differences:
-            more = f"; and {len(pair.differences) - _NAMED} more" if len(pair.differences) > _NAMED else ""
-            yield f"{side} by {pair.first[1]} and by {pair.second[1]}: {'; '.join(pair.differences[:_NAMED])}{more}."
+            what = first_few(pair.differences, _NAMED, "; ")
+            yield f"{side} by {pair.first[1]} and by {pair.second[1]}: {what}."
 
 
 def _trees(kept: Sequence[str], full: Sequence[str]) -> str:

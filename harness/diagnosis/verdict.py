@@ -12,6 +12,7 @@ from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
 from screwgauge.diagnosis.witness import Witness
+from screwgauge.reference.wording import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
@@ -126,8 +127,7 @@ def _percent(share: float) -> str:
 
 
 def _listed(sentences: Sequence[str]) -> str:
-    more = len(sentences) - _NAMED
-    return "; ".join(sentences[:_NAMED]) + (f"; and {more} more" if more > 0 else "")
+    return first_few(sentences, _NAMED, "; ")
 
 
 def _witness(witness: Witness) -> str:
