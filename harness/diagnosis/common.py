@@ -156,8 +156,10 @@ def owned(common: Common, change: Change) -> Change:
 
 def states_of_b(a: Tree, b: Tree, states: States) -> States:
     """The same states, where the frames that ball and free joints carry differ."""
+    if not (other := _reframed(a, b)):
+        return states
     q, C = states.q.copy(), velocity_map(a, b)
-    for i, frame in _reframed(a, b):
+    for i, frame in other:
         place = list(a.places.values())[i]
         q[:, place] = _conjugated(states.q[:, place], frame)
     return States(q, states.qd @ C.T, states.qdd @ C.T)

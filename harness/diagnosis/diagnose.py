@@ -12,10 +12,11 @@ from screwgauge.diagnosis.attribution import Attribution, Torques
 from screwgauge.diagnosis.backfill import Backfill, write_fix
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
 from screwgauge.diagnosis.explain import Explanation, explained, proved
+from screwgauge.diagnosis.loops import Loops, loops
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
@@ -36,6 +37,7 @@ class Diagnosis:
         same: Whether nothing differs.
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
+        loops: What closures and couplings leave; None where they are not compared.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
         fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
         witnesses: Each library's own torques beside the dynamics of what it has read.
@@ -52,6 +54,7 @@ class Diagnosis:
     pairing: Pairing
     differences: tuple[Difference, ...]
     rows: tuple[Row, ...] = ()
+    loops: Loops | None = None
     attribution: Attribution | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
@@ -126,6 +129,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
     found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)
+    bound = loops(common, seed) if _bound_alike(a, b, common, pairing) else None
     explanation = _explained(asked, found, (a, b), load)
     why, proof = explanation.attribution, explanation.proof
     seen = tuple(witnesses((a, b), seed))
@@ -133,16 +137,20 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
         a,
         b,
         seed,
-        verdict((a, b), found, why, proof, seen),
-        not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen),
+        verdict((a, b), found, why, proof, seen, bound),
+        not found
+        and why.before.scaled <= SAME
+        and all(witness.agrees for witness in seen)
+        and (bound is None or bound.mobility[0] == bound.mobility[1]),
         pairing,
         tuple(found),
-        rows=tuple(table(common, states)),
+        rows=(*table(common, states), *([bound.row] if bound else [])),
+        loops=bound,
         attribution=why,
         proof=proof,
         fix=explanation.fix,
         witnesses=seen,
-        notes=notes(a, b, common, seen, seed),
+        notes=notes((a, b), common, seen, bound, seed),
         by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
 
@@ -167,6 +175,12 @@ def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model,
         return replace(why, proof=whole, fix=whole)
     worse = proof is not None and proof.agrees and not whole.agrees
     return replace(why, fix=proof if worse or not whole.text else whole)
+
+
+def _bound_alike(a: Model, b: Model, common: Common, pairing: Pairing) -> bool:
+    """Whether loops can be compared: both formats say them, and no joint of them is in one model only."""
+    said = (a.says_closures and b.says_closures) or not (common.a.closures or common.b.closures)
+    return said and not (pairing.only_a or pairing.only_b)
 
 
 def _changes(found: Sequence[Difference]) -> list[Change]:

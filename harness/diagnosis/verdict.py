@@ -8,6 +8,7 @@ from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
+from screwgauge.diagnosis.loops import Loops
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
@@ -17,7 +18,8 @@ from screwgauge.reference.wording import first_few
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
-CLOSING = {"closure", "first_frame", "second_frame", "softness", "coupling", "polynomial", "leading joint"}
+BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
+CLOSING = {*BINDING, "softness"}
 _NAMED = 3
 
 
@@ -27,6 +29,7 @@ def verdict(
     why: Attribution,
     proof: Backfill | None,
     seen: Iterable[Witness],
+    bound: Loops | None = None,
 ) -> str:
     """What differs, what it explains, and what is left."""
     said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
@@ -36,8 +39,21 @@ def verdict(
         said += unused(models, found)
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
+    said += _bound(found, bound) if bound else []
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
+
+
+def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
+    """What loops leave, where that differs, or where the same is said otherwise."""
+    a, b = bound.mobility
+    if a != b:
+        return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
+    if not bound.alike:
+        return [f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})."]
+    if any(each.what in BINDING for each in found):
+        return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
+    return []
 
 
 def strange(models: tuple[Model, Model], pairing: Pairing) -> str:

@@ -78,6 +78,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
         "differences": [_difference(each) for each in found.differences],
         "dynamics": [asdict(row) for row in found.rows],
+        "loops": found.loops and asdict(found.loops),
         "attribution": why
         and {
             "before": asdict(why.before),
