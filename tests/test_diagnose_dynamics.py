@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
-from screwgauge.diagnosis.asked import answers, apart
+from screwgauge.diagnosis.asked import answers, pairs
 from screwgauge.diagnosis.closing import constraint_rows, gaps, residual_at_home
 from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.dynamics import armature_force, dynamics, inverse_dynamics, not_modelled, passive_force
@@ -50,8 +50,8 @@ def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, librar
     path = arm.write(tmp_path)[form]
     tree = plant(known(path, library))
     states = draw(tree.reading, 8, seed=3)
-    for quantity, (off, scale) in apart(answers(path, library, tree, states), tree, states).items():
-        assert off <= 1e-12 * scale, f"{quantity}: {off:.2g} of {scale:.2g}"
+    for quantity, pair in pairs(answers(path, library, tree, states), tree, states).items():
+        assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
 
 
 @pytest.mark.parametrize("library", ["pinocchio", "mujoco"])
@@ -60,8 +60,8 @@ def test_so_it_is_with_every_kind_of_joint(zoo, tmp_path, library):
         zoo.write_text(ZOO.format(gravcomp=""), encoding="utf-8")
     tree = plant(known(zoo, library))
     states = draw(tree.reading, 8, seed=3)
-    for quantity, (off, scale) in apart(answers(zoo, library, tree, states), tree, states).items():
-        assert off <= 1e-12 * scale, f"{quantity}: {off:.2g} of {scale:.2g}"
+    for quantity, pair in pairs(answers(zoo, library, tree, states), tree, states).items():
+        assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
 
 
 def test_torques_are_linear_in_what_the_regressors_say(zoo):

@@ -28,13 +28,11 @@ class Equations:
     Attributes:
         gap: What is open [m or rad]. Shape (n, m).
         rows: Its rate at unit velocities. Shape (n, m, n_freedom).
-        turns: Which gaps are angles. Shape (m,).
         bias: Second derivative of the gaps at zero accelerations, Jdot v; of a welded turn where it is closed. (n, m).
     """
 
     gap: Array
     rows: Array
-    turns: Array
     bias: Array
 
 
@@ -44,12 +42,11 @@ def equations(tree: Tree, states: States, motion: Motion | None = None) -> Equat
     motion = motion or move(tree, still)
     open_, rates = gaps(tree, motion), constraint_rows(tree, motion)
     n, wide = len(states.q), len(tree.before)
-    gap, rows, bias, turns = [np.zeros((n, 0))], [np.zeros((n, 0, wide))], [np.zeros((n, 0))], list[bool]()
-    for name, closure in tree.reading.closures.items():
+    gap, rows, bias = [np.zeros((n, 0))], [np.zeros((n, 0, wide))], [np.zeros((n, 0))]
+    for name in tree.reading.closures:
         gap.append(open_[name])
         rows.append(rates[name])
         bias.append(_acceleration(tree, motion, name)[:, -open_[name].shape[1] :])
-        turns += [False] * 3 if closure.kind == "point" else [True] * 3 + [False] * 3
     for coupling in tree.reading.couplings.values():
         p, row = coupling.polynomial, np.zeros((n, 1, wide))
         row[:, 0, tree.freedoms[coupling.joint]] = 1.0
@@ -62,10 +59,7 @@ def equations(tree: Tree, states: States, motion: Motion | None = None) -> Equat
         gap.append(states.q[:, tree.places[coupling.joint]] - follows)
         rows.append(row)
         bias.append(-second)
-        turns.append(tree.reading.joints[coupling.joint].kind == "hinge")
-    return Equations(
-        np.concatenate(gap, axis=1), np.concatenate(rows, axis=1), np.array(turns, dtype=bool), np.hstack(bias)
-    )
+    return Equations(np.hstack(gap), np.concatenate(rows, axis=1), np.hstack(bias))
 
 
 def _acceleration(tree: Tree, motion: Motion, name: str) -> Array:
@@ -98,20 +92,20 @@ def closed(tree: Tree, states: States) -> States:
     return States(q, qd, qdd - (back @ (rows @ qdd[..., None] + bias[..., None]))[..., 0])
 
 
-def left(rows: Array, turns: Array, units: Array, length: float) -> tuple[Array, Array]:
-    """Velocities that rows leave: what they leave of each unit velocity, and how many they leave.
+def left(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:
+    """Velocities that rows leave.
 
     Args:
         rows: Shape (n, m, n_freedom).
-        turns: Which rows are of angles. Shape (m,).
-        units: Whether a velocity is linear. Shape (n_freedom,).
-        length: That 1 rad counts as [m].
+        slides: Which velocities are linear. Shape (n_freedom,).
+        length: What counts as 1 rad [m].
 
     Returns:
-        Projector along the rows, lengths counted in `length`, shape (n, n_freedom, n_freedom), and shape (n,).
+        What is left of each unit velocity, a projector, shape (n, n_freedom, n_freedom); and how well the rows tell,
+        the smallest singular value over the largest, shape (n,).
     """
-    across, along = np.where(turns, 1.0, 1.0 / length), np.where(units, length, 1.0)
-    _, s, V = np.linalg.svd(across[:, None] * rows * along, full_matrices=True)
-    rank = (s > DEPENDENT * np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)).sum(axis=1)
+    _, s, V = np.linalg.svd(rows * np.where(slides, length, 1.0), full_matrices=True)
+    s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
+    rank = (s > DEPENDENT).sum(axis=1)
     V = V * (np.arange(V.shape[1]) >= rank[:, None])[..., None]
-    return np.swapaxes(V, 1, 2) @ V, V.shape[1] - rank
+    return np.swapaxes(V, 1, 2) @ V, np.where(s > DEPENDENT, s, 1.0).min(axis=1, initial=1.0)

@@ -53,12 +53,9 @@ def loops(common: Common, seed: int) -> Loops | None:
         return None
     force = components(common.a)
     slides, length, C = np.array([unit == "N" for _, unit in force]), size(common.a), velocity_map(a, b)
-    found = []
-    for k, theirs in pairs:
-        one, two = equations(a, states.at(k)), equations(b, theirs)
-        found.append([left(e.rows @ turn, e.turns, slides, length) for e, turn in ((one, np.eye(len(C))), (two, C))])
-    ours, others = (np.concatenate([each[i][0] for each in found]) for i in (0, 1))
-    mobility = [int(np.median([each[i][1] for each in found])) for i in (0, 1)]
+    rows = [(equations(a, states.at(k)).rows, equations(b, theirs).rows @ C) for k, theirs in pairs]
+    ours, others = (np.concatenate([left(each[i], slides, length)[0] for each in rows]) for i in (0, 1))
+    mobility = [round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others)]
     names = [(x, "") for x, _ in force for _ in force]
     row = row_of("motion that loops leave", ours, others, names, np.ones_like(ours))
     return Loops(row, (mobility[0], mobility[1]), len(force), len(pairs))

@@ -157,7 +157,9 @@ def _witness(witness: Witness) -> str:
 
 
 def _looks(witness: Witness) -> str:
-    """What the torques of an engine look like, if one cause explains more than half of their difference."""
+    """What the difference of an engine looks like: how it grows, or one cause that explains more than half of it."""
+    if witness.growth:
+        return f" ({witness.growth.sentence})"
     if not witness.fits or witness.fits[0][1] < 0.5:
         return ""
     names = [name for name, _ in witness.fits]

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.asked import ASKED, answers, apart
+from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
 from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.fitting import fitted
+from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import States, Tree, draw, plant
 from screwgauge.engines.plain import Answers
@@ -33,6 +34,7 @@ class Witness:
         failed: Why it could not say; empty if it did.
         fits: What the model would have to say otherwise for torques like the library's, and the share of their
             difference that this explains; the best, and those that cannot be told from it.
+        growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
 
     side: str
@@ -42,6 +44,7 @@ class Witness:
     adds: tuple[str, ...] = ()
     failed: str = ""
     fits: tuple[tuple[str, float], ...] = ()
+    growth: Growth | None = None
 
     @property
     def agrees(self) -> bool:
@@ -58,11 +61,11 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
         tree = plant(replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity))
         states = draw(reading, STATES, seed)
         try:
-            said = answers(model.file, model.library, tree, states, floating=model.floating)
+            said, found = _asked(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
             yield Witness(side, model.library, {}, failed=str(error))
             continue
-        found = {name: off / scale if scale else off for name, (off, scale) in apart(said, tree, states).items()}
+        scaled = {name: pair.scaled for name, pair in found.items()}
         acts = {"armature", "damping", "friction", "stiffness"} & {
             entry
             for joint in reading.joints.values()
@@ -71,7 +74,23 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
         }
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & said.covers))
-        yield Witness(side, model.library, found, omits, adds, fits=_fits(tree, states, said, found.get("tau", 0.0)))
+        worst = max(scaled, key=lambda name: scaled[name])
+        grown = _grown(model, tree, states, worst) if ROUNDING < scaled[worst] < np.inf else None
+        fits = () if grown and grown.products else _fits(tree, states, said, scaled.get("tau", 0.0))
+        yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
+
+
+def _asked(model: Model, tree: Tree, states: States) -> tuple[Answers, dict[str, Pair]]:
+    assert model.file is not None
+    said = answers(model.file, model.library, tree, states, floating=model.floating)
+    loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
+    return said, {**pairs(said, tree, states), **loops}
+
+
+def _grown(model: Model, tree: Tree, states: States, name: str) -> Growth | None:
+    """How the difference of a quantity grows with speed."""
+    found = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
+    return growth([each.said for each in found], [each.ours for each in found])
 
 
 def _fits(tree: Tree, states: States, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
