@@ -16,12 +16,14 @@ from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.digits import marked
 from screwgauge.diagnosis.explain import Explanation, explained, proved
+from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.loops import Loops, loops
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.static import differences
+from screwgauge.diagnosis.tree import States
 from screwgauge.diagnosis.verdict import SAME, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
@@ -39,6 +41,7 @@ class Diagnosis:
         rows: Differences at `seed`'s random states by quantity; none between different machines.
         loops: What closures and couplings leave; None where they are not compared.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
+        growth: Of the torque difference with speed; None where it does not vanish at rest.
         fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
         witnesses: Each library's own torques beside the dynamics of what it has read.
         matrix: All readings of both files, if asked for.
@@ -56,6 +59,7 @@ class Diagnosis:
     rows: tuple[Row, ...] = ()
     loops: Loops | None = None
     attribution: Attribution | None = None
+    growth: Growth | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
     witnesses: tuple[Witness, ...] = ()
@@ -131,13 +135,14 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
     asked = torques(common, pairing, states)
     bound = loops(common, seed) if _bound_alike(a, b, common, pairing) else None
     explanation = _explained(asked, found, (a, b), load)
+    grown = None if explanation.attribution.before.scaled <= SAME else _grown(common, pairing, states, b.reading)
     why, proof = explanation.attribution, explanation.proof
     seen = tuple(witnesses((a, b), seed))
     return Diagnosis(
         a,
         b,
         seed,
-        verdict((a, b), found, why, proof, seen, bound),
+        verdict((a, b), found, why, proof, seen, bound, grown),
         not found
         and why.before.scaled <= SAME
         and all(witness.agrees for witness in seen)
@@ -147,12 +152,18 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Di
         rows=(*table(common, states), *([bound.row] if bound else [])),
         loops=bound,
         attribution=why,
+        growth=grown,
         proof=proof,
         fix=explanation.fix,
         witnesses=seen,
         notes=notes((a, b), common, seen, bound, seed),
         by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
+
+
+def _grown(common: Common, pairing: Pairing, states: States, b: Reading) -> Growth | None:
+    asked = [torques(common, pairing, replace(states, qd=times * states.qd)) for times in SPEEDS]
+    return growth([each.of(b) for each in asked], [each.a for each in asked])
 
 
 def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.growth import Growth
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.loops import Loops
 from screwgauge.diagnosis.mapping import Pairing
@@ -30,9 +31,10 @@ def verdict(
     proof: Backfill | None,
     seen: Iterable[Witness],
     bound: Loops | None = None,
+    grown: Growth | None = None,
 ) -> str:
     """What differs, what it explains, and what is left."""
-    said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
+    said = [_differs(found, why, proof, grown) if found or why.before.scaled > SAME else _same(models, why)]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
@@ -74,12 +76,13 @@ def _same(models: tuple[Model, Model], why: Attribution) -> str:
     return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
 
 
-def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None) -> str:
+def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, grown: Growth | None) -> str:
     if why.before.scaled <= SAME:
         return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled)}."
     if not why.steps:
         rest = f" {_listed(_largest_first(found))}." if found else ""
-        return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
+        how = f"; {grown.sentence}" if grown else ""
+        return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains{how}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
     # of many causes those that explain the most come first
     many = len(numbers) > _NAMED

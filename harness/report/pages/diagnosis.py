@@ -49,6 +49,7 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
         blocks += [Heading("How they move"), Paragraph(lead), _rows(found), *pictures]
     if found.attribution and found.attribution.ranking:
         blocks += [Heading("What explains the torque difference"), *_explained(found.attribution), *_proof(found)]
+        blocks += [Paragraph(f"Of the torque difference, {found.growth.sentence}.")] if found.growth else []
     blocks += [Heading("What the libraries compute"), *_witnesses(found)]
     if found.matrix:
         blocks += [Heading("All readings"), *_matrix(found.matrix)]
@@ -79,6 +80,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "differences": [_difference(each) for each in found.differences],
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
+        "growth": found.growth and asdict(found.growth),
         "attribution": why
         and {
             "before": asdict(why.before),
