@@ -14,8 +14,9 @@ from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
 from screwgauge.diagnosis.common import Common, brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
+from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.explain import Explanation, explained, proved
+from screwgauge.diagnosis.explain import PROOF, Explanation, explained, proved
 from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.loops import Loops, loops
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
@@ -24,10 +25,12 @@ from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.static import differences
 from screwgauge.diagnosis.tree import States
-from screwgauge.diagnosis.verdict import SAME, strange, verdict
+from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import OutputError
+
+SPEED = "growth of the torque difference with speed"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +49,7 @@ class Diagnosis:
         witnesses: Each library's own torques beside the dynamics of what it has read.
         matrix: All readings of both files, if asked for.
         notes: What was taken for granted, or not compared.
+        left_out: What there was no time for.
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
     """
 
@@ -66,11 +70,12 @@ class Diagnosis:
     matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def exit_status(self) -> int:
-        """Of the command: 0 the same, 1 different, 3 a library failed."""
-        if any(witness.failed for witness in self.witnesses):
+        """Of the command: 0 the same, 1 different, 3 a library failed or time was over."""
+        if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
 
@@ -101,6 +106,7 @@ def diagnose(
     seed: int = 0,
     matrix: bool = False,
     loops: str | Path | None = None,
+    limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
     """Compares two models.
@@ -111,52 +117,62 @@ def diagnose(
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
         loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
+        limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Raises:
         ScrewgaugeError: A file, or the map, cannot be read.
     """
+    deadline = Deadline(limit)
     given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
     beside = None if loops is None else Path(loops)
     one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
     pairing = paired(one.reading, two.reading, given)
-    grid = matrix_of(one, two, given, seed, load) if matrix else None
     if not pairing.alike:
-        return Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, (), matrix=grid)
-    return replace(_compared(one, two, pairing, seed, load), matrix=grid)
+        found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
+    else:
+        found = _compared(one, two, pairing, seed, load, deadline)
+    found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
+    if not deadline.left_out:
+        return found
+    said = f"{found.verdict} {stopped(limit, deadline.left_out)}"
+    return replace(found, verdict=said, same=False, left_out=tuple(deadline.left_out))
 
 
-def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Diagnosis:
+def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
     """Of two models of one machine."""
     common = brought(a.reading, b.reading, pairing)
-    found = [*missing(a.reading, b.reading, pairing), *differences(common)[0]]
+    found = [*missing(a.reading, b.reading, pairing), *differences(common, deadline)[0]]
     found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)
-    bound = loops(common, seed) if _bound_alike(a, b, common, pairing) else None
-    explanation = _explained(asked, found, (a, b), load)
-    grown = None if explanation.attribution.before.scaled <= SAME else _grown(common, pairing, states, b.reading)
+    rows = [] if deadline.over("motion at random states") else table(common, states)
+    bound, of_loops = loops((a, b), common, pairing, seed, deadline)
+    explanation = _explained(asked, found, (a, b), load, deadline)
     why, proof = explanation.attribution, explanation.proof
-    seen = tuple(witnesses((a, b), seed))
+    grown = (
+        _grown(common, pairing, states, b.reading) if why.before.scaled > SAME and not deadline.over(SPEED) else None
+    )
+    seen = tuple(witnesses((a, b), seed, deadline))
     return Diagnosis(
         a,
         b,
         seed,
-        verdict((a, b), found, why, proof, seen, bound, grown),
+        verdict((a, b), found, why, proof, seen, bound, grown, late=bool(deadline.left_out)),
         not found
         and why.before.scaled <= SAME
         and all(witness.agrees for witness in seen)
         and (bound is None or bound.mobility[0] == bound.mobility[1]),
         pairing,
         tuple(found),
-        rows=(*table(common, states), *([bound.row] if bound else [])),
+        rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
         attribution=why,
         growth=grown,
         proof=proof,
         fix=explanation.fix,
         witnesses=seen,
-        notes=notes((a, b), common, seen, bound, seed),
+        notes=notes((a, b), common, seen, of_loops, seed),
         by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
     )
 
@@ -166,7 +182,9 @@ def _grown(common: Common, pairing: Pairing, states: States, b: Reading) -> Grow
     return growth([each.of(b) for each in asked], [each.a for each in asked])
 
 
-def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
+def _explained(
+    asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read, deadline: Deadline
+) -> Explanation:
     """Attribution and proof; backfill of all differences where steps taken one by one do not get through.
 
     What no torque shows is put right, too, in the file that is written.
@@ -177,21 +195,15 @@ def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model,
     def read(file: Path) -> Reading:
         return b.read_again(file, load)
 
-    why = explained(asked, (a.reading, b.reading), (first, second), found, read)
+    why = explained(asked, (a.reading, b.reading), (first, second), found, read, deadline)
     everything, proof = _changes(found), why.proof
-    if len(everything) == len(why.attribution.changes):
+    if len(everything) == len(why.attribution.changes) or deadline.over(PROOF):
         return replace(why, fix=proof)
     whole = proved(asked, b.reading, everything, (first, second), read)
     if not why.attribution.complete and why.attribution.before.scaled > SAME:
         return replace(why, proof=whole, fix=whole)
     worse = proof is not None and proof.agrees and not whole.agrees
     return replace(why, fix=proof if worse or not whole.text else whole)
-
-
-def _bound_alike(a: Model, b: Model, common: Common, pairing: Pairing) -> bool:
-    """Whether loops can be compared: both formats say them, and no joint of them is in one model only."""
-    said = (a.says_closures and b.says_closures) or not (common.a.closures or common.b.closures)
-    return said and not (pairing.only_a or pairing.only_b)
 
 
 def _changes(found: Sequence[Difference]) -> list[Change]:

@@ -9,13 +9,17 @@ import numpy as np
 from screwgauge.diagnosis.closed import closed, equations, left
 from screwgauge.diagnosis.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.compare import Row, components, row_of
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.lines import size
+from screwgauge.diagnosis.mapping import Pairing
+from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import draw, plant
 
 #: States that are drawn, and closed where they can be.
 DRAWN = 20
 #: Scaled motions that loops leave and that differ by no more are the same: rounding over small singular values.
 ALIKE = 1e-9
+_NOT_COMPARED = "what closures and couplings leave is not compared"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +43,33 @@ class Loops:
         return self.mobility[0] == self.mobility[1] and self.row.max_abs <= ALIKE
 
 
-def loops(common: Common, seed: int) -> Loops | None:
-    """Of two models that say their loops; None where neither has any, or no drawn state of A and B closes.
+def loops(
+    models: tuple[Model, Model], common: Common, pairing: Pairing, seed: int, deadline: Deadline
+) -> tuple[Loops | None, str]:
+    """What loops leave in both models, and a sentence on it; None where that is not compared.
 
     Where B is open at a state that closes A, the nearest is taken that closes B.
     """
+    closures = bool(common.a.closures or common.b.closures)
+    if not (closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
+        return None, ""
+    if closures and not all(model.says_closures for model in models):
+        return None, ""  # which is said of closures
+    if pairing.only_a or pairing.only_b:
+        return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
     states = closed(a, draw(common.a, DRAWN, seed))
-    if not any(each.closures or each.couplings for each in (common.a, common.b)) or not len(states.q):
-        return None
-    pairs = [(k, each) for k in range(len(states.q)) if len((each := closed(b, states_of_b(a, b, states.at(k)))).q)]
+    drawn = [(states.at(k), closed(b, states_of_b(a, b, states.at(k)))) for k in range(len(states.q))]
+    pairs = [pair for pair in drawn if len(pair[1].q)]
     if not pairs:
-        return None
-    force = components(common.a)
-    slides, length, C = np.array([unit == "N" for _, unit in force]), size(common.a), velocity_map(a, b)
-    rows = [(equations(a, states.at(k)).rows, equations(b, theirs).rows @ C) for k, theirs in pairs]
+        return None, f"{_NOT_COMPARED}: no random state closes both models"
+    force, C = components(common.a), velocity_map(a, b)
+    slides, length = np.array([unit == "N" for _, unit in force]), size(common.a)
+    rows = [(equations(a, ours).rows, equations(b, theirs).rows @ C) for ours, theirs in pairs]
     ours, others = (np.concatenate([left(each[i], slides, length)[0] for each in rows]) for i in (0, 1))
-    mobility = [round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others)]
-    names = [(x, "") for x, _ in force for _ in force]
-    row = row_of("motion that loops leave", ours, others, names, np.ones_like(ours))
-    return Loops(row, (mobility[0], mobility[1]), len(force), len(pairs))
+    n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))
+    row = row_of(
+        "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
+    )
+    said = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
+    return Loops(row, (n, m), len(force), len(pairs)), said

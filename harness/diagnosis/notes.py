@@ -9,7 +9,6 @@ import numpy as np
 from screwgauge.diagnosis.common import STANDARD, Common
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.loops import Loops
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import draw, plant
 from screwgauge.diagnosis.witness import Witness
@@ -26,10 +25,10 @@ CASES = {
 
 
 def notes(
-    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], bound: Loops | None, seed: int
+    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int
 ) -> tuple[str, ...]:
     """All of them, a sentence each."""
-    said, (a, b) = [], models
+    said, (a, b) = [of_loops] * bool(of_loops), models
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
@@ -38,15 +37,6 @@ def notes(
             said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
-    if bound:
-        n = bound.mobility[0]
-        said += (
-            [f"closures and couplings leave {n} of {bound.freedoms} degrees of freedom"]
-            if n == bound.mobility[1]
-            else []
-        )
-    elif any(each.closures or each.couplings for each in (common.a, common.b)):
-        said.append("what closures and couplings leave is not compared: no random state closes them in both models")
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
 
 

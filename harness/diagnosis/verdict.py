@@ -32,9 +32,19 @@ def verdict(
     seen: Iterable[Witness],
     bound: Loops | None = None,
     grown: Growth | None = None,
+    *,
+    late: bool = False,
 ) -> str:
-    """What differs, what it explains, and what is left."""
-    said = [_differs(found, why, proof, grown) if found or why.before.scaled > SAME else _same(models, why)]
+    """What differs, what it explains, and what is left.
+
+    Args:
+        bound: What loops leave; `grown`: how the torque difference grows with speed.
+        late: There was no time for some of it.
+    """
+    if found or why.before.scaled > SAME:
+        said = [_differs(found, why, proof, "there was no time to explain" if late else _unexplained(grown))]
+    else:
+        said = ["Nothing differs in what was compared." if late else _same(models, why)]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
@@ -58,6 +68,11 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
     return []
 
 
+def stopped(limit: float, left_out: Sequence[str]) -> str:
+    """Of a diagnosis that met its time limit."""
+    return f"Stopped after {limit:g} s (--limit), without: {first_few(left_out, _NAMED)}."
+
+
 def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     """Of two models that are not of one machine."""
     a, b = (len(model.reading.joints) for model in models)
@@ -76,13 +91,16 @@ def _same(models: tuple[Model, Model], why: Attribution) -> str:
     return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
 
 
-def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, grown: Growth | None) -> str:
+def _unexplained(grown: Growth | None) -> str:
+    return f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
+
+
+def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, unexplained: str) -> str:
     if why.before.scaled <= SAME:
         return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled)}."
     if not why.steps:
         rest = f" {_listed(_largest_first(found))}." if found else ""
-        how = f"; {grown.sentence}" if grown else ""
-        return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains{how}.{rest}"
+        return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
     # of many causes those that explain the most come first
     many = len(numbers) > _NAMED
@@ -128,7 +146,7 @@ def _left(why: Attribution, proof: Backfill | None) -> str:
     left = why.left if proof is None else proof.left
     if left.scaled == float("inf"):
         return "after backfill there are no torques to compare"
-    where = "" if proof is None or proof.on == "file" else " of the reading"
+    where = "" if proof is not None and proof.on == "file" else " of the reading"
     return f"after backfill{where} {_largest(left)} are left"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
 from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.fitting import fitted
 from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
@@ -52,10 +53,10 @@ class Witness:
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
-def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
+def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[Witness]:
     """Each library that has dynamics, on what it has read."""
     for side, model in zip("AB", models, strict=False):
-        if model.library not in ASKED or model.file is None:
+        if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
         reading = model.reading
         tree = plant(replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity))
@@ -75,8 +76,10 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & said.covers))
         worst = max(scaled, key=lambda name: scaled[name])
-        grown = _grown(model, tree, states, worst) if ROUNDING < scaled[worst] < np.inf else None
-        fits = () if grown and grown.products else _fits(tree, states, said, scaled.get("tau", 0.0))
+        grown, fits = None, ()
+        if ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}"):
+            grown = _grown(model, tree, states, worst)
+            fits = () if grown and grown.products else _fits(tree, states, said, scaled.get("tau", 0.0))
         yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 

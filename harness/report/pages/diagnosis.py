@@ -42,6 +42,8 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
     blocks: list[Block] = [Heading(f"{_name(found.a)} and {_name(found.b)}", 1), _banner(found)]
     if found.notes:
         blocks.append(Items(found.notes))
+    if found.left_out:
+        blocks += [Paragraph("There was no time for:"), Items(found.left_out)]
     if found.differences:
         blocks += [Heading("What they say otherwise"), folded("All", _differences(sorted_by_size(found.differences)))]
     if found.rows:
@@ -96,6 +98,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "libraries": [asdict(witness) for witness in found.witnesses],
         "matrix": found.matrix and asdict(found.matrix),
         "notes": found.notes,
+        "left_out": found.left_out,
     }
 
 
@@ -109,6 +112,8 @@ def write(found: Diagnosis, out: Path) -> Path:
 
 
 def _banner(found: Diagnosis) -> Banner:
+    if found.left_out:
+        return Banner(found.verdict, "✗ STOPPED", "failed")
     if found.exit_status == 3:
         return Banner(found.verdict, "✗ FAILED", "failed")
     return Banner(found.verdict, "✓ SAME", "agree") if found.same else Banner(found.verdict, "✗ DIFFER", "differ")
