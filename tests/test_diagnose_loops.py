@@ -77,7 +77,7 @@ def test_loops_that_no_state_closes_are_said_not_to_be_compared(diagnosed):
     apart = far.replace("<connect", '<joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/><connect')
     found = diagnosed(apart, apart)
     assert found.loops is None
-    assert any("no random state closes them" in note for note in found.notes)
+    assert any("no random state closes both models" in note for note in found.notes)
 
 
 def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its_growth(diagnosed):

@@ -126,9 +126,9 @@ def row_of(quantity: str, a: Array, b: Array, names: Sequence[tuple[str, str]], 
         scale_of: What the difference is scaled by: of forces, which may vanish, all that is asked of motors.
     """
     a, b, scale_of = (each.reshape(len(a), -1) for each in (a, b, scale_of))
-    units = np.array([unit for _, unit in names])
+    kinds, which = np.unique([unit for _, unit in names], return_inverse=True)
     most = np.maximum(np.abs(a), np.abs(scale_of)).max(axis=0)
-    scale = np.array([most[units == unit].max() for unit in units])
+    scale = np.array([most[which == k].max() for k in range(len(kinds))])[which]
     apart = np.abs(b - a).max(axis=0)
     apart = np.where(np.isfinite(apart), apart, np.inf)
     scaled = np.where(scale > 0.0, apart / np.where(scale > 0.0, scale, 1.0), apart)
