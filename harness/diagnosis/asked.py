@@ -87,8 +87,9 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
 
     They count for less where loops are nearly singular.
     """
-    loops = [*tree.reading.closures.values(), *tree.reading.couplings.values()]
-    if library not in CLOSING or not loops or not all(each.softness for each in loops):  # they are of another file
+    soft = [each.softness for each in tree.reading.closures.values()]
+    soft += [each.softness for each in tree.reading.couplings.values()]
+    if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
     if not len((states := closed(tree, states)).q):
         return {}

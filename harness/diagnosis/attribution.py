@@ -143,12 +143,10 @@ def attribute(
         return torques.left(applied(b, changes_of(differences, numbers)))
 
     def together(numbers: Collection[int]) -> float:
-        return math.inf if deadline.over("combinations of hypotheses") else size(left(numbers))
+        return math.inf if over("combinations of hypotheses") else size(left(numbers))
 
-    deadline = deadline or Deadline()
-    tried = [
-        (each, size(left(each.differences))) for each in hypotheses if not deadline.over(f"hypothesis {each.name}")
-    ]
+    over = (deadline or Deadline()).over
+    tried = [(each, size(left(each.differences))) for each in hypotheses if not over(f"hypothesis {each.name}")]
     hypotheses, alone = [hypothesis for hypothesis, _ in tried], [each for _, each in tried]
     shares = [_share(before, each) for each in alone]
     order = sorted(range(len(shares)), key=lambda i: (-round(shares[i], 9), hypotheses[i].numbers))

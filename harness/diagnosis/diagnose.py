@@ -12,7 +12,7 @@ from screwgauge.diagnosis.attribution import Attribution, Torques
 from screwgauge.diagnosis.backfill import Backfill, write_fix
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import Common, brought
+from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.digits import marked
@@ -23,14 +23,12 @@ from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
+from screwgauge.diagnosis.soft import softness
 from screwgauge.diagnosis.static import differences
-from screwgauge.diagnosis.tree import States
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import OutputError
-
-SPEED = "growth of the torque difference with speed"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +42,7 @@ class Diagnosis:
         rows: Differences at `seed`'s random states by quantity; none between different machines.
         loops: What closures and couplings leave; None where they are not compared.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
+        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         growth: Of the torque difference with speed; None where it does not vanish at rest.
         fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
         witnesses: Each library's own torques beside the dynamics of what it has read.
@@ -64,6 +63,7 @@ class Diagnosis:
     loops: Loops | None = None
     attribution: Attribution | None = None
     growth: Growth | None = None
+    soft: Attribution | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
     witnesses: tuple[Witness, ...] = ()
@@ -148,37 +148,36 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops((a, b), common, pairing, seed, deadline)
-    explanation = _explained(asked, found, (a, b), load, deadline)
-    why, proof = explanation.attribution, explanation.proof
-    grown = (
-        _grown(common, pairing, states, b.reading) if why.before.scaled > SAME and not deadline.over(SPEED) else None
-    )
+    why = _explained(asked, found, (a, b), load, deadline)
+    cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
+    if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
+        why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
+    why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
     seen = tuple(witnesses((a, b), seed, deadline))
+    moves_alike = bound is None or bound.mobility[0] == bound.mobility[1]
     return Diagnosis(
         a,
         b,
         seed,
-        verdict((a, b), found, why, proof, seen, bound, grown, late=bool(deadline.left_out)),
-        not found
-        and why.before.scaled <= SAME
-        and all(witness.agrees for witness in seen)
-        and (bound is None or bound.mobility[0] == bound.mobility[1]),
+        verdict((a, b), found, why, seen, bound, late=bool(deadline.left_out)),
+        not found and cause.before.scaled <= SAME and moves_alike and all(witness.agrees for witness in seen),
         pairing,
         tuple(found),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
-        attribution=why,
-        growth=grown,
-        proof=proof,
-        fix=explanation.fix,
+        attribution=cause,
+        growth=why.growth,
+        soft=why.soft,
+        proof=why.proof,
+        fix=why.fix,
         witnesses=seen,
         notes=notes((a, b), common, seen, of_loops, seed),
-        by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
+        by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else _changes(found)),
     )
 
 
-def _grown(common: Common, pairing: Pairing, states: States, b: Reading) -> Growth | None:
-    asked = [torques(common, pairing, replace(states, qd=times * states.qd)) for times in SPEEDS]
+def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:
+    """Of torques at `SPEEDS`."""
     return growth([each.of(b) for each in asked], [each.a for each in asked])
 
 

@@ -10,6 +10,7 @@ from screwgauge.diagnosis.attribution import Attribution, Torques, attribute
 from screwgauge.diagnosis.backfill import Backfill, backfill
 from screwgauge.diagnosis.change import Change, Difference
 from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.growth import Growth
 from screwgauge.diagnosis.hypotheses import hypotheses
 from screwgauge.diagnosis.hypothesis import Files
 from screwgauge.diagnosis.layout import UnpatchableError
@@ -27,12 +28,16 @@ class Explanation:
 
     Attributes:
         proof: None where the torques do not differ, nothing explains it, or there was no time for it.
+        growth: Of the torque difference with speed; None where it does not vanish at rest.
+        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         fix: The same of all changes, what no torque shows among them; None where there are none.
     """
 
     attribution: Attribution
     proof: Backfill | None
     fix: Backfill | None = None
+    growth: Growth | None = None
+    soft: Attribution | None = None
 
 
 def explained(

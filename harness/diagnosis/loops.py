@@ -59,7 +59,8 @@ def loops(
         return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
     states = closed(a, draw(common.a, DRAWN, seed))
-    drawn = [(states.at(k), closed(b, states_of_b(a, b, states.at(k)))) for k in range(len(states.q))]
+    each_alone = [states.at(slice(k, k + 1)) for k in range(len(states.q))]
+    drawn = [(ours, closed(b, states_of_b(a, b, ours))) for ours in each_alone]
     pairs = [pair for pair in drawn if len(pair[1].q)]
     if not pairs:
         return None, f"{_NOT_COMPARED}: no random state closes both models"

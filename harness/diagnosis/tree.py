@@ -38,9 +38,9 @@ class States:
     qd: Array
     qdd: Array
 
-    def at(self, k: int) -> States:
-        """One of them."""
-        return States(self.q[k : k + 1], self.qd[k : k + 1], self.qdd[k : k + 1])
+    def at(self, which: slice) -> States:
+        """Some of them."""
+        return States(self.q[which], self.qd[which], self.qdd[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

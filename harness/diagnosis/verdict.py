@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.explain import Explanation
 from screwgauge.diagnosis.growth import Growth
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.loops import Loops
@@ -27,30 +28,30 @@ _NAMED = 3
 def verdict(
     models: tuple[Model, Model],
     found: Sequence[Difference],
-    why: Attribution,
-    proof: Backfill | None,
+    why: Explanation,
     seen: Iterable[Witness],
     bound: Loops | None = None,
-    grown: Growth | None = None,
     *,
     late: bool = False,
 ) -> str:
     """What differs, what it explains, and what is left.
 
     Args:
-        bound: What loops leave; `grown`: how the torque difference grows with speed.
+        bound: What loops leave.
         late: There was no time for some of it.
     """
-    if found or why.before.scaled > SAME:
-        said = [_differs(found, why, proof, "there was no time to explain" if late else _unexplained(grown))]
+    cause, proof, grown = why.attribution, why.proof, why.growth
+    if found or cause.before.scaled > SAME:
+        said = [_differs(found, cause, proof, "there was no time to explain" if late else _unexplained(grown))]
     else:
-        said = ["Nothing differs in what was compared." if late else _same(models, why)]
+        said = ["Nothing differs in what was compared." if late else _same(models, cause)]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
         said += unused(models, found)
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
+    said += [_soft(why.soft)] if why.soft else []
     said += _bound(found, bound) if bound else []
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
@@ -66,6 +67,17 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
     if any(each.what in BINDING for each in found):
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []
+
+
+def _soft(soft: Attribution) -> str:
+    """What softness changes, all else being equal."""
+    if soft.before.scaled <= SAME:
+        return "Near closed states, too, forces of soft equalities are the same."
+    names = [step.hypothesis.name for step in soft.steps]
+    verb = f"explain{'s' * (len(names) == 1)} {_percent(soft.share)} of that"
+    left = f"after backfill {_largest(soft.left)} are left"
+    why = f"{first_few(names, _NAMED)} {verb}; {left}" if names else "their softness does not explain it"
+    return f"Near closed states forces of soft equalities differ by {_largest(soft.before)}; {why}."
 
 
 def stopped(limit: float, left_out: Sequence[str]) -> str:

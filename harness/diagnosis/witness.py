@@ -76,10 +76,9 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & said.covers))
         worst = max(scaled, key=lambda name: scaled[name])
-        grown, fits = None, ()
-        if ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}"):
-            grown = _grown(model, tree, states, worst)
-            fits = () if grown and grown.products else _fits(tree, states, said, scaled.get("tau", 0.0))
+        differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
+        grown = _grown(model, tree, states, worst) if differs else None
+        fits = _fits(tree, states, said, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
         yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 

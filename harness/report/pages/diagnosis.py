@@ -83,17 +83,8 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
         "growth": found.growth and asdict(found.growth),
-        "attribution": why
-        and {
-            "before": asdict(why.before),
-            "left": asdict(why.left),
-            "share": why.share,
-            "steps": [
-                {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
-                for step in why.steps
-            ],
-            "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
-        },
+        "attribution": why and _attribution(why),
+        "soft_equalities": found.soft and _attribution(found.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries": [asdict(witness) for witness in found.witnesses],
         "matrix": found.matrix and asdict(found.matrix),
@@ -215,6 +206,19 @@ def _facts(model: Model) -> dict[str, Any]:
         "bodies": len(model.reading.bodies),
         "mass": model.reading.mass,
         "ignored": model.reading.ignored,
+    }
+
+
+def _attribution(why: Attribution) -> dict[str, Any]:
+    return {
+        "before": asdict(why.before),
+        "left": asdict(why.left),
+        "share": why.share,
+        "steps": [
+            {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
+            for step in why.steps
+        ],
+        "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
     }
 
 
