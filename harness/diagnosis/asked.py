@@ -91,7 +91,8 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
-    if not len((states := closed(tree, states)).q):
+    states, fits = closed(tree, states)
+    if not fits.any():
         return {}
     said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])

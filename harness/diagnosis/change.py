@@ -137,6 +137,11 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
     return bodies, joints
 
 
+def axis(joint: JointReading) -> Array:
+    """Direction of a hinge or slide. Shape (3,)."""
+    return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
+
+
 def moved(joint: JointReading, T: Array) -> JointReading:
     """A joint displaced in the world.
 
@@ -148,15 +153,10 @@ def moved(joint: JointReading, T: Array) -> JointReading:
     return replace(joint, screw=np.concatenate([w, v + skew(p) @ w]), centre=R @ joint.centre + p)
 
 
-def turned(joint: JointReading, axis: Array, centre: Array) -> JointReading:
+def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
     """A hinge or slide on another axis. Shape (3,) both."""
-    if joint.kind == "slide":
-        screw = np.concatenate([np.zeros(3), axis])
-    elif joint.kind == "hinge":
-        screw = np.concatenate([axis, cross(centre, axis)])
-    else:
-        screw = joint.screw
-    return replace(joint, screw=screw, centre=centre)
+    parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
+    return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
 
 def _with(item: T, entry: str, value: Any) -> T:
@@ -184,8 +184,7 @@ def _of_joint(reading: Reading, change: Change) -> Reading:
     elif change.what == "sign":
         return reading if change.value > 0 else _reversed(reading, change.item)
     else:
-        axis = joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
-        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis, change.value)))
+        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis(joint), change.value)))
     return replace(reading, joints={**reading.joints, change.item: new})
 
 
