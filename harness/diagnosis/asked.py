@@ -96,6 +96,8 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
         return {}
     said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+        return {}
     (one, _), (two, sure) = (left(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
     here, there = (
         np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None] * sure[:, None, None] for e in (said, own)

@@ -13,7 +13,7 @@ from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross, skew
 
 T = TypeVar("T")
-Owner = Literal["body", "joint", "closure", "coupling", "equality", "actuator", "model"]
+Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 Kind = Literal["model", "digits", "convention"]
 
 
@@ -58,7 +58,6 @@ PROPERTIES: dict[str, Property] = {
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
     "polynomial": Property("coupling", (-1,), "1"),
-    "softness": Property("equality", (7,), "1"),
     "gear": Property("actuator", (), "1"),
     "gravity": Property("model", (3,), "m/s^2"),
     "medium": Property("model", (2,), "kg/m^3, Pa s"),
@@ -239,15 +238,6 @@ def _of_coupling(reading: Reading, change: Change) -> Reading:
     return replace(reading, couplings={**reading.couplings, change.item: replace(coupling, polynomial=change.value)})
 
 
-def _of_equality(reading: Reading, change: Change) -> Reading:
-    """Of a closure or a coupling."""
-    _item({**reading.closures, **reading.couplings}, "closure", change)
-    kind = "closures" if change.item in reading.closures else "couplings"
-    items = getattr(reading, kind)
-    soft = _with(items[change.item], "softness", tuple(change.value.tolist()))
-    return replace(reading, **{kind: {**items, change.item: soft}})
-
-
 def _of_actuator(reading: Reading, change: Change) -> Reading:
     joint, _ = _item(reading.actuators, "actuator", change)
     return replace(reading, actuators={**reading.actuators, change.item: (joint, float(change.value))})
@@ -270,7 +260,6 @@ _APPLY: dict[Owner, Callable[[Reading, Change], Reading]] = {
     "joint": _of_joint,
     "closure": _of_closure,
     "coupling": _of_coupling,
-    "equality": _of_equality,
     "actuator": _of_actuator,
     "model": _of_model,
 }

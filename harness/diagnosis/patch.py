@@ -92,10 +92,6 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
     for name, coupling in target.couplings.items():
         if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
             file.writer.couple(file.xml, elements[coupling.joint], coupling)
-    soft = {**reading.closures, **reading.couplings}
-    for name, equality in {**target.closures, **target.couplings}.items():
-        if equality.softness != soft[name].softness:
-            file.writer.soften(file.xml, name, equality.softness)
     for name, (_, gear) in target.actuators.items():
         if gear != reading.actuators[name][1]:
             file.writer.drive(file.xml, name, gear)

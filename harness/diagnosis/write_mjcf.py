@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,7 @@ JOINT = {
     "limits": "range",
 }
 _FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
-_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial", "softness"})
+_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial"})
 SAYS = frozenset({"mass", "com", "inertia", *_FRAMES, *_PARTS, *JOINT})
 #: Settings of the compiler that change mass properties after they were read.
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
@@ -138,16 +138,6 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
                 xml.set(equality, polycoef=vector_text(coupling.polynomial))
                 return
     raise UnpatchableError(f"no equality of joint '{coupling.joint}' stands in the file itself")
-
-
-def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
-    """Gives an equality, or that of a joint, another solref and solimp."""
-    for part in xml.root.iter("equality"):
-        for equality in part.children:
-            if (equality.get("name") or equality.get("joint1")) == name:
-                xml.set(equality, solref=vector_text(softness[:2]), solimp=vector_text(softness[2:]))
-                return
-    raise UnpatchableError(f"no equality of the name '{name}' stands in the file itself")
 
 
 def drive(xml: XmlText, name: str, gear: float) -> None:
