@@ -400,8 +400,14 @@ def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):
 @pytest.mark.parametrize(("idle", "driven"), [((1, 2, 3, 4), 0), ((2, 3, 4), 1), ((2, 4), 1)])
 def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed_scene, refused):
     changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)
-    said = refused("run", changed_scene(changes), "--engines", "screw")
+    scene = changed_scene(changes)
+    said = refused("run", scene, "--engines", "screw", "--quantities", "actuator_force,joint_position")
     assert f"changed.toml: the actuated joints drive {driven} of 2 freedoms" in said
+    # where nobody chose, what they cannot make is left out, and said to be
+    results = run(load_scene(scene).at([0.0]), ["screw"])
+    assert {"actuator_force", "reaction"}.isdisjoint({*results.solutions["screw"].values})
+    (sentence,) = results.warnings
+    assert f"actuator_force and reaction are left out: the actuated joints drive {driven} of 2 freedoms" in sentence
 
 
 def test_a_mechanism_without_actuators_still_moves(changed_scene):
