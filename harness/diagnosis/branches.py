@@ -8,13 +8,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, outwards, without
-from screwgauge.diagnosis.mapping import Pairing, joints_before
+from screwgauge.diagnosis.mapping import AGAINST_NAME, Pairing, joints_before
 from screwgauge.diagnosis.reshape import held
 from screwgauge.models.readings.reading import Reading
 
 
 def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
-    """One for each joint without a partner that does not hang on another such joint."""
+    """One for each joint without a partner that does not hang on another such joint, or without a name of its own."""
+    for name, other in pairing.joints.items():
+        if pairing.how[name] == AGAINST_NAME:
+            sentence = f"{name}: is called {other} in B, where {name} is another joint"
+            yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
     bodies = dict(pairing.bodies)
     for side, here, there, lost in (
         ("A", (a, pairing.only_a), (b, bodies), "B"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +23,8 @@ from screwgauge.reference.rotations import Array
 ALIKE = 0.5
 #: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
 NEAR = 0.1
+#: How joints are paired that have each other's names.
+AGAINST_NAME = "geometry, against its name"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +88,7 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pa
             raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
     joints, how = _by_name(a, b, given)
     for name, other in _crossed(a, b, joints, how).items():
-        joints[name], how[name] = other, "geometry, against its name"
+        joints[name], how[name] = other, AGAINST_NAME
     alike = counted_as(a, b, joints)
     for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
         joints[name], how[name] = other, "geometry"
@@ -169,26 +171,37 @@ def joints_before(reading: Reading) -> dict[str, str]:
 
 def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]) -> dict[str, str]:
     """Joints of one name that have each other's place: those that some permutation of the names puts where they are."""
-    alike, length = counted_as(a, b, joints), size(a)
+    alike = counted_as(a, b, joints)
+    found = [
+        _permutation(a, alike, [n for n in joints if how[n] == "name"], T)
+        for T in (np.eye(4), _placement(a, alike, joints))
+    ]
+    return max(found, key=len)
+
+
+def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
+    """Those of some joints of A that sit where others of them do in B, all of which have such a partner in turn.
+
+    Args:
+        T: Placement of B's world in A's. Shape (4, 4).
+    """
+    length, placed = size(a), {name: moved(b.joints[name], T) for name in names}
     behind_a, behind_b = ({j: name for name, body in each.bodies.items() for j in body.joints} for each in (a, b))
-    found: dict[str, str] = {}
-    for T in (np.eye(4), _placement(a, alike, joints)):
-        placed = {name: moved(joint, T) for name, joint in alike.joints.items()}
 
-        def sits(name: str, other: str) -> bool:
-            return apart(a.joints[name], placed[other], length) < CLOSE
+    def sits(name: str, other: str) -> bool:
+        return apart(a.joints[name], placed[other], length) < CLOSE
 
-        def carries(name: str, other: str) -> bool:
-            """Whether a body of one name says so, or none says otherwise."""
-            return behind_a[name] == behind_b[other] or not ({behind_a[name]} & {*b.bodies})
+    def carries(name: str, other: str) -> bool:
+        """Whether a body of one name says so, or none says otherwise."""
+        return behind_a[name] == behind_b[other] or behind_a[name] not in b.bodies
 
-        off = [n for n, m in joints.items() if how[n] == "name" and not (sits(n, m) and carries(n, m))]
-        fits = {n: [m for m in off if m != n and sits(n, m)] for n in off}
-        fits = {n: [m for m in ms if carries(n, m)] if len(ms) > 1 or sits(n, n) else ms for n, ms in fits.items()}
-        new = {n: ms[0] for n, ms in fits.items() if len(ms) == 1}
-        while loose := [n for n in new if new[n] not in new or n not in new.values()]:
-            new = {n: m for n, m in new.items() if n not in loose}
-        found = max(found, new, key=len)
+    off = [name for name in names if not (sits(name, name) and carries(name, name))]
+    fits = {name: [other for other in off if other != name and sits(name, other)] for name in off}
+    for name in [name for name in off if len(fits[name]) > 1 or sits(name, name)]:
+        fits[name] = [other for other in fits[name] if carries(name, other)]
+    found = {name: others[0] for name, others in fits.items() if len(others) == 1}
+    while loose := [name for name in found if found[name] not in found or name not in found.values()]:
+        found = {name: other for name, other in found.items() if name not in loose}
     return found
 
 

@@ -80,13 +80,10 @@ def _stands(common: Common, a: Array, b: Array) -> str:
 
 
 def _joint(common: Common, name: str) -> Iterator[Difference]:
-    a, b, own = common.a.joints[name], common.b.joints[name], common.own["joints"].get(name, name)
-    if own != name and own in common.a.joints and name in common.own["joints"].values():
-        sentence = f"{name}: is called {own} in B, where {name} is another joint"
-        yield Difference(name, own, "name", None, None, "", math.inf, sentence, kind="convention")
+    a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
-        yield Difference(name, own, "kind", None, None, "", math.inf, sentence)
+        yield Difference(name, common.own["joints"].get(name, name), "kind", None, None, "", math.inf, sentence)
     for what in ENTRIES:
         if what == "rest" and not (a.stiffness or b.stiffness):
             continue
