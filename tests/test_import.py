@@ -215,6 +215,20 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
         import_model(path)
 
 
+def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, capsys):
+    said = " ".join(import_model(robot(tmp_path, *ARM)).remarks)
+    rule = "The file names no actuators: driven is every hinge and slide of the open chain that follows no other"
+    assert f"{rule}, 'shoulder', 'elbow-joint', 'roll'; --actuated chooses others." in said
+    bare = tmp_path / "bare.xml"
+    bare.write_text(GRIPPER.replace('<motor joint="driver" gear="10"/>', ""), encoding="utf-8")
+    said = " ".join(import_model(bare).remarks)
+    rule = "The file names no actuators: driven is every independent coordinate that is a hinge or slide"
+    assert f"{rule}, 'driver'; --actuated chooses others." in said
+    assert main(["diagnose", str(gripper), str(bare), "--out", str(tmp_path / "out")]) == 0
+    said = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "B names no actuators: torques are compared of all joints of the open tree, driven or not" in said
+
+
 def test_a_floating_base_is_independent(tmp_path):
     parts = [part for part in ARM if 'name="mount"' not in part and 'name="world"' not in part]
     mechanism = import_model(robot(tmp_path, *parts), Options(floating=True)).mechanism
