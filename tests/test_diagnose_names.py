@@ -15,6 +15,7 @@ MODEL = f"""<mujoco model="m"><compiler angle="radian"/><worldbody>
 <body name="f1" pos="0 0 1"><joint name="left" type="slide" axis="1 0 0"/>{INERTIAL.format(0.1, 0.3)}</body>
 <body name="f2" pos="0 0 1"><joint name="right" type="slide" axis="1 0 0"/>{INERTIAL.format(-0.1, 0.3)}</body>
 </worldbody><actuator>@</actuator></mujoco>"""
+HINGES = '<joint name="u1" axis="{}"/><joint name="u2" axis="{}"/>'
 MOTORS = '<motor name="m1" joint="j1" gear="2"/><motor name="m2" joint="j2" gear="2"/>'
 
 
@@ -52,6 +53,13 @@ def test_a_joint_that_is_moved_keeps_its_name(write):
     text = MODEL.replace("@", "")
     found = both(write, text, text.replace('<body name="l2" pos=".3 0 0">', '<body name="l2" pos="0 0 0">'))
     assert {(each.item_a, each.what) for each in found.differences} == {("j2", "placement")}
+
+
+def test_a_joint_that_is_turned_onto_the_axis_of_the_next_keeps_its_name(write):
+    """As those of a universal joint do, of which the orientation is lost."""
+    text = MODEL.replace("@", "").replace('<joint name="j1" axis="0 0 1"/>', HINGES.format("0 0 1", "0 1 0"))
+    found = both(write, text, text.replace(HINGES.format("0 0 1", "0 1 0"), HINGES.format("0 1 0", "0 0 1")))
+    assert all(name == other for name, other in found.pairing.joints.items())
 
 
 @pytest.mark.parametrize("ahead", [(0.1, -0.1), (-0.1, 0.1)])

@@ -186,19 +186,18 @@ def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> di
         T: Placement of B's world in A's. Shape (4, 4).
     """
     length, placed = size(a), {name: moved(b.joints[name], T) for name in names}
-    behind_a, behind_b = ({j: name for name, body in each.bodies.items() for j in body.joints} for each in (a, b))
+    behind = [{j: (n, i) for n, body in r.bodies.items() for i, j in enumerate(body.joints)} for r in (a, b)]
 
     def sits(name: str, other: str) -> bool:
         return apart(a.joints[name], placed[other], length) < CLOSE
 
     def carries(name: str, other: str) -> bool:
-        """Whether a body of one name says so, or none says otherwise."""
-        return behind_a[name] == behind_b[other] or behind_a[name] not in b.bodies
+        """Whether the name of a body says so; where it says nothing, what is carried has to be alike."""
+        known = behind[0][name][0] in b.bodies
+        return behind[0][name] == behind[1][other] if known else _unlike((a, name), (b, other), T, length) < CLOSE
 
     off = [name for name in names if not (sits(name, name) and carries(name, name))]
-    fits = {name: [other for other in off if other != name and sits(name, other)] for name in off}
-    for name in [name for name in off if len(fits[name]) > 1 or sits(name, name)]:
-        fits[name] = [other for other in fits[name] if carries(name, other)]
+    fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
     found = {name: others[0] for name, others in fits.items() if len(others) == 1}
     while loose := [name for name in found if found[name] not in found or name not in found.values()]:
         found = {name: other for name, other in found.items() if name not in loose}
