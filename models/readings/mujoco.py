@@ -206,7 +206,8 @@ def _equalities(
 
 
 def _softness(model: Any, i: int) -> tuple[float, ...]:
-    return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist())
+    scale = model.eq_data[i, 10:11].tolist() if model.eq_type[i] == _WELD else []
+    return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist(), *scale)
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
