@@ -123,7 +123,7 @@ def check_actuation(
     mechanism = scene.mechanism
     driven = len(mechanism.actuators) - found.actuation_redundancy
     short = f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms"
-    if driven < len(mechanism.independent) and {*rest, *ruled} == {*GIVEN}:
+    if driven < len(mechanism.independent) and {*quantities} == {*GIVEN}:
         return rest, (f"{' and '.join(ruled)} are left out: {short} (actuate more joints to compare them)",)
     if len(rest) == len(quantities):
         return rest, ()
@@ -136,6 +136,12 @@ def check_actuation(
             "use the rule min_norm",
         )
     return tuple(quantities), ()
+
+
+def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The same by the counts at home, where the motion is not known yet."""
+    lay = check_home(scene.mechanism)
+    return check_actuation(scene, mobility(lay, pose(lay, scene.mechanism.home[None])), quantities)
 
 
 def _check_jumps(scene: Scene) -> None:
