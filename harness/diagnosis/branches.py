@@ -23,9 +23,9 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
         if pairing.how[name] == AGAINST_NAME:
             sentence = f"{name}: is called {other} in B, where {name} is another joint"
             yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
-    bodies, T = dict(pairing.bodies), pairing.placement
+    bodies, T, back = dict(pairing.bodies), pairing.placement, np.asarray(np.linalg.inv(pairing.placement))
     there = {other: name for name, other in bodies.items()}
-    split = (_split(a, b, pairing.only_b, bodies, T), _split(b, a, pairing.only_a, there, np.linalg.inv(T)))
+    split = (_split(a, b, pairing.only_b, bodies, T), _split(b, a, pairing.only_a, there, back))
     for side, lost, reading, found in (("A", "B", a, split[0]), ("B", "A", b, split[1])):
         for joint, names in found.items():
             kind, others = reading.joints[joint].kind, ", ".join(names)
@@ -36,7 +36,7 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             items = (joint, names[0]) if side == "A" else (names[0], joint)
             yield Difference(*items, "kind", None, None, "", math.inf, sentence)
     said = [{*split[i], *(name for names in split[1 - i].values() for name in names)} for i in (0, 1)]
-    for side, here, other, lost in (
+    for side, here, beside, lost in (
         ("A", (a, pairing.only_a, said[0]), (b, bodies), "B"),
         ("B", (b, pairing.only_b, said[1]), (a, there), "A"),
     ):
@@ -44,7 +44,7 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
         before = joints_before(reading)
         for joint in alone:
             if before[joint] not in alone and joint not in known:
-                yield _branch(reading, joint, alone, other, (side, lost))
+                yield _branch(reading, joint, alone, beside, (side, lost))
 
 
 def _split(

@@ -232,12 +232,12 @@ def without(reading: Reading, joint: str) -> Reading:
 
 
 def _of_closure(reading: Reading, change: Change) -> Reading:
-    if change.what == "softness":
-        kind = "couplings" if change.item in reading.couplings else "closures"
-        soft = _with(_item(getattr(reading, kind), "closure", change), "softness", tuple(change.value.tolist()))
-        return replace(reading, **{kind: {**getattr(reading, kind), change.item: soft}})
+    value: Any = tuple(change.value.tolist()) if change.what == "softness" else change.value
+    if change.what == "softness" and change.item in reading.couplings:
+        coupling = replace(reading.couplings[change.item], softness=value)
+        return replace(reading, couplings={**reading.couplings, change.item: coupling})
     closure = _item(reading.closures, "closure", change)
-    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, change.value)})
+    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, value)})
 
 
 def _of_coupling(reading: Reading, change: Change) -> Reading:

@@ -154,7 +154,7 @@ def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
     xml.set(_entry(xml, "equality", name), **said)
 
 
-def close(xml: XmlText, name: str, ends: Mapping[str, Sequence[Array]], frames: Mapping[Element, Array]) -> None:
+def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]) -> None:
     """Gives a closure other frames.
 
     Args:
@@ -184,7 +184,7 @@ def _apart(one: Array, other: Array, tag: str) -> bool:
 
 
 def _put_site(
-    xml: XmlText, name: str, T: Array, ends: Mapping[str, Sequence[Array]], frames: Mapping[Element, Array]
+    xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
 ) -> None:
     """Places a site in the world, if nothing uses it but closures that want it there."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
