@@ -7,6 +7,7 @@ import pytest
 from tolerances import PLACED
 
 from screwgauge import ScrewgaugeError, load_scene, run
+from screwgauge.engines.screw.compiled import compile
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError
@@ -14,6 +15,7 @@ from screwgauge.reference.expressions import number
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.pose import layout, loop_matrix, pose
 from screwgauge.scene.preflight import check_home
+from screwgauge.study.stream import stream
 
 ROD = """
 name = "rod"
@@ -400,8 +402,17 @@ def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):
 @pytest.mark.parametrize(("idle", "driven"), [((1, 2, 3, 4), 0), ((2, 3, 4), 1), ((2, 4), 1)])
 def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed_scene, refused):
     changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)
-    said = refused("run", changed_scene(changes), "--engines", "screw")
+    scene = changed_scene(changes)
+    said = refused("run", scene, "--engines", "screw", "--quantities", "actuator_force,joint_position")
     assert f"changed.toml: the actuated joints drive {driven} of 2 freedoms" in said
+    # where nobody chose, what they cannot make is left out, and said to be
+    results = run(load_scene(scene).at([0.0]), ["screw"])
+    (solution,) = (solution for _, solution in stream(load_scene(scene), [np.zeros(1)]))
+    solver = compile(load_scene(scene), backend="numpy")
+    answers = (results.solutions["screw"].values, solution.values, solver.components)
+    for values, said in zip(answers, (results.warnings, solution.notes, solver.notes), strict=True):
+        assert {"actuator_force", "reaction"}.isdisjoint({*values})
+        assert f"actuator_force and reaction are left out: the actuated joints drive {driven} of 2 freedoms" in said[0]
 
 
 def test_a_mechanism_without_actuators_still_moves(changed_scene):

@@ -75,6 +75,7 @@ def test_a_map_overrides_names(arms, tmp_path, capsys):
     swapped = swapped.replace('"joint2"', '"x"').replace('"joint4"', '"joint2"').replace('"x"', '"joint4"')
     (tmp_path / "swapped.xml").write_text(swapped, encoding="utf-8")
     assert main(["diagnose", arms[1], "swapped.xml"]) == 1
+    assert "joint2: is called joint4 in B, where joint2 is another joint" in " ".join(capsys.readouterr().out.split())
     (tmp_path / "map.toml").write_text('joint2 = "joint4"\njoint4 = "joint2"\n', encoding="utf-8")
     assert main(["diagnose", arms[1], "swapped.xml", "--map", "map.toml"]) == 0
 

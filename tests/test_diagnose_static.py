@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import arm
@@ -100,6 +101,16 @@ def test_several_at_once_are_all_found(arms):
     said = found(a, changed)
     assert {(each.item_a, each.what) for each in said} == set(done), [each.sentence for each in said]
     assert off(a, applied(changed, [each.change for each in said])) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "differs"),
+    [(1e3, math.inf, 0), (1e10, 1e3, 0), (1e3, 1e3, 0), (1e3, 1000.2, 1), (1e3, 90.0, 1), (90.0, math.inf, 1)],
+)
+def test_wide_limits_are_those_of_a_joint_without_any_and_not_of_each_other(one, other, differs, arms):
+    changes = [[Change("joint0", "limits", np.array([-q, q]))] for q in (one, other)]
+    a, b = map(applied, arms, changes)
+    assert [each.what for each in found(a, b)] == ["limits"] * differs
 
 
 def test_where_home_is_changes_nothing(arms):

@@ -134,6 +134,70 @@ def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     assert found.differences[0].what == "softness"
 
 
+#: Closures in all forms that MJCF has; `rod` and `eye` are one body, of which the frames are not the same.
+TIED = (
+    FOUR_BAR.replace('pos="0 0 0.1"><joint name="d"', 'pos="0 0 0.1" euler="0 20 0"><joint name="d"')
+    .replace('<body name="tip"', '<site name="s" pos="0.1 0 0" euler="0 10 0"/><body name="tip"')
+    .replace('<joint name="b" axis="0 1 0"/>', '<joint name="b" axis="0 1 0"/><body name="eye" pos="0 0.1 0"/>')
+    .replace(
+        '<body name="eye" pos="0 0.1 0"/>', '<body name="eye" pos="0.3 0.1 0"><site name="r" pos="0 0 .1"/></body>'
+    )
+    .replace(
+        "<equality>",
+        '<equality><weld body1="eye" body2="tip" anchor="0 0 .1" relpose="0 0 0 1 0 0 0"/>'
+        '<connect name="sites" site1="s" site2="r"/><weld name="fixed" site1="r" site2="s" torquescale="2"/>',
+    )
+    .replace('joint name="gear"', "joint")
+)
+TIES = {
+    "anchor of a connect": [('anchor="0.3 0 0"', 'anchor="0.301 0.02 0"')],
+    "anchor of a weld": [('anchor="0 0 .1"', 'anchor="0 0.2 .1"')],
+    "pose of a weld": [('relpose="0 0 0 1 0 0 0"', 'relpose="0.1 0 0 1 0.1 0 0"')],
+    "site": [('pos="0 0 .1"/></body>', 'pos="0 0.05 .1" axisangle="1 0 0 30"/></body>')],
+    "softness": [('name="sites"', 'name="sites" solref="0.5 1"'), ("<joint joint1", '<joint solimp="0.8 .9" joint1')],
+    "scale of torques": [(' torquescale="2"', "")],
+    "all at once": [
+        ('pos="0.1 0 0" euler="0 10 0"', 'pos="0.1 0.2 0" euler="0 20 0"'),
+        ('relpose="0 0 0 1 0 0 0"', 'solref="-500 -1" relpose="0.1 0 0 1 0.1 0 0"'),
+        ('<body name="rocker" pos="0.3 0 0">', '<body name="rocker" pos="0.35 0 0">'),
+    ],
+}
+
+
+@pytest.mark.parametrize("case", TIES)
+def test_closures_are_put_right_in_the_file(case, tmp_path):
+    text = TIED
+    for old, new in TIES[case]:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    paths = [tmp_path / name for name in ("a.xml", "b.xml", "fixed.xml")]
+    for path, content in zip(paths, (TIED, text), strict=False):
+        path.write_text(content, encoding="utf-8")
+    found = screwgauge.diagnose(*paths[:2])
+    assert found.differences
+    found.write_fix(paths[2])
+    assert found.not_fixed == ()
+    assert screwgauge.diagnose(paths[0], paths[2]).same
+
+
+def test_what_a_file_cannot_say_of_closures_is_said(tmp_path):
+    """A site that others use does not move alone."""
+    both = TIED.replace("<worldbody>", '<sensor><framepos objtype="site" objname="s"/></sensor><worldbody>')
+    (tmp_path / "a.xml").write_text(both, encoding="utf-8")
+    (tmp_path / "b.xml").write_text(both.replace('"s" pos="0.1 0 0"', '"s" pos="0.2 0 0"'), encoding="utf-8")
+    found = screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+    assert found.not_fixed == ("site 's' is used elsewhere, too: give the closure one of its own",)
+    with pytest.raises(OutputError, match="nothing to write: site 's' is used elsewhere"):
+        found.write_fix(tmp_path / "fixed.xml")
+
+
+def test_torquescale_of_a_weld_is_compared(tmp_path):
+    (tmp_path / "a.xml").write_text(TIED, encoding="utf-8")
+    (tmp_path / "b.xml").write_text(TIED.replace(' torquescale="2"', ""), encoding="utf-8")
+    found = screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+    assert sentences(found) == ["fixed: softness, torquescale (1.000) in B, (2.000) in A"]
+
+
 def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
     text = (
         '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="{}"/>'

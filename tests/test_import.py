@@ -200,9 +200,9 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert "motor" in mechanism.independent
     assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
     scene = screwgauge.load_scene(path)
-    assert "actuator_force" not in scene.quantities
     results = screwgauge.run(scene.at(scene.t[[3, 50]]))
     assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert "actuator_force and reaction are left out: the actuated joints drive 1 of 2" in " ".join(results.warnings)
     assert "generalized_force" in {*results.pairs["quantity"]}
 
 
@@ -213,6 +213,20 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
     with pytest.raises(ClosureError, match=r"loops do not close from any of 8 starts: nearest are 'loop1' by [\d.]+ m"):
         import_model(path)
+
+
+def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, capsys):
+    said = " ".join(import_model(robot(tmp_path, *ARM)).remarks)
+    rule = "The file names no actuators: driven is every hinge and slide of the open chain that follows no other"
+    assert f"{rule}, 'shoulder', 'elbow-joint', 'roll'; --actuated chooses others." in said
+    bare = tmp_path / "bare.xml"
+    bare.write_text(GRIPPER.replace('<motor joint="driver" gear="10"/>', ""), encoding="utf-8")
+    said = " ".join(import_model(bare).remarks)
+    rule = "The file names no actuators: driven is every independent coordinate that is a hinge or slide"
+    assert f"{rule}, 'driver'; --actuated chooses others." in said
+    assert main(["diagnose", str(gripper), str(bare), "--out", str(tmp_path / "out")]) == 0
+    said = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "B names no actuators: torques are compared of all joints of the open tree, driven or not" in said
 
 
 def test_a_floating_base_is_independent(tmp_path):

@@ -150,3 +150,48 @@ def test_what_couples_tendons_is_said(write):
     reading = read(write("arms.xml", text), "mujoco")
     assert "equality e, which is not of bodies or joints" in reading.ignored
     assert "fixed t" in reading.ignored
+
+
+#: Names of joints -> their coefficients, tendon by tendon; the polynomial; who follows whom, if it is a coupling.
+TENDONS = {
+    "sum of two": ([{"a1": 0.5, "c1": -2.0}], "0.3 0 0 0 0", ("c1", "a1")),
+    "two of one each": ([{"d1": 0.5}, {"a1": 2.0}], "0.1 2 0.5 -0.3 0.7", ("d1", "a1")),
+    "two of the same two": ([{"a1": 0.5, "c1": 1.0}, {"c1": 3.0, "a1": 1.0}], "0.1 2 0 0 0", ("c1", "a1")),
+    "a joint that cancels": ([{"a1": 1.0, "b1": 1.0}, {"b1": 0.5, "c1": 1.0}], "0 2 0 0 0", ("c1", "a1")),
+    "three": ([{"a1": 0.5, "b1": 1.0, "c1": -2.0}], "0 0 0 0 0", None),
+    "two, by powers": ([{"a1": 0.5, "c1": 1.0}, {"d1": 1.0}], "0 1 1 0 0", None),
+}
+
+
+@pytest.mark.parametrize("case", TENDONS)
+def test_tendons_of_two_joints_that_are_equal_couple_these(case, write):
+    tendons, powers, pair = TENDONS[case]
+    rows = ["".join(f'<joint joint="{joint}" coef="{coef}"/>' for joint, coef in tendon.items()) for tendon in tendons]
+    said = "".join(f'<fixed name="t{i + 1}">{row}</fixed>' for i, row in enumerate(rows))
+    names = " ".join(f'tendon{i + 1}="t{i + 1}"' for i in range(len(rows)))
+    text = ARMS.replace("@", f'<tendon name="e" {names} polycoef="{powers}"/>')
+    path = write("arms.xml", text.replace("<equality>", f"<tendon>{said}</tendon><equality>"))
+    reading = read(path, "mujoco")
+    assert (pair is None) == any("equality e, which" in phrase for phrase in reading.ignored)
+    assert (pair is None) == any("fixed t1" in phrase for phrase in reading.ignored)
+    if pair is None:
+        assert reading.couplings == {}
+        return
+    coupling = reading.couplings["e"]
+    assert (coupling.joint, coupling.of) == pair
+    # the error of the tendons is that of the coupling times what its joint moves them by
+    x, y = JOINTS[coupling.of], JOINTS[coupling.joint]
+    (error,) = residual(path)
+    first, second, p = tendons[0], tendons[1] if len(tendons) > 1 else {}, [float(word) for word in powers.split()]
+    by = first.get(coupling.joint, 0.0) - p[1] * second.get(coupling.joint, 0.0)
+    gap = y - np.polynomial.polynomial.polyval(x, coupling.polynomial)
+    assert by * gap == pytest.approx(error, rel=0, abs=READ)
+
+
+def test_a_tendon_that_couples_and_pulls_is_said_to_pull(write):
+    joints = "".join(f'<joint joint="{name}" coef="1"/>' for name in ("a1", "c1"))
+    tendon = f'<tendon><fixed name="t" stiffness="3">{joints}</fixed></tendon>'
+    text = ARMS.replace("@", '<tendon name="e" tendon1="t"/>').replace("<equality>", f"{tendon}<equality>")
+    reading = read(write("arms.xml", text), "mujoco")
+    assert list(reading.couplings) == ["e"]
+    assert "forces and range of tendon t" in reading.ignored

@@ -3,28 +3,73 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Change, Difference, outwards, without
-from screwgauge.diagnosis.mapping import Pairing, joints_before
+from screwgauge.diagnosis.change import Change, Difference, moved, outwards, without
+from screwgauge.diagnosis.lines import CLOSE
+from screwgauge.diagnosis.mapping import AGAINST_NAME, Pairing, joints_before
 from screwgauge.diagnosis.reshape import held
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.importing.motion import unit_screws
+from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
 
 
 def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
-    """One for each joint without a partner that does not hang on another such joint."""
-    bodies = dict(pairing.bodies)
-    for side, here, there, lost in (
-        ("A", (a, pairing.only_a), (b, bodies), "B"),
-        ("B", (b, pairing.only_b), (a, {other: name for name, other in bodies.items()}), "A"),
+    """One for each joint without a partner that does not hang on another such joint, or without a name of its own."""
+    for name, other in pairing.joints.items():
+        if pairing.how[name] == AGAINST_NAME:
+            sentence = f"{name}: is called {other} in B, where {name} is another joint"
+            yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
+    bodies, T, back = dict(pairing.bodies), pairing.placement, np.asarray(np.linalg.inv(pairing.placement))
+    there = {other: name for name, other in bodies.items()}
+    split = (_split(a, b, pairing.only_b, bodies, T), _split(b, a, pairing.only_a, there, back))
+    for side, lost, reading, found in (("A", "B", a, split[0]), ("B", "A", b, split[1])):
+        for joint, names in found.items():
+            kind, others = reading.joints[joint].kind, ", ".join(names)
+            sentence = (
+                f"{joint}: a {kind} joint in {side}, in {lost} the joints {others}, which move what they carry in the "
+                f"same ways; all are held where torques are compared: make them one kind of joint to compare them"
+            )
+            items = (joint, names[0]) if side == "A" else (names[0], joint)
+            yield Difference(*items, "kind", None, None, "", math.inf, sentence)
+    said = [{*split[i], *(name for names in split[1 - i].values() for name in names)} for i in (0, 1)]
+    for side, here, beside, lost in (
+        ("A", (a, pairing.only_a, said[0]), (b, bodies), "B"),
+        ("B", (b, pairing.only_b, said[1]), (a, there), "A"),
     ):
-        reading, alone = here
+        reading, alone, known = here
         before = joints_before(reading)
         for joint in alone:
-            if before[joint] not in alone:
-                yield _branch(reading, joint, alone, there, (side, lost))
+            if before[joint] not in alone and joint not in known:
+                yield _branch(reading, joint, alone, beside, (side, lost))
+
+
+def _split(
+    one: Reading, other: Reading, alone: Collection[str], bodies: Mapping[str, str], T: Array
+) -> dict[str, tuple[str, ...]]:
+    """Ball or free joints that are several joints without a partner in another model, between the same bodies.
+
+    Args:
+        alone: Joints of the other model without a partner.
+        bodies: Of the one and of the other.
+        T: Placement of the other's world in the one's. Shape (4, 4).
+    """
+    found = {}
+    for name, body in one.bodies.items():
+        joint = one.joints[body.joints[0]]
+        names, at, near = tuple[str, ...](), bodies.get(name, GROUND), bodies.get(body.near, GROUND)
+        while at != near and at in other.bodies:
+            names, at = (*other.bodies[at].joints, *names), other.bodies[at].near
+        if at != near or not names or not {*names} <= {*alone} or len(body.joints) > 1:
+            continue
+        ways = np.vstack([unit_screws(moved(other.joints[each], T)) for each in names])
+        ranks = {np.linalg.matrix_rank(S, tol=CLOSE) for S in (ways, np.vstack([ways, unit_screws(joint)]))}
+        if len(ways) > 1 and ranks == {len(ways)} == {FREEDOMS[joint.kind]}:
+            found[body.joints[0]] = names
+    return found
 
 
 def _branch(

@@ -36,7 +36,8 @@ class Property:
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
 #: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body.
+#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a
+#: coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": Property("body", (), "kg"),
     "com": Property("body", (3,), "m"),
@@ -57,6 +58,7 @@ PROPERTIES: dict[str, Property] = {
     "branch": Property("joint", (), "1"),
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
+    "softness": Property("closure", (-1,), "1"),
     "polynomial": Property("coupling", (-1,), "1"),
     "gear": Property("actuator", (), "1"),
     "gravity": Property("model", (3,), "m/s^2"),
@@ -229,8 +231,12 @@ def without(reading: Reading, joint: str) -> Reading:
 
 
 def _of_closure(reading: Reading, change: Change) -> Reading:
+    value: Any = tuple(change.value.tolist()) if change.what == "softness" else change.value
+    if change.what == "softness" and change.item in reading.couplings:
+        coupling = replace(reading.couplings[change.item], softness=value)
+        return replace(reading, couplings={**reading.couplings, change.item: coupling})
     closure = _item(reading.closures, "closure", change)
-    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, change.value)})
+    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, value)})
 
 
 def _of_coupling(reading: Reading, change: Change) -> Reading:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.reshape import held, ordered, placed, rehomed
 from screwgauge.diagnosis.tree import States, Tree, rotations
 from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.rotations import Array, skew
@@ -61,11 +62,12 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         "joints": {other: name for name, other in pairing.joints.items()},
     }
     names |= {
-        "closures": _closures(a, b, names["bodies"]),
+        "closures": _same(_ends(a, {}), _ends(b, names["bodies"])),
         "couplings": _same({n: c.joint for n, c in a.couplings.items()}, _carried(b, names["joints"])),
         "actuators": _same(
             {n: joint for n, (joint, _) in a.actuators.items()},
             {n: names["joints"].get(joint, "") for n, (joint, _) in b.actuators.items()},
+            commanded=True,
         ),
     }
     b = ordered(renamed(_unclashed(b, names), names), a.joints)
@@ -109,25 +111,33 @@ def _carried(b: Reading, joints: Mapping[str, str]) -> dict[str, str]:
     return {name: joints.get(coupling.joint, "") for name, coupling in b.couplings.items()}
 
 
-def _same(a: Mapping[str, str], b: Mapping[str, str]) -> dict[str, str]:
-    """Name in B -> name in A, of what is of the same joint, or else called alike."""
+def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:
+    """Name in B -> name in A, of what is called alike and of the same joint or bodies, or else one of the two.
+
+    Args:
+        a, b: Name -> what it is of.
+        commanded: A name that the file gives tells more than what it is of: those who command it use it.
+    """
     found: dict[str, str] = {}
-    for other, joint in b.items():
-        names = [name for name, of in a.items() if of == joint and name not in found.values()]
-        if names or other in a:
-            found[other] = other if other in names or not names else names[0]
+
+    def pair(fits: Callable[[str, str], bool]) -> None:
+        for other in b:
+            names = [name for name in a if name not in found.values() and fits(name, other)]
+            if names and other not in found:
+                found[other] = names[0]
+
+    pair(lambda name, other: name == other and a[name] == b[other])
+    if commanded:
+        pair(lambda name, other: name == other and not NUMBERED.fullmatch(name))
+    pair(lambda name, other: a[name] == b[other])
+    pair(lambda name, other: name == other)
     return found
 
 
-def _closures(a: Reading, b: Reading, bodies: Mapping[str, str]) -> dict[str, str]:
-    """Closure of B -> that of A that is called alike or joins the same bodies."""
-    found = {name: name for name in b.closures if name in a.closures}
-    for other, theirs in b.closures.items():
-        ends = {bodies.get(theirs.first, theirs.first), bodies.get(theirs.second, theirs.second)}
-        for name, ours in a.closures.items():
-            if other not in found and name not in found.values() and {ours.first, ours.second} == ends:
-                found[other] = name
-    return found
+def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, object]:
+    """Closure -> the bodies that it joins, by other names."""
+    closures = reading.closures.items()
+    return {name: {bodies.get(c.first, c.first), bodies.get(c.second, c.second)} for name, c in closures}
 
 
 def owned(common: Common, change: Change) -> Change:

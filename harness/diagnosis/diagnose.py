@@ -202,7 +202,7 @@ def _explained(
     if not why.attribution.complete and why.attribution.before.scaled > SAME:
         return replace(why, proof=whole, fix=whole)
     worse = proof is not None and proof.agrees and not whole.agrees
-    return replace(why, fix=proof if worse or not whole.text else whole)
+    return replace(why, fix=proof if worse or (proof is not None and not whole.text) else whole)
 
 
 def _changes(found: Sequence[Difference]) -> list[Change]:

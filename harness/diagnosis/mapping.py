@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from screwgauge.diagnosis.change import moved, outwards
-from screwgauge.diagnosis.lines import apart, fitting, size
+from screwgauge.diagnosis.lines import CLOSE, apart, fitting, size
 from screwgauge.diagnosis.reshape import rehomed
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -23,6 +23,8 @@ from screwgauge.reference.rotations import Array
 ALIKE = 0.5
 #: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
 NEAR = 0.1
+#: How joints are paired that have each other's names.
+AGAINST_NAME = "geometry, against its name"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +33,7 @@ class Pairing:
 
     Attributes:
         joints, bodies: Name in A -> name in B.
-        how: Joint of A -> ``given``, ``name``, ``similar name`` or ``geometry``.
+        how: Joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or ``geometry, against its name``.
         only_a, only_b: Joints without a partner.
         placement: Of B's world in A's. Shape (4, 4).
     """
@@ -85,6 +87,8 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pa
         if other not in b.joints and other not in b.bodies:
             raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
     joints, how = _by_name(a, b, given)
+    for name, other in _crossed(a, b, joints, how).items():
+        joints[name], how[name] = other, AGAINST_NAME
     alike = counted_as(a, b, joints)
     for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
         joints[name], how[name] = other, "geometry"
@@ -165,21 +169,61 @@ def joints_before(reading: Reading) -> dict[str, str]:
     return before
 
 
+def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]) -> dict[str, str]:
+    """Joints of one name that have each other's place: those that some permutation of the names puts where they are."""
+    alike = counted_as(a, b, joints)
+    found = [
+        _permutation(a, alike, [n for n in joints if how[n] == "name"], T)
+        for T in (np.eye(4), _placement(a, alike, joints))
+    ]
+    return max(found, key=len)
+
+
+def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
+    """Those of some joints of A that sit where others of them do in B, all of which have such a partner in turn.
+
+    Args:
+        T: Placement of B's world in A's. Shape (4, 4).
+    """
+    length, placed = size(a), {name: moved(b.joints[name], T) for name in names}
+    behind = [{j: (n, i) for n, body in r.bodies.items() for i, j in enumerate(body.joints)} for r in (a, b)]
+
+    def sits(name: str, other: str) -> bool:
+        return apart(a.joints[name], placed[other], length) < CLOSE
+
+    def carries(name: str, other: str) -> bool:
+        """Whether the name of a body says so; where it says nothing, what is carried has to be alike."""
+        known = behind[0][name][0] in b.bodies
+        return behind[0][name] == behind[1][other] if known else _unlike((a, name), (b, other), T, length) < CLOSE
+
+    off = [name for name in names if not (sits(name, name) and carries(name, name))]
+    fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
+    found = {name: others[0] for name, others in fits.items() if len(others) == 1}
+    while loose := [name for name in found if found[name] not in found or name not in found.values()]:
+        found = {name: other for name, other in found.items() if name not in loose}
+    return found
+
+
 def _by_geometry(a: Reading, b: Reading, joints: Mapping[str, str], T: Array) -> Iterator[tuple[str, str]]:
     """Partners among the joints behind partners, the nearest first; what they carry decides between equals."""
     before_a, before_b, length = joints_before(a), joints_before(b), size(a)
     found = {"": "", **joints}
     placed = {name: moved(joint, T) for name, joint in b.joints.items()}
-    for name in _outwards(before_a):
-        prior = before_a[name]
-        if name in found or prior not in found:
+    for first in _outwards(before_a):
+        prior = before_a[first]
+        if first in found or prior not in found:
             continue
+        names = [name for name, at in before_a.items() if at == prior and name not in found]
         free = [other for other, at in before_b.items() if at == found[prior] and other not in found.values()]
-        costs = {other: apart(a.joints[name], placed[other], length) + _unlike(a, name, b, other) for other in free}
-        best = min(costs, key=lambda other: costs[other], default=None)
-        if best is not None and costs[best] < NEAR + 1.0:
-            found[name] = best
-            yield name, best
+        costs = {
+            (name, other): apart(a.joints[name], placed[other], length) + _unlike((a, name), (b, other), T, length)
+            for name in names
+            for other in free
+        }
+        for name, other in sorted(costs, key=lambda pair: costs[pair]):
+            if costs[name, other] < NEAR + 1.0 and name not in found and other not in found.values():
+                found[name] = other
+                yield name, other
 
 
 def _outwards(before: Mapping[str, str]) -> list[str]:
@@ -191,13 +235,25 @@ def _outwards(before: Mapping[str, str]) -> list[str]:
     return sorted(before, key=depth)
 
 
-def _unlike(a: Reading, name: str, b: Reading, other: str) -> float:
-    """How unlike the trees are that two joints carry, from 0 to 1: by number of joints and by mass."""
-    carried = [outwards(reading, joint) for reading, joint in ((a, name), (b, other))]
-    n, m = (len(joints) for _, joints in carried)
-    first, second = (sum(r.bodies[body].mass for body in c[0]) for r, c in zip((a, b), carried, strict=True))
+def _unlike(one: tuple[Reading, str], other: tuple[Reading, str], T: Array, length: float) -> float:
+    """How unlike the trees are that two joints carry, from 0 to 1: by number of joints, mass and centre of mass.
+
+    Args:
+        T: Placement of the other's world in the one's. Shape (4, 4).
+    """
+    (n, first, c), (m, second, d) = (_carried(*each) for each in (one, other))
     mass = abs(first - second) / max(first, second, 1e-300)
-    return 0.5 * abs(n - m) / max(n, m) + 0.5 * mass
+    off = float(np.linalg.norm(c - T[:3, :3] @ d - T[:3, 3])) / length if first and second else 0.0
+    return (abs(n - m) / max(n, m) + mass + min(off, 1.0)) / 3.0
+
+
+def _carried(reading: Reading, joint: str) -> tuple[int, float, Array]:
+    """Number of joints that a joint carries, mass [kg] and centre of mass [m], shape (3,), in the world at home."""
+    names, joints = outwards(reading, joint)
+    bodies = [reading.bodies[name] for name in names]
+    mass = sum(body.mass for body in bodies)
+    moment = sum((body.mass * (body.pose[:3, :3] @ body.com + body.pose[:3, 3]) for body in bodies), np.zeros(3))
+    return len(joints), mass, moment / (mass or 1.0)
 
 
 def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:

@@ -35,6 +35,11 @@ def notes(
         said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
         if not model.says_closures and (common.a.closures or common.b.closures):
             said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
+        mjcf = model.library == "mujoco" and model.reading.gravity is not None
+        if not model.reading.actuators and (mjcf or a.reading.actuators or b.reading.actuators):
+            said.append(
+                f"{side} names no actuators: torques are compared of all joints of the open tree, driven or not"
+            )
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))

@@ -16,6 +16,7 @@ from screwgauge.diagnosis.lines import CLOSE, size
 from screwgauge.diagnosis.stated import differ, difference
 from screwgauge.diagnosis.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.words import compared, place, unit_of
+from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import BodyReading, JointReading
 from screwgauge.reference.rotations import Array
 
@@ -97,17 +98,15 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
         yield difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
 
 
-def _limits(joint: JointReading) -> list[float]:
-    """Limits; those that nothing reaches are none: URDF demands some of every hinge."""
-    return [limit if abs(limit) < BOUNDLESS else math.copysign(math.inf, limit) for limit in joint.limits]
-
-
 def _same_limits(a: JointReading, b: JointReading) -> bool:
-    pairs = list(zip(_limits(a), _limits(b), strict=True))
-    return all(
-        x == y or (math.isfinite(x) and math.isfinite(y) and not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0))
-        for x, y in pairs
-    )
+    return all(_same_limit(*pair) for pair in zip(a.limits, b.limits, strict=True))
+
+
+def _same_limit(x: float, y: float) -> bool:
+    """URDF demands some of every hinge: beside a joint without any, those that nothing reaches are none."""
+    if max(abs(x), abs(y)) >= FAR:
+        return x * y > 0.0 and min(abs(x), abs(y)) >= BOUNDLESS
+    return not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0)
 
 
 def _body(common: Common, name: str) -> Iterator[Difference]:

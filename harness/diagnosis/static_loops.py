@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.change import Change, Difference
 from screwgauge.diagnosis.closing import residual_at_home
 from screwgauge.diagnosis.common import Common
 from screwgauge.diagnosis.geometry import ROUNDING
@@ -16,6 +16,7 @@ from screwgauge.diagnosis.lines import size
 from screwgauge.diagnosis.stated import differ, difference
 from screwgauge.diagnosis.tree import plant
 from screwgauge.diagnosis.words import vector
+from screwgauge.diagnosis.write_mjcf import SOFTNESS
 from screwgauge.models.readings.reading import ClosureReading
 
 
@@ -122,12 +123,13 @@ def actuators(common: Common) -> Iterator[Difference]:
 def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:
     """Of a constraint that both libraries keep by springs: those that keep it exactly have none."""
     a, b = (np.array(getattr(each, kind)[name].softness) for each in (common.a, common.b))
-    if a.size and b.size and np.any(np.abs(a - b) > ROUNDING * np.maximum(np.abs(a), np.abs(b))):
+    if a.size == b.size and np.any(np.abs(a - b) > ROUNDING * np.maximum(np.abs(a), np.abs(b))):
         parts = [
             f"{word} {vector(b[part], a[part])} in B, {vector(a[part], b[part])} in A"
-            for word, part in (("solref", slice(0, 2)), ("solimp", slice(2, None)))
+            for word, part in SOFTNESS.items()
             if not np.array_equal(a[part], b[part])
         ]
         apart = float((np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), 1e-300)).max())
         sentence = f"{name}: softness, {'; '.join(parts)}"
-        yield Difference(name, common.own[kind].get(name, name), "softness", a, b, "", apart, sentence)
+        change = Change(common.own[kind].get(name, name), "softness", a)
+        yield Difference(name, change.item, "softness", a, b, "", apart, sentence, change)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,13 +26,16 @@ JOINT = {
     "limits": "range",
 }
 _FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
-_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial"})
+_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial", "first_frame", "second_frame", "softness"})
 SAYS = frozenset({"mass", "com", "inertia", *_FRAMES, *_PARTS, *JOINT})
+#: Attribute -> its part of a constraint's softness.
+SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
 #: Settings of the compiler that change mass properties after they were read.
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
 #: Ways to write an orientation; one at a time may be there.
 _ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
 #: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
 
@@ -142,12 +145,73 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 def drive(xml: XmlText, name: str, gear: float) -> None:
     """Gives an actuator another gear ratio."""
-    for room in (element for element in xml.root.children if element.tag == "actuator"):
-        for actuator in room.children:
-            if actuator.get("name") == name:
-                xml.set(actuator, gear=number_text(gear))
-                return
-    raise UnpatchableError(f"no actuator of the name '{name}' stands in the file itself")
+    xml.set(_entry(xml, "actuator", name), gear=number_text(gear))
+
+
+def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
+    """Gives a constraint another softness."""
+    said = {word: vector_text(part) for word, place in SOFTNESS.items() if (part := np.array(softness[place])).size}
+    xml.set(_entry(xml, "equality", name), **said)
+
+
+def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]) -> None:
+    """Gives a closure other frames.
+
+    Args:
+        ends: Of every closure, the two frames in the world. Shape (4, 4) each.
+        frames: Body -> its frame in the world. Shape (4, 4).
+    """
+    entry = _entry(xml, "equality", name)
+    if "site1" in entry.attributes:
+        for i, side in enumerate(_SITES):
+            _put_site(xml, entry.get(side), ends[name][i], ends, frames)
+        return
+    named = {body.get("name"): T for body, T in frames.items()}
+    at = [named.get(entry.get(side), np.eye(4)) for side in _BODIES]
+    first, second = (relative(body, T) for body, T in zip(at, ends[name], strict=True))
+    if entry.tag == "weld":
+        q = quaternion(first[:3, :3] @ second[:3, :3].T)
+        xml.set(entry, anchor=vector_text(second[:3, 3]), relpose=vector_text([*first[:3, 3], *q]))
+    elif _apart(*ends[name], entry.tag):
+        raise UnpatchableError(f"the points of '{name}' are apart, and one anchor says both: join sites instead")
+    else:
+        xml.set(entry, anchor=vector_text(first[:3, 3]))
+
+
+def _apart(one: Array, other: Array, tag: str) -> bool:
+    """Whether frames are not the same, or their origins, where that is all that counts."""
+    return bool(np.abs(one - other)[:3, slice(3) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
+
+
+def _put_site(
+    xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
+) -> None:
+    """Places a site in the world, if nothing uses it but closures that want it there."""
+    site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
+    if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
+        raise UnpatchableError(f"site '{name}' does not stand in a body of the file itself, or not by its pos")
+    ties = _entries(xml, "equality")
+    wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
+    others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
+    if others or any(_apart(T, other, tag) for tag, other in wanted):
+        raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
+    at = relative(frames.get(site.parent, np.eye(4)), T)
+    xml.set(site, pos=vector_text(at[:3, 3]))
+    _orient(xml, site, at[:3, :3])
+
+
+def _entries(xml: XmlText, section: str) -> dict[str, Element]:
+    """Actuators or constraints; one without a name is called as `readings.naming` calls it, if the file is whole."""
+    rooms = [element for element in xml.root.children if element.tag == section]
+    whole = not any(xml.root.iter("include"))
+    entries = enumerate(entry for room in rooms for entry in room.children)
+    return {entry.get("name", f"{entry.tag}_{i + 1}" if whole else ""): entry for i, entry in entries}
+
+
+def _entry(xml: XmlText, section: str, name: str) -> Element:
+    if entry := _entries(xml, section).get(name):
+        return entry
+    raise UnpatchableError(f"no {section} of the name '{name}' stands in the file itself")
 
 
 def drop(xml: XmlText, gone: Collection[Link]) -> None:
@@ -167,5 +231,8 @@ def drop(xml: XmlText, gone: Collection[Link]) -> None:
 
 def _referred(part: Element) -> set[str]:
     """Names in an element but its own."""
-    said = (item for inner in (part, *part.children) for item in inner.attributes.items())
-    return {value for key, value in said if key != "name"}
+    return set().union(*map(_values, (part, *part.children)))
+
+
+def _values(element: Element) -> set[str]:
+    return {value for key, value in element.attributes.items() if key != "name"}

@@ -39,11 +39,11 @@ class Element:
         return next((child for child in self.children if child.tag == tag), None)
 
     def iter(self, *tags: str) -> Iterator[Element]:
-        """All elements in it with one of these tags, itself included, in the order of the text."""
+        """All elements in it with one of these tags, or any, itself included, in the order of the text."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
-            if element.tag in tags:
+            if not tags or element.tag in tags:
                 yield element
             waiting += reversed(element.children)
 

@@ -14,16 +14,13 @@ from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import imported_file, is_model, notes, scratch_folder
 from screwgauge.models.tables import key, lines
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.quantities import GIVEN
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.description import read_toml
 from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import exciting
-from screwgauge.scene.preflight import check_home
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene
 
 #: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
@@ -78,19 +75,11 @@ def default_scene(
     Raises:
         ScrewgaugeError: The mechanism is refused, or has no room to move.
     """
-    wanted = compared(mechanism)
-    scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs)), wanted))
+    scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs))))
     out = [f"# {wrap(description, 116)[0]}"] if description else []
     out += lines({"mechanism": str(file), "description": f"{description} {scene.description.strip()}".strip()})
     if gravity is not None:
         out += lines({"gravity": gravity})
-    if wanted != GIVEN:
-        left = [name for name in GIVEN if name not in wanted]
-        out += [
-            "",
-            f"# fewer actuators than freedoms: {' and '.join(left)} cannot be told",
-            *lines({"quantities": wanted}),
-        ]
     step = float(scene.t[1] - scene.t[0])
     out += ["", "[time]", *lines({"duration": float(f"{scene.t[-1]:.9g}"), "step": step})]
     for label, table in scene.text["motion"].items():
@@ -102,16 +91,7 @@ def default_scene(
     return "\n".join(out) + "\n"
 
 
-def compared(mechanism: Mechanism) -> tuple[str, ...]:
-    """Quantities of a given motion that its actuators, being as many as they are, determine."""
-    lay = check_home(mechanism)
-    found = mobility(lay, pose(lay, mechanism.home[None]))
-    driven = len(mechanism.actuators) - found.actuation_redundancy
-    strong = driven >= len(mechanism.independent)
-    return tuple(name for name in GIVEN if strong or not QUANTITIES[name].ruled)
-
-
-def _at_rest(mechanism: Mechanism, file: Path, applied: Applied, wanted: tuple[str, ...]) -> Scene:
+def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
     home = mechanism.home[mechanism.independent_columns][None]
     none = np.zeros_like(home)
     return Scene(
@@ -124,7 +104,7 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied, wanted: tuple[s
         task=GivenMotion(np.zeros(1), home, none, none),
         rule=RULES[0],
         engines=DEFAULT_ENGINES,
-        quantities=wanted,
+        quantities=GIVEN,
         tolerances={},
         models={},
         figures=(),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.following import PathEnd
@@ -110,28 +110,38 @@ def _walked(scene: Scene) -> Mobility:
     return _mobility(lay, looked_at)
 
 
-def check_actuation(scene: Scene, found: Mobility, quantities: Collection[str]) -> None:
-    """Refuses forces that the actuators cannot deliver, and a rule that does not fit their number.
+def check_actuation(
+    scene: Scene, found: Mobility, quantities: Collection[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Quantities that the actuators determine, and a sentence on those that they do not, where nobody chose.
 
     Raises:
-        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
+        DescriptionError: No forces, or no rule's forces, that were asked for would satisfy the equations of motion.
     """
-    if not any(QUANTITIES[name].ruled for name in quantities):
-        return
+    ruled = [name for name in GIVEN if QUANTITIES[name].ruled]
+    rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
     driven = len(mechanism.actuators) - found.actuation_redundancy
+    short = f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms"
+    if driven < len(mechanism.independent) and {*quantities} == {*GIVEN}:
+        return rest, (f"{' and '.join(ruled)} are left out: {short} (actuate more joints to compare them)",)
+    if len(rest) == len(quantities):
+        return rest, ()
     if driven < len(mechanism.independent):
-        raise DescriptionError(
-            f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms",
-            mechanism.where,
-            "actuate more joints, or ask for no actuator_force and reaction",
-        )
+        raise DescriptionError(short, mechanism.where, f"actuate more joints, or ask for no {' and '.join(ruled)}")
     if scene.rule == "spherical_axial" and found.actuation_redundancy != 2:
         raise DescriptionError(
             f"rule spherical_axial needs 2 redundant actuators, not {found.actuation_redundancy}",
             mechanism.where,
             "use the rule min_norm",
         )
+    return tuple(quantities), ()
+
+
+def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The same by the counts at home, where the motion is not known yet."""
+    lay = check_home(scene.mechanism)
+    return check_actuation(scene, mobility(lay, pose(lay, scene.mechanism.home[None])), quantities)
 
 
 def _check_jumps(scene: Scene) -> None:

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
 
 
-_Checked = tuple[Mobility, Expected, Layout | None, tuple[str, ...]]
-"""What the description alone says of a scene; a layout if it is simulated; warnings."""
+_Checked = tuple[Mobility, Expected, Layout | None, tuple[str, ...], tuple[str, ...]]
+"""What the description alone says of a scene; a layout if it is simulated; quantities to compare; warnings."""
 
 
 def run(
@@ -70,7 +70,8 @@ def run(
         load_engines(names, limits, progress)
     check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task))
     progress("preflight", 0.0)
-    counted, expected, lay, warnings = _check_simulated(scene) if scene.simulated else _check_given(scene, wanted)
+    checked = _check_simulated if scene.simulated else _check_given
+    counted, expected, lay, wanted, warnings = checked(scene, wanted)
     for sentence in warnings:
         warn(sentence)
     with generated(scene) as folder:
@@ -154,9 +155,9 @@ def _asked(
     return names, wanted
 
 
-def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
+def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     counted, mechanism = check_scene(scene), scene.mechanism
-    check_actuation(scene, counted, wanted)
+    wanted, left = check_actuation(scene, counted, wanted)
     table = component_names(
         mechanism.joints,
         [body.name for body in mechanism.bodies],
@@ -167,13 +168,13 @@ def _check_given(scene: Scene, wanted: Sequence[str]) -> _Checked:
     )
     # those of a tree are the engine's own
     expected = {name: table[name][0] for name in table if not name.startswith("tree_force")}
-    return counted, expected, None, far_from_home(scene)
+    return counted, expected, None, wanted, (*left, *far_from_home(scene))
 
 
-def _check_simulated(scene: Scene) -> _Checked:
+def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     lay, warnings = check_start(scene)
     counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return counted, dict.fromkeys(MOTION, tuple(scene.mechanism.coordinates)), lay, warnings
+    return counted, dict.fromkeys(MOTION, tuple(scene.mechanism.coordinates)), lay, wanted, warnings
 
 
 def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:

@@ -11,7 +11,7 @@ from screwgauge.engines.registry import check_engines
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import Walk, check_home
+from screwgauge.scene.preflight import Walk, check_home, delivered
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.ask import solve
@@ -51,7 +51,7 @@ def stream(
         quantities: Names; those of the scene by default. Nothing else is computed.
 
     Yields:
-        Times and solution of each part.
+        Times and solution of each part; forces that too few actuators cannot deliver are left out, as its notes say.
 
     Raises:
         ScrewgaugeError: Bad input, or a part that the engine cannot solve.
@@ -60,6 +60,7 @@ def stream(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     if scene.simulated:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
+    wanted, left = delivered(scene, wanted)
     walk = Walk(check_home(scene.mechanism))
     for t in parts:
         t = np.asarray(t, dtype=float)
@@ -71,4 +72,5 @@ def stream(
         if failures:
             where = f"{scene.name}, t = {t[0]:g} to {t[-1]:g} s"
             raise ScrewgaugeError(f"{name} fails: {failures[name].reason}", where, "change the motion there")
-        yield t, solutions[name]
+        one = solutions[name]
+        yield t, replace(one, notes=(*one.notes, *left)) if left else one

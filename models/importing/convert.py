@@ -84,9 +84,10 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
     remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
-        remarks.append(
-            f"The file names no actuators: driven are {listed(joint.name for joint in mechanism.actuators)}."
-        )
+        open_chain = "every hinge and slide of the open chain that follows no other"
+        rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
+        driven = listed(joint.name for joint in mechanism.actuators) or "of which there is none"
+        remarks.append(f"The file names no actuators: driven is {rule}, {driven}; --actuated chooses others.")
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )

@@ -14,6 +14,10 @@ _FROM_FILES = ("mesh", "hfield", "sdf")
 _SECTIONS = ("asset", "visual", "sensor", "contact", "statistic", "custom")
 #: Elements that read other files without an attribute `file`.
 _READERS = ("skin", "attach")
+_ATTACHED = (
+    "attach of model {}, the bodies of which are missing here: give the file that "
+    "mujoco.MjSpec.from_file(FILE).to_xml() makes of it"
+)
 
 
 def without_meshes(root: ET.Element, form: str, where: str) -> list[str]:
@@ -75,8 +79,14 @@ def _mjcf(root: ET.Element, where: str) -> list[str]:
         element.attrib.pop("material", None)
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
-            said.append(f"{child.tag} {child.get('name', '')}".rstrip())
+            said.append(_removed(child))
     return list(dict.fromkeys(said))
+
+
+def _removed(element: ET.Element) -> str:
+    if element.tag == "attach":
+        return _ATTACHED.format(element.get("model", ""))
+    return f"{element.tag} {element.get('name', '')}".rstrip()
 
 
 def _is_zero(value: str | None) -> bool:

@@ -10,19 +10,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
+from screwgauge.models.readings.tendons import coupling_of, pulling, tendon_equality
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: In the order of MuJoCo's numbers.
 _KINDS = ("free", "ball", "slide", "hinge")
-_CONNECT, _WELD, _JOINT = range(3)
+_CONNECT, _WELD, _JOINT, _TENDON = range(4)
 #: What MuJoCo says of a file that others may take -> what to do.
 _REMEDIES = {
     "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
@@ -196,6 +196,9 @@ def _equalities(
             ignored.append(f"equality {name}, which is not active")
         elif kind == _JOINT:
             couplings[name] = replace(joint_equality(model, i), softness=_softness(model, i))
+        elif kind == _TENDON and (coupling := tendon_equality(model, i)):
+            couplings[name] = replace(coupling, softness=_softness(model, i))
+            ignored += pulling(model, i)
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
             joint = "weld" if kind == _WELD else "point"
@@ -206,7 +209,8 @@ def _equalities(
 
 
 def _softness(model: Any, i: int) -> tuple[float, ...]:
-    return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist())
+    scale = model.eq_data[i, 10:11].tolist() if model.eq_type[i] == _WELD else []
+    return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist(), *scale)
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
@@ -234,16 +238,9 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
 
 
 def joint_equality(model: Any, i: int) -> CouplingReading:
-    """``y - y0 = P(x - x0)``, with the coordinates at qpos0, in powers of x itself."""
+    """``y - y0 = P(x - x0)``, with the coordinates at qpos0."""
     one, other = model.eq_obj1id[i], model.eq_obj2id[i]
-    start = float(model.qpos0[model.jnt_qposadr[one]])
-    if other < 0:
-        return CouplingReading(model.joint(one).name, "", np.array([start + model.eq_data[i, 0]]))
-    powers = model.eq_data[i, :POWERS].copy()
-    if zero := float(model.qpos0[model.jnt_qposadr[other]]):
-        powers = Polynomial(powers)(Polynomial([-zero, 1.0])).coef
-    powers[0] += start
-    return CouplingReading(model.joint(one).name, model.joint(other).name, powers)
+    return coupling_of(model, one, other, model.eq_data[i, : POWERS if other >= 0 else 1])
 
 
 def _actuators(model: Any, ignored: list[str]) -> dict[str, tuple[str, float]]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from xml.etree import ElementTree as ET
+
+#: What a constraint or actuator without a name is called by.
+NUMBERED = re.compile(r"[a-z]+_\d+_*")
 
 
 def name_all(root: ET.Element) -> None:

@@ -80,7 +80,7 @@ class ClosureReading:
 
     Attributes:
         first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
-        softness: MuJoCo's solref and solimp, seven numbers; none where the closure is kept exactly.
+        softness: MuJoCo's solref and solimp, seven numbers, and of a weld torquescale; none where it is kept exactly.
     """
 
     kind: str

@@ -18,6 +18,7 @@ from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.scene.preflight import delivered
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
 
@@ -200,4 +201,7 @@ def compile(
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
-    return Solver(scene, wanted, backend, threads)
+    wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
+    solver = Solver(scene, wanted, backend, threads)
+    solver.notes = (*left, *solver.notes)
+    return solver
