@@ -36,10 +36,9 @@ class Equations:
     bias: Array
 
 
-def equations(tree: Tree, states: States, motion: Motion | None = None) -> Equations:
+def equations(tree: Tree, states: States) -> Equations:
     """Of all closures and couplings."""
-    still = States(states.q, states.qd, np.zeros_like(states.qdd))
-    motion = motion or move(tree, still)
+    motion = move(tree, replace(states, qdd=np.zeros_like(states.qdd)))
     open_, rates = gaps(tree, motion), constraint_rows(tree, motion)
     n, wide = len(states.q), len(tree.before)
     gap, rows, bias = [np.zeros((n, 0))], [np.zeros((n, 0, wide))], [np.zeros((n, 0))]
