@@ -19,7 +19,7 @@ EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance o
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
-DIAGNOSE_STATUS = """exit status: 0 the same; 1 different; 2 bad input; 3 a library failed"""
+DIAGNOSE_STATUS = """exit status: 0 the same; 1 different; 2 bad input; 3 a library failed, or --limit was met"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -148,6 +148,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
     add("--seed", type=int, default=0, metavar="N", help="of the random states, of the self-test (0)")
+    add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 

@@ -195,7 +195,8 @@ def diagnose(options: argparse.Namespace) -> int:
         raise DescriptionError(
             "needs two models, a case or a self-test", "diagnose", "write A B, --case ID or --self-test"
         )
-    more = {"map": options.map, "seed": options.seed, "matrix": options.matrix, "loops": options.loops}
+    more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
+    more |= {} if options.limit is None else {"limit": options.limit}
     found = _study(
         page,
         options.out or OUT / "diagnosis",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from screwgauge.reference import screws
@@ -10,9 +12,11 @@ from screwgauge.reference.graph import output_body
 from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.pose import Layout, Pose, centres_of_mass
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import first_few
 
 #: Parts of a null vector below this share of its largest are left out of the sentence.
 SHARE = 0.05
+_named = partial(first_few, most=4)
 
 
 def near_singularity(lay: Layout, at: Pose) -> str:
@@ -31,14 +35,14 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     names = [*system.components.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
     lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
     joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
-    constraint = f"; the constraint of {_listed(joints)} is lost" if lost else ""
-    freedom = f"a freedom that {chosen} do not determine ({_listed(coordinates)} move){constraint}"
+    constraint = f"; the constraint of {_named(joints)} is lost" if lost else ""
+    freedom = f"a freedom that {chosen} do not determine ({_named(coordinates)} move){constraint}"
     if output_body(lay.mechanism) in bodies:
         return f"{output_body(lay.mechanism)} gains {freedom}"
     joint = next((j for j in lay.mechanism.joints if set(j.coordinates) >= set(coordinates)), None)
     if joint is not None and len(joint.coordinates) > 1:
-        return f"{joint.name} locks: {_listed(bodies)} turn idly ({_listed(coordinates)} moves nothing else)"
-    return f"{_listed(bodies)} gain {freedom}"
+        return f"{joint.name} locks: {_named(bodies)} turn idly ({_named(coordinates)} moves nothing else)"
+    return f"{_named(bodies)} gain {freedom}"
 
 
 def gimbal_lock(lay: Layout, cut: int) -> str:
@@ -61,10 +65,3 @@ def _moved(lay: Layout, system: LoopEquations, at: Pose, motion: Array) -> list[
     linear = screws.velocity_at(V, centres_of_mass(lay, at)[0]) / system.length
     speed = np.abs(np.concatenate([V[:, :3], linear], axis=1)).max(axis=1)
     return [lay.mechanism.bodies[i].name for i in sorted(_large(speed))]
-
-
-def _listed(names: list[str]) -> str:
-    """The first few names."""
-    shown = names[:4]
-    more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
-    return ", ".join(shown) + more

@@ -67,7 +67,7 @@ def test_an_anchor_elsewhere_is_said_with_what_it_opens(diagnosed):
     assert len(found.differences) == 2
     assert all("1 mm elsewhere in B; open at home by" in each for each in sentences(found))
     assert all(each.endswith("m in A") for each in sentences(found))
-    assert found.verdict.endswith(OPEN)
+    assert OPEN in found.verdict
 
 
 def test_a_closure_that_is_missing_or_of_another_kind(diagnosed):
@@ -75,10 +75,10 @@ def test_a_closure_that_is_missing_or_of_another_kind(diagnosed):
     found = diagnosed((loop, ""))
     (sentence,) = sentences(found)
     assert sentence.startswith("loop: a closure of rod and rocker in A only, open at home by ")
-    assert found.verdict.endswith(OPEN)
+    assert OPEN in found.verdict
     found = diagnosed((loop, '<weld name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'))
     assert sentences(found)[0].startswith("loop: a weld in B, a point in A; open at home by ")
-    assert found.verdict.endswith(OPEN)
+    assert OPEN in found.verdict
 
 
 def test_beside_what_no_torque_shows_for_another_reason(diagnosed):
@@ -90,7 +90,8 @@ def test_beside_what_torques_show(diagnosed):
     found = diagnosed(
         ('polycoef="0 1 0 0 0"', 'polycoef="0 2 0 0 0"'), ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>')
     )
-    assert found.verdict.endswith("1 other difference no torque of the open tree shows.")
+    assert "1 other difference no torque of the open tree shows." in found.verdict
+    assert found.verdict.endswith("The motions that loops leave differ by 0.42 (d).")
 
 
 def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
@@ -126,7 +127,7 @@ def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
 def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     found = diagnosed(('name="loop"', 'name="loop" solref="0.5 1"'))
     assert sentences(found) == ["loop: softness, solref (0.5000, 1) in B, (0.02000, 1) in A"]
-    assert found.verdict.endswith(OPEN)
+    assert OPEN in found.verdict
     found = diagnosed(('name="gear"', 'name="gear" solimp="0.8 0.95 0.001 0.5 2"'))
     (sentence,) = sentences(found)
     assert sentence.startswith("gear: softness, solimp (0.8000, 0.95, 0.001, 0.5, 2) in B, (0.9000, 0.95, ")
@@ -158,7 +159,7 @@ TIES = {
     "all at once": [
         ('pos="0.1 0 0" euler="0 10 0"', 'pos="0.1 0.2 0" euler="0 20 0"'),
         ('relpose="0 0 0 1 0 0 0"', 'solref="-500 -1" relpose="0.1 0 0 1 0.1 0 0"'),
-        ('<body name="rocker" pos="0.3 0 0">', '<body name="rocker" pos="0.35 0 0">'),
+        ('<body name="rocker" pos="0.3 0 0"', '<body name="rocker" pos="0.35 0 0"'),
     ],
 }
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.dynamics import Dynamics, dynamics, passive_parts
+from screwgauge.diagnosis.closed import DEPENDENT, closed, equations, left
+from screwgauge.diagnosis.compare import components
+from screwgauge.diagnosis.dynamics import dynamics, passive_parts
+from screwgauge.diagnosis.lines import size
 from screwgauge.diagnosis.tree import States, Tree
-from screwgauge.engines.plain import Answers, Ask, JointStates
+from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
 from screwgauge.reference.rotations import Array
 
 #: Libraries that have dynamics, and what asks them.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
+#: Those of them that are asked for their loops, too.
+CLOSING = ("mujoco",)
 
 
 def answers(path: Path, library: str, tree: Tree, states: States, *, floating: bool = False) -> Answers:
@@ -38,27 +44,62 @@ def joint_states(tree: Tree, states: States) -> Mapping[str, JointStates]:
     }
 
 
-def apart(said: Answers, tree: Tree, states: States, ours: Dynamics | None = None) -> dict[str, tuple[float, float]]:
-    """How far a library is from the dynamics of what it has read.
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """A quantity at states, from the library and from what it has read.
 
-    Returns:
-        Quantity -> largest difference and largest magnitude.
+    Attributes:
+        least: What differences are scaled by where `ours` is smaller.
     """
-    ours = ours or dynamics(tree, states)
+
+    said: Array
+    ours: Array
+    least: float = 0.0
+
+    @property
+    def off(self) -> float:
+        """The largest difference."""
+        return float(np.abs(self.said - self.ours).max(initial=0.0))
+
+    @property
+    def scaled(self) -> float:
+        """The largest difference over the largest magnitude."""
+        scale = max(float(np.abs(self.ours).max(initial=0.0)), self.least)
+        return self.off / scale if scale else self.off
+
+
+def pairs(said: Answers, tree: Tree, states: States) -> dict[str, Pair]:
+    """Quantities of the open tree."""
+    ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
-    parts = passive_parts(tree, states)
-    pairs: dict[str, tuple[Array, Array]] = {
-        "tau": (said.tau, ours.tau - sum(force for name, force in parts.items() if name not in said.covers)),
-        "mass_matrix": (said.mass_matrix, ours.mass_matrix),
-        "bias": (said.bias, ours.bias),
-        "gravity": (said.gravity, ours.gravity),
-        "velocity": (said.velocity, ours.velocity),
-        "acceleration": (said.acceleration, ours.acceleration),
-    }
+    expected = ours.tau - sum(force for name, force in parts.items() if name not in said.covers)
+    found = {"tau": Pair(said.tau, expected, force)}
+    for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
+        found[name] = Pair(getattr(said, name), getattr(ours, name), least)
+    found["acceleration"] = Pair(said.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in said.covers:
-        del pairs["tau"], pairs["bias"]  # own dynamics know no medium
-    least = dict.fromkeys(("tau", "bias", "gravity"), force)
+        del found["tau"], found["bias"]  # own dynamics know no medium
+    return found
+
+
+def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating: bool = False) -> dict[str, Pair]:
+    """Quantities of closures and couplings where these are closed, whichever rows state them.
+
+    They count for less where loops are nearly singular.
+    """
+    soft = [each.softness for each in tree.reading.closures.values()]
+    soft += [each.softness for each in tree.reading.couplings.values()]
+    if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
+        return {}
+    if not len((states := closed(tree, states)).q):
+        return {}
+    said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    (one, _), (two, sure) = (left(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
+    here, there = (
+        np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None] * sure[:, None, None] for e in (said, own)
+    )
     return {
-        name: (float(np.abs(x - y).max()), max(float(np.abs(y).max()), least.get(name, 0.0)))
-        for name, (x, y) in pairs.items()
+        "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": Pair(here, there, float(np.abs(states.qdd).max())),
     }

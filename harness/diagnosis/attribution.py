@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference, applied
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.hypothesis import Hypothesis
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
@@ -119,9 +121,15 @@ def largest(torques: Torques, left: Array) -> Largest:
 
 
 def attribute(
-    torques: Torques, b: Reading, differences: Sequence[Difference], hypotheses: Sequence[Hypothesis]
+    torques: Torques,
+    b: Reading,
+    differences: Sequence[Difference],
+    hypotheses: Sequence[Hypothesis],
+    deadline: Deadline | None = None,
 ) -> Attribution:
     """Takes hypotheses one by one, each time the one that then explains most, until rounding is left.
+
+    What there is no time to try is no hypothesis.
 
     Args:
         b: The reading that changes are made in.
@@ -134,10 +142,15 @@ def attribute(
     def left(numbers: Collection[int]) -> Array:
         return torques.left(applied(b, changes_of(differences, numbers)))
 
-    alone = [size(left(hypothesis.differences)) for hypothesis in hypotheses]
+    def together(numbers: Collection[int]) -> float:
+        return math.inf if over("combinations of hypotheses") else size(left(numbers))
+
+    over = (deadline or Deadline()).over
+    tried = [(each, size(left(each.differences))) for each in hypotheses if not over(f"hypothesis {each.name}")]
+    hypotheses, alone = [hypothesis for hypothesis, _ in tried], [each for _, each in tried]
     shares = [_share(before, each) for each in alone]
     order = sorted(range(len(shares)), key=lambda i: (-round(shares[i], 9), hypotheses[i].numbers))
-    steps = _steps(lambda numbers: size(left(numbers)), hypotheses, alone, before)
+    steps = _steps(together, hypotheses, alone, before)
     used = {number for step in steps for number in step.hypothesis.differences}
     after = largest(torques, left(used))
     unseen = tuple(difference for i, difference in enumerate(differences) if i not in used)

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 from uuid import uuid4
 
 from screwgauge.diagnosis.attribution import ROUNDING, Largest, Torques, largest
@@ -22,6 +22,9 @@ from screwgauge.reference.files import read_file
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +87,7 @@ def backfill(
     return best if best.on == "file" else Backfill("reading", tuple(why), on_reading, "")
 
 
-def reread(file: Path, text: str, read: Callable[[Path], Reading]) -> Reading:
+def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
     """What is read from a file if its text is another one; the file stays as it is.
 
     Raises:

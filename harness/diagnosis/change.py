@@ -13,7 +13,7 @@ from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross, skew
 
 T = TypeVar("T")
-Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
+Owner = Literal["body", "joint", "closure", "coupling", "equality", "actuator", "model"]
 Kind = Literal["model", "digits", "convention"]
 
 
@@ -36,8 +36,7 @@ class Property:
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
 #: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a
-#: coupling.
+#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body.
 PROPERTIES: dict[str, Property] = {
     "mass": Property("body", (), "kg"),
     "com": Property("body", (3,), "m"),
@@ -58,8 +57,8 @@ PROPERTIES: dict[str, Property] = {
     "branch": Property("joint", (), "1"),
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
-    "softness": Property("closure", (-1,), "1"),
     "polynomial": Property("coupling", (-1,), "1"),
+    "softness": Property("equality", (-1,), "1"),
     "gear": Property("actuator", (), "1"),
     "gravity": Property("model", (3,), "m/s^2"),
     "medium": Property("model", (2,), "kg/m^3, Pa s"),
@@ -232,17 +231,22 @@ def without(reading: Reading, joint: str) -> Reading:
 
 
 def _of_closure(reading: Reading, change: Change) -> Reading:
-    value: Any = tuple(change.value.tolist()) if change.what == "softness" else change.value
-    if change.what == "softness" and change.item in reading.couplings:
-        coupling = replace(reading.couplings[change.item], softness=value)
-        return replace(reading, couplings={**reading.couplings, change.item: coupling})
     closure = _item(reading.closures, "closure", change)
-    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, value)})
+    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, change.value)})
 
 
 def _of_coupling(reading: Reading, change: Change) -> Reading:
     coupling = _item(reading.couplings, "coupling", change)
     return replace(reading, couplings={**reading.couplings, change.item: replace(coupling, polynomial=change.value)})
+
+
+def _of_equality(reading: Reading, change: Change) -> Reading:
+    """Of a closure or a coupling."""
+    _item({**reading.closures, **reading.couplings}, "closure", change)
+    kind = "closures" if change.item in reading.closures else "couplings"
+    items = getattr(reading, kind)
+    soft = _with(items[change.item], "softness", tuple(change.value.tolist()))
+    return replace(reading, **{kind: {**items, change.item: soft}})
 
 
 def _of_actuator(reading: Reading, change: Change) -> Reading:
@@ -267,6 +271,7 @@ _APPLY: dict[Owner, Callable[[Reading, Change], Reading]] = {
     "joint": _of_joint,
     "closure": _of_closure,
     "coupling": _of_coupling,
+    "equality": _of_equality,
     "actuator": _of_actuator,
     "model": _of_model,
 }

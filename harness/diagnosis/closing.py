@@ -18,7 +18,7 @@ def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:
     """
     out = {}
     for name, closure in tree.reading.closures.items():
-        (R1, p1), (R2, p2) = _frames(tree, motion, closure)
+        (R1, p1), (R2, p2) = frames(tree, motion, closure)
         way = p2 - p1
         out[name] = way if closure.kind == "point" else np.concatenate([_turn(R2 @ np.swapaxes(R1, 1, 2)), way], axis=1)
     return out
@@ -40,7 +40,7 @@ def constraint_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
     for name, closure in tree.reading.closures.items():
         rows = np.zeros((*motion.screws.shape[:2], 6))
         for sign, body, (_, p) in zip(
-            (-1.0, 1.0), (closure.first, closure.second), _frames(tree, motion, closure), strict=True
+            (-1.0, 1.0), (closure.first, closure.second), frames(tree, motion, closure), strict=True
         ):
             if body not in tree.reading.bodies:
                 continue
@@ -61,7 +61,7 @@ def _turn(R: Array) -> Array:
     return np.asarray(np.where(angle < 1e-7, sine, angle * axis))
 
 
-def _frames(tree: Tree, motion: Motion, closure: ClosureReading) -> list[tuple[Array, Array]]:
+def frames(tree: Tree, motion: Motion, closure: ClosureReading) -> list[tuple[Array, Array]]:
     """Frames that a closure joins, in the world. Shapes (n, 3, 3), (n, 3)."""
     found, names = [], list(tree.reading.bodies)
     for body, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):

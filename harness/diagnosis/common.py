@@ -24,6 +24,7 @@ _KINDS = {
     "joint": "joints",
     "closure": "closures",
     "coupling": "couplings",
+    "equality": "equalities",
     "actuator": "actuators",
     "model": "",
 }
@@ -37,7 +38,8 @@ class Common:
 
     Attributes:
         a, b: Readings with the joints that both have; all others are held at home.
-        own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``) -> common name -> B's.
+        own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``; ``equalities`` are
+            closures and couplings) -> common name -> B's.
         before, behind: Displacement from B's home to the common one of what is before each joint, of each body.
         homes: Coordinate of each joint at B's own home.
         placement: Of B's world in A's. Shape (4, 4).
@@ -73,6 +75,7 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     b = ordered(renamed(_unclashed(b, names), names), a.joints)
     homes = {name: joint.home for name, joint in b.joints.items()}
     b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
+    names["equalities"] = {**names["couplings"], **names["closures"]}
     T, root = pairing.placement, next(iter(b.joints), "")
     if b.joints and b.joints[root].kind == "free":
         # A free base is where its coordinates say: this placement is one of them, not of the world.
@@ -164,10 +167,22 @@ def owned(common: Common, change: Change) -> Change:
     return Change(item, what, np.asarray(value, dtype=float))
 
 
+def counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Reading, Reading]:
+    """B with its joints in the order of A's, by the names of A and by its own.
+
+    Args:
+        joints: Name in A, all of them, -> name in B.
+    """
+    there = ordered(renamed(b, {"joints": {other: name for name, other in joints.items()}}), a.joints)
+    return there, renamed(there, {"joints": joints})
+
+
 def states_of_b(a: Tree, b: Tree, states: States) -> States:
     """The same states, where the frames that ball and free joints carry differ."""
+    if not (other := _reframed(a, b)):
+        return states
     q, C = states.q.copy(), velocity_map(a, b)
-    for i, frame in _reframed(a, b):
+    for i, frame in other:
         place = list(a.places.values())[i]
         q[:, place] = _conjugated(states.q[:, place], frame)
     return States(q, states.qd @ C.T, states.qdd @ C.T)

@@ -82,7 +82,7 @@ def table(common: Common, states: States) -> list[Row]:
         *_bodies(common, (first, second)),
         *_closures(common, (constraint_rows(a, first), constraint_rows(b, second)), C),
     ]
-    return [_row(*pair, one.tau if pair[3] is force else pair[1]) for pair in pairs if pair[1].size]
+    return [row_of(*pair, one.tau if pair[3] is force else pair[1]) for pair in pairs if pair[1].size]
 
 
 def _bodies(
@@ -119,12 +119,16 @@ def _closures(
             yield f"closure {name}", ours, -theirs if flipped else theirs, [(j, "") for _ in ours[0] for j in joints]
 
 
-def _row(quantity: str, a: Array, b: Array, names: Sequence[tuple[str, str]], scale_of: Array) -> Row:
-    """Args: scale_of: What the difference is scaled by: of forces, which may vanish, all that is asked of motors."""
+def row_of(quantity: str, a: Array, b: Array, names: Sequence[tuple[str, str]], scale_of: Array) -> Row:
+    """The largest difference of a quantity.
+
+    Args:
+        scale_of: What the difference is scaled by: of forces, which may vanish, all that is asked of motors.
+    """
     a, b, scale_of = (each.reshape(len(a), -1) for each in (a, b, scale_of))
-    units = np.array([unit for _, unit in names])
+    kinds, which = np.unique([unit for _, unit in names], return_inverse=True)
     most = np.maximum(np.abs(a), np.abs(scale_of)).max(axis=0)
-    scale = np.array([most[units == unit].max() for unit in units])
+    scale = np.array([most[which == k].max() for k in range(len(kinds))])[which]
     apart = np.abs(b - a).max(axis=0)
     apart = np.where(np.isfinite(apart), apart, np.inf)
     scaled = np.where(scale > 0.0, apart / np.where(scale > 0.0, scale, 1.0), apart)

@@ -14,14 +14,18 @@ from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Change, Difference, applied
 from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
+from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.explain import Explanation, explained, proved
+from screwgauge.diagnosis.explain import PROOF, Explanation, explained, proved
+from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.loops import Loops, loops
 from screwgauge.diagnosis.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
+from screwgauge.diagnosis.soft import softness
 from screwgauge.diagnosis.static import differences
-from screwgauge.diagnosis.verdict import SAME, strange, verdict
+from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import OutputError
@@ -36,11 +40,15 @@ class Diagnosis:
         same: Whether nothing differs.
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
+        loops: What closures and couplings leave; None where they are not compared.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
+        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
+        growth: Of the torque difference with speed; None where it does not vanish at rest.
         fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
         witnesses: Each library's own torques beside the dynamics of what it has read.
         matrix: All readings of both files, if asked for.
         notes: What was taken for granted, or not compared.
+        left_out: What there was no time for.
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
     """
 
@@ -52,18 +60,22 @@ class Diagnosis:
     pairing: Pairing
     differences: tuple[Difference, ...]
     rows: tuple[Row, ...] = ()
+    loops: Loops | None = None
     attribution: Attribution | None = None
+    growth: Growth | None = None
+    soft: Attribution | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
     witnesses: tuple[Witness, ...] = ()
     matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def exit_status(self) -> int:
-        """Of the command: 0 the same, 1 different, 3 a library failed."""
-        if any(witness.failed for witness in self.witnesses):
+        """Of the command: 0 the same, 1 different, 3 a library failed or time was over."""
+        if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
 
@@ -94,6 +106,7 @@ def diagnose(
     seed: int = 0,
     matrix: bool = False,
     loops: str | Path | None = None,
+    limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
     """Compares two models.
@@ -104,50 +117,73 @@ def diagnose(
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
         loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
+        limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Raises:
         ScrewgaugeError: A file, or the map, cannot be read.
     """
+    deadline = Deadline(limit)
     given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
     beside = None if loops is None else Path(loops)
     one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
     pairing = paired(one.reading, two.reading, given)
-    grid = matrix_of(one, two, given, seed, load) if matrix else None
     if not pairing.alike:
-        return Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, (), matrix=grid)
-    return replace(_compared(one, two, pairing, seed, load), matrix=grid)
+        found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
+    else:
+        found = _compared(one, two, pairing, seed, load, deadline)
+    found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
+    if not deadline.left_out:
+        return found
+    said = f"{found.verdict} {stopped(limit, deadline.left_out)}"
+    return replace(found, verdict=said, same=False, left_out=tuple(deadline.left_out))
 
 
-def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read) -> Diagnosis:
+def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
     """Of two models of one machine."""
     common = brought(a.reading, b.reading, pairing)
-    found = [*missing(a.reading, b.reading, pairing), *differences(common)[0]]
+    found = [*missing(a.reading, b.reading, pairing), *differences(common, deadline)[0]]
     found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)
-    explanation = _explained(asked, found, (a, b), load)
-    why, proof = explanation.attribution, explanation.proof
-    seen = tuple(witnesses((a, b), seed))
+    rows = [] if deadline.over("motion at random states") else table(common, states)
+    bound, of_loops = loops((a, b), common, pairing, seed, deadline)
+    why = _explained(asked, found, (a, b), load, deadline)
+    cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
+    if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
+        why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
+    why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
+    seen = tuple(witnesses((a, b), seed, deadline))
+    moves_alike = bound is None or bound.mobility[0] == bound.mobility[1]
     return Diagnosis(
         a,
         b,
         seed,
-        verdict((a, b), found, why, proof, seen),
-        not found and why.before.scaled <= SAME and all(witness.agrees for witness in seen),
+        verdict((a, b), found, why, seen, bound, late=bool(deadline.left_out)),
+        not found and cause.before.scaled <= SAME and moves_alike and all(witness.agrees for witness in seen),
         pairing,
         tuple(found),
-        rows=tuple(table(common, states)),
-        attribution=why,
-        proof=proof,
-        fix=explanation.fix,
+        rows=(*rows, *([bound.row] if bound else [])),
+        loops=bound,
+        attribution=cause,
+        growth=why.growth,
+        soft=why.soft,
+        proof=why.proof,
+        fix=why.fix,
         witnesses=seen,
-        notes=notes(a, b, common, seen, seed),
-        by_joint=_by_joint(asked, b.reading, why.changes if why.complete else _changes(found)),
+        notes=notes((a, b), common, seen, of_loops, seed),
+        by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else _changes(found)),
     )
 
 
-def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read) -> Explanation:
+def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:
+    """Of torques at `SPEEDS`."""
+    return growth([each.of(b) for each in asked], [each.a for each in asked])
+
+
+def _explained(
+    asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read, deadline: Deadline
+) -> Explanation:
     """Attribution and proof; backfill of all differences where steps taken one by one do not get through.
 
     What no torque shows is put right, too, in the file that is written.
@@ -158,9 +194,9 @@ def _explained(asked: Torques, found: Sequence[Difference], models: tuple[Model,
     def read(file: Path) -> Reading:
         return b.read_again(file, load)
 
-    why = explained(asked, (a.reading, b.reading), (first, second), found, read)
+    why = explained(asked, (a.reading, b.reading), (first, second), found, read, deadline)
     everything, proof = _changes(found), why.proof
-    if len(everything) == len(why.attribution.changes):
+    if len(everything) == len(why.attribution.changes) or deadline.over(PROOF):
         return replace(why, fix=proof)
     whole = proved(asked, b.reading, everything, (first, second), read)
     if not why.attribution.complete and why.attribution.before.scaled > SAME:

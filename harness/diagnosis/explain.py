@@ -9,6 +9,8 @@ from pathlib import Path
 from screwgauge.diagnosis.attribution import Attribution, Torques, attribute
 from screwgauge.diagnosis.backfill import Backfill, backfill
 from screwgauge.diagnosis.change import Change, Difference
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.growth import Growth
 from screwgauge.diagnosis.hypotheses import hypotheses
 from screwgauge.diagnosis.hypothesis import Files
 from screwgauge.diagnosis.layout import UnpatchableError
@@ -17,19 +19,25 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
 
+PROOF = "proof by backfill"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explanation:
     """Why the torques of two models differ.
 
     Attributes:
-        proof: None where the torques do not differ, or nothing explains it.
+        proof: None where the torques do not differ, nothing explains it, or there was no time for it.
+        growth: Of the torque difference with speed; None where it does not vanish at rest.
+        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         fix: The same of all changes, what no torque shows among them; None where there are none.
     """
 
     attribution: Attribution
     proof: Backfill | None
     fix: Backfill | None = None
+    growth: Growth | None = None
+    soft: Attribution | None = None
 
 
 def explained(
@@ -38,6 +46,7 @@ def explained(
     paths: tuple[Path | None, Path | None],
     differences: Sequence[Difference],
     read: Callable[[Path], Reading],
+    deadline: Deadline,
 ) -> Explanation:
     """Attributes the torque difference of B to its static differences and proves it.
 
@@ -48,8 +57,8 @@ def explained(
     """
     a, b = readings
     files = Files(_beside(paths[0], a), _beside(paths[1], b))
-    attribution = attribute(torques, b, differences, hypotheses(differences, b, files))
-    if not attribution.steps:
+    attribution = attribute(torques, b, differences, hypotheses(differences, b, files), deadline)
+    if not attribution.steps or deadline.over(PROOF):
         return Explanation(attribution, None)
     return Explanation(attribution, proved(torques, b, attribution.changes, paths, read))
 

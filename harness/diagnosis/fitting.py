@@ -15,12 +15,14 @@ from screwgauge.diagnosis.change import Change, applied
 from screwgauge.diagnosis.dynamics import inverse_dynamics
 from screwgauge.diagnosis.hypotheses import word
 from screwgauge.diagnosis.lines import axis
-from screwgauge.diagnosis.regressor import PASSIVE, TENSOR
 from screwgauge.diagnosis.tree import States, plant
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad
 
+#: Entries of an inertia tensor, in the order of their steps; entries of joints that are one number each.
+TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
 STEP = 1e-6
 #: Fits that are refined, and by how many steps of Gauss and Newton at most.

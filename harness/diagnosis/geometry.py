@@ -14,6 +14,7 @@ import numpy as np
 
 from screwgauge.diagnosis.change import Change, applied, moved, outwards
 from screwgauge.diagnosis.common import Common, owned
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.lines import apart, axis, size
 from screwgauge.diagnosis.reshape import rehomed
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
@@ -44,11 +45,13 @@ class Deviation:
     change: Change
 
 
-def deviations(common: Common) -> tuple[list[Deviation], Common]:
-    """All of them, from the ground outwards, and both models where they are put right."""
+def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Common]:
+    """All of them, from the ground outwards, and both models where they are put right; as far as there is time."""
     found: list[Deviation] = []
     length = size(common.a)
     for name in _outwards(common.a):
+        if deadline.over(f"place of {name}"):
+            continue
         for what, value, amount in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
             found.append(Deviation(name, what, change.value, amount, owned(common, change)))

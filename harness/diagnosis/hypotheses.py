@@ -34,7 +34,7 @@ def hypotheses(differences: Sequence[Difference], b: Reading, files: Files | Non
         own = {i: change for i, (d, change) in real.items() if change.item == body and d.what in INERTIAL}
         found += _of_body(own, b, body, files)
     for i, (difference, change) in real.items():
-        if difference.what not in INERTIAL:
+        if difference.what not in (*INERTIAL, "softness"):  # which is no part of the open tree
             found.append(_single(i, difference, change, b, files))
         if difference.what == "gravity":
             found += _base(i, change, b, files)

@@ -9,6 +9,7 @@ from itertools import combinations
 from screwgauge.diagnosis.branches import missing
 from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.mapping import Pairing, paired
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.static import differences, sorted_by_size
@@ -17,6 +18,7 @@ from screwgauge.diagnosis.words import with_sides
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.wording import first_few
 
 _NAMED = 4
 
@@ -66,11 +68,13 @@ class Matrix:
     sentences: tuple[str, ...]
 
 
-def matrix_of(a: Model, b: Model, given: Mapping[str, str] | None, seed: int, load: Read) -> Matrix:
+def matrix_of(a: Model, b: Model, given: Mapping[str, str] | None, seed: int, load: Read, deadline: Deadline) -> Matrix:
     """Reads both files by all libraries that read their formats."""
     cells, models = list[Cell](), dict[tuple[str, str], Model]()
     for side, model in (("A", a), ("B", b)):
         for library in _libraries(model):
+            if deadline.over(f"reading of {side} by {library}"):
+                continue
             try:
                 one = model if library == model.library else _read(model, library, load)
             except ScrewgaugeError as error:
@@ -78,9 +82,15 @@ def matrix_of(a: Model, b: Model, given: Mapping[str, str] | None, seed: int, lo
                 continue
             models[side, library] = one
             cells.append(_cell(side, one))
-    pairs = tuple(_between(models, keys, given) for keys in combinations(models, 2))
+    pairs = tuple(
+        _between(models, keys, given, deadline)
+        for keys in combinations(models, 2)
+        if not deadline.over(f"{' by '.join(keys[0])} beside {' by '.join(keys[1])}")
+    )
     seen = tuple(
-        replace(witness, side=side) for (side, _), model in models.items() for witness in witnesses([model], seed)
+        replace(witness, side=side)
+        for (side, _), model in models.items()
+        for witness in witnesses([model], seed, deadline)
     )
     trees = {key: _roots(model) for key, model in models.items()}
     return Matrix(tuple(cells), pairs, seen, tuple(_sentences(cells, pairs, seen, trees)))
@@ -112,22 +122,25 @@ def _between(
     models: Mapping[tuple[str, str], Model],
     keys: tuple[tuple[str, str], tuple[str, str]],
     given: Mapping[str, str] | None,
+    deadline: Deadline,
 ) -> Between:
     first, second = keys
     one, two = models[first].reading, models[second].reading
     # names of A are given with those of B; the other way round they are the same file's
     pairing = paired(one, two, given if first[0] != second[0] else None)
-    said = [each.sentence for each in differences_between(one, two, pairing)]
+    said = [each.sentence for each in differences_between(one, two, pairing, deadline)]
     kind = "loader" if first[0] == second[0] else "model" if first[1] == second[1] else "both"
     if kind == "loader":
         said = [with_sides(sentence, f"as {first[1]} reads it", f"as {second[1]} reads it") for sentence in said]
     return Between(first, second, kind, tuple(said))
 
 
-def differences_between(one: Reading, two: Reading, pairing: Pairing) -> list[Difference]:
+def differences_between(
+    one: Reading, two: Reading, pairing: Pairing, deadline: Deadline | None = None
+) -> list[Difference]:
     """What two readings say otherwise: what one of them has not, then the largest first."""
     found = [*missing(one, two, pairing)]
-    return found + sorted_by_size(differences(brought(one, two, pairing))[0]) if pairing.joints else found
+    return found + sorted_by_size(differences(brought(one, two, pairing), deadline)[0]) if pairing.joints else found
 
 
 def _sentences(
@@ -141,9 +154,8 @@ def _sentences(
         yield from _loaders(side, [cell for cell in cells if cell.side == side and not cell.refused], pairs, trees)
     for pair in pairs:
         if pair.kind == "model":
-            what = "; ".join(pair.differences[:_NAMED]) or "nothing differs"
-            more = f"; and {len(pair.differences) - _NAMED} more" if len(pair.differences) > _NAMED else ""
-            yield f"The two files, both read by {pair.first[1]}: {what}{more}."
+            what = first_few(pair.differences, _NAMED, "; ") or "nothing differs"
+            yield f"The two files, both read by {pair.first[1]}: {what}."
     for witness in seen:
         if not witness.agrees:
             what = witness.failed or f"computes otherwise than it reads ({max(witness.scaled.values()):.2g})"
@@ -169,8 +181,8 @@ def _loaders(
             )
     for pair in own:
         if pair.differences:
-            more = f"; and {len(pair.differences) - _NAMED} more" if len(pair.differences) > _NAMED else ""
-            yield f"{side} by {pair.first[1]} and by {pair.second[1]}: {'; '.join(pair.differences[:_NAMED])}{more}."
+            what = first_few(pair.differences, _NAMED, "; ")
+            yield f"{side} by {pair.first[1]} and by {pair.second[1]}: {what}."
 
 
 def _trees(kept: Sequence[str], full: Sequence[str]) -> str:

@@ -24,9 +24,11 @@ CASES = {
 }
 
 
-def notes(a: Model, b: Model, common: Common, seen: Sequence[Witness], seed: int) -> tuple[str, ...]:
+def notes(
+    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int
+) -> tuple[str, ...]:
     """All of them, a sentence each."""
-    said = []
+    said, (a, b) = [of_loops] * bool(of_loops), models
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")

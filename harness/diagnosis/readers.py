@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.asked import answers
-from screwgauge.diagnosis.common import STANDARD, states_of_b, velocity_map
+from screwgauge.diagnosis.common import STANDARD, counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.mapping import paired
 from screwgauge.diagnosis.matrix import differences_between
-from screwgauge.diagnosis.reshape import ordered
 from screwgauge.diagnosis.tree import draw, plant
 from screwgauge.diagnosis.words import with_sides
 from screwgauge.engines.plain import Answers
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 
@@ -79,10 +77,9 @@ def _torques(
     path, floating = file
     a, states = plant(one), draw(one, STATES, seed)
     first = answers(path, one.library, a, states, floating=floating)
-    # B has the order and the names of A's joints, and is asked by its own names
-    b = ordered(renamed(two, {"joints": {other: name for name, other in joints.items()}}), one.joints)
-    theirs, C = states_of_b(a, plant(b), states), velocity_map(a, plant(b))
-    second = answers(path, two.library, plant(renamed(b, {"joints": joints})), theirs, floating=floating)
+    b, own = (plant(each) for each in counterpart(one, two, joints))
+    theirs, C = states_of_b(a, b, states), velocity_map(a, b)
+    second = answers(path, two.library, own, theirs, floating=floating)
     rigid = _rigid(first, states.qdd), _rigid(second, theirs.qdd) @ C
     return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.change import PROPERTIES, Difference, Kind
 from screwgauge.diagnosis.common import Common
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.dynamics import downwards
 from screwgauge.diagnosis.geometry import ROUNDING, Deviation, deviations
 from screwgauge.diagnosis.lines import CLOSE, size
@@ -25,10 +26,13 @@ ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
 BOUNDLESS = 100.0
 
 
-def differences(common: Common) -> tuple[list[Difference], Common]:
+def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[Difference], Common]:
     """All of them, those of geometry first; and both models where B's geometry and counting are put right."""
-    found, right = deviations(common)
+    deadline = deadline or Deadline()
+    found, right = deviations(common, deadline)
     out = [_deviation(common, deviation) for deviation in found]
+    if deadline.over("all that bodies, joints and loops say beside their places"):
+        return out, right
     out += _model(right)
     for name in right.a.joints:
         out += _joint(right, name)

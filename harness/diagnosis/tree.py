@@ -38,6 +38,10 @@ class States:
     qd: Array
     qdd: Array
 
+    def at(self, which: slice) -> States:
+        """Some of them."""
+        return States(self.q[which], self.qd[which], self.qdd[which])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
@@ -99,10 +103,10 @@ def plant(reading: Reading) -> Tree:
         chain[name] = [*chain.get(body.near, ()), *(number[joint] for joint in body.joints)]
         prior |= dict(zip(chain[name], [-1, *chain[name]], strict=False))
     moves, before = np.zeros((len(bodies), len(joints))), np.zeros((len(joints), len(joints)))
-    for row, line in zip(moves, chain.values(), strict=True):
+    for row, line, body in zip(moves, chain.values(), bodies, strict=True):
         row[line] = 1.0
-        for k, i in enumerate(line):
-            before[i, line[:k]] = 1.0
+        for k in range(len(line) - len(body.joints), len(line)):
+            before[line[k], line[:k]] = 1.0
     wide = np.repeat(np.arange(len(joints)), [FREEDOMS[joint.kind] for joint in joints])
     single = [i for i, joint in enumerate(joints) if FREEDOMS[joint.kind] == 1]
     return Tree(
@@ -195,6 +199,30 @@ def rotations(quaternions: Array) -> Array:
     """Rotation matrices of unit quaternions (w, x, y, z). Shape (n, 4) -> (n, 3, 3)."""
     w, K = quaternions[:, :1, None], skew(quaternions[:, 1:])
     return np.eye(3) + 2.0 * (w * K + K @ K)
+
+
+def moved(tree: Tree, q: Array, step: Array) -> Array:
+    """Coordinates after each joint has gone a way along its velocities.
+
+    Args:
+        step: [rad or m]. Shape (n, n_freedom).
+    """
+    out = q.copy()
+    for name, place in tree.places.items():
+        part = step[:, tree.freedoms[name]]
+        if part.shape[1] == 1:
+            out[:, place] += part
+            continue
+        w, turn = q[:, place][:, -4:], part[:, :3]
+        half = 0.5 * np.linalg.norm(turn, axis=1, keepdims=True)
+        v = 0.5 * turn * np.sinc(half / np.pi)
+        real = w[:, :1] * np.cos(half) - np.sum(w[:, 1:] * v, axis=1, keepdims=True)
+        out[:, place.stop - 4 : place.stop] = np.hstack(
+            [real, w[:, :1] * v + np.cos(half) * w[:, 1:] + cross(w[:, 1:], v)]
+        )
+        if part.shape[1] == 6:
+            out[:, place.start : place.start + 3] += (rotations(w) @ part[:, 3:, None])[..., 0]
+    return out
 
 
 def move(tree: Tree, states: States) -> Motion:

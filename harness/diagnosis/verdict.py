@@ -7,36 +7,82 @@ from collections.abc import Iterable, Sequence
 from screwgauge.diagnosis.attribution import Attribution, Largest
 from screwgauge.diagnosis.backfill import Backfill
 from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.explain import Explanation
+from screwgauge.diagnosis.growth import Growth
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
+from screwgauge.diagnosis.loops import Loops
 from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.static import sorted_by_size
 from screwgauge.diagnosis.witness import Witness
+from screwgauge.reference.wording import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
-CLOSING = {"closure", "first_frame", "second_frame", "softness", "coupling", "polynomial", "leading joint"}
+BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
+CLOSING = {*BINDING, "softness"}
 _NAMED = 3
 
 
 def verdict(
     models: tuple[Model, Model],
     found: Sequence[Difference],
-    why: Attribution,
-    proof: Backfill | None,
+    why: Explanation,
     seen: Iterable[Witness],
+    bound: Loops | None = None,
+    *,
+    late: bool = False,
 ) -> str:
-    """What differs, what it explains, and what is left."""
-    said = [_differs(found, why, proof) if found or why.before.scaled > SAME else _same(models, why)]
+    """What differs, what it explains, and what is left.
+
+    Args:
+        bound: What loops leave.
+        late: There was no time for some of it.
+    """
+    cause, proof, grown = why.attribution, why.proof, why.growth
+    if found or cause.before.scaled > SAME:
+        said = [_differs(found, cause, proof, "there was no time to explain" if late else _unexplained(grown))]
+    else:
+        said = ["Nothing differs in what was compared." if late else _same(models, cause)]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
         said += unused(models, found)
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
+    said += [_soft(why.soft)] if why.soft else []
+    said += _bound(found, bound) if bound else []
     said += [_witness(witness) for witness in seen if not witness.agrees]
     return " ".join(said)
+
+
+def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
+    """What loops leave, where that differs, or where the same is said otherwise."""
+    a, b = bound.mobility
+    if a != b:
+        return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
+    if not bound.alike:
+        return [f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})."]
+    if any(each.what in BINDING for each in found):
+        return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
+    return []
+
+
+def _soft(soft: Attribution) -> str:
+    """What softness changes, all else being equal."""
+    if soft.before.scaled <= SAME:
+        return "Near closed states, too, forces of soft equalities are the same."
+    names = [step.hypothesis.name for step in soft.steps]
+    verb = f"explain{'s' * (len(names) == 1)} {_percent(soft.share)} of that"
+    left = f"after backfill {_largest(soft.left)} are left"
+    why = f"{first_few(names, _NAMED)} {verb}; {left}" if names else "their softness does not explain it"
+    return f"Near closed states forces of soft equalities differ by {_largest(soft.before)}; {why}."
+
+
+def stopped(limit: float, left_out: Sequence[str]) -> str:
+    """Of a diagnosis that met its time limit."""
+    return f"Stopped after {limit:g} s (--limit), without: {first_few(left_out, _NAMED)}."
 
 
 def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
@@ -57,12 +103,16 @@ def _same(models: tuple[Model, Model], why: Attribution) -> str:
     return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
 
 
-def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None) -> str:
+def _unexplained(grown: Growth | None) -> str:
+    return f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
+
+
+def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, unexplained: str) -> str:
     if why.before.scaled <= SAME:
         return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled)}."
     if not why.steps:
         rest = f" {_listed(_largest_first(found))}." if found else ""
-        return f"Torques differ by {_largest(why.before)}, which nothing that the two say explains.{rest}"
+        return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
     # of many causes those that explain the most come first
     many = len(numbers) > _NAMED
@@ -108,7 +158,7 @@ def _left(why: Attribution, proof: Backfill | None) -> str:
     left = why.left if proof is None else proof.left
     if left.scaled == float("inf"):
         return "after backfill there are no torques to compare"
-    where = "" if proof is None or proof.on == "file" else " of the reading"
+    where = "" if proof is not None and proof.on == "file" else " of the reading"
     return f"after backfill{where} {_largest(left)} are left"
 
 
@@ -126,8 +176,7 @@ def _percent(share: float) -> str:
 
 
 def _listed(sentences: Sequence[str]) -> str:
-    more = len(sentences) - _NAMED
-    return "; ".join(sentences[:_NAMED]) + (f"; and {more} more" if more > 0 else "")
+    return first_few(sentences, _NAMED, "; ")
 
 
 def _witness(witness: Witness) -> str:
@@ -141,7 +190,9 @@ def _witness(witness: Witness) -> str:
 
 
 def _looks(witness: Witness) -> str:
-    """What the torques of an engine look like, if one cause explains more than half of their difference."""
+    """What the difference of an engine looks like: how it grows, or one cause that explains more than half of it."""
+    if witness.growth:
+        return f" ({witness.growth.sentence})"
     if not witness.fits or witness.fits[0][1] < 0.5:
         return ""
     names = [name for name, _ in witness.fits]

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.asked import ASKED, answers, apart
+from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
 from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.fitting import fitted
+from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import States, Tree, draw, plant
 from screwgauge.engines.plain import Answers
@@ -33,6 +35,7 @@ class Witness:
         failed: Why it could not say; empty if it did.
         fits: What the model would have to say otherwise for torques like the library's, and the share of their
             difference that this explains; the best, and those that cannot be told from it.
+        growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
 
     side: str
@@ -42,6 +45,7 @@ class Witness:
     adds: tuple[str, ...] = ()
     failed: str = ""
     fits: tuple[tuple[str, float], ...] = ()
+    growth: Growth | None = None
 
     @property
     def agrees(self) -> bool:
@@ -49,20 +53,20 @@ class Witness:
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
-def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
+def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[Witness]:
     """Each library that has dynamics, on what it has read."""
     for side, model in zip("AB", models, strict=False):
-        if model.library not in ASKED or model.file is None:
+        if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
         reading = model.reading
         tree = plant(replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity))
         states = draw(reading, STATES, seed)
         try:
-            said = answers(model.file, model.library, tree, states, floating=model.floating)
+            said, found = _asked(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
             yield Witness(side, model.library, {}, failed=str(error))
             continue
-        found = {name: off / scale if scale else off for name, (off, scale) in apart(said, tree, states).items()}
+        scaled = {name: pair.scaled for name, pair in found.items()}
         acts = {"armature", "damping", "friction", "stiffness"} & {
             entry
             for joint in reading.joints.values()
@@ -71,7 +75,24 @@ def witnesses(models: Sequence[Model], seed: int) -> Iterator[Witness]:
         }
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & said.covers))
-        yield Witness(side, model.library, found, omits, adds, fits=_fits(tree, states, said, found.get("tau", 0.0)))
+        worst = max(scaled, key=lambda name: scaled[name])
+        differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
+        grown = _grown(model, tree, states, worst) if differs else None
+        fits = _fits(tree, states, said, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
+        yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
+
+
+def _asked(model: Model, tree: Tree, states: States) -> tuple[Answers, dict[str, Pair]]:
+    assert model.file is not None
+    said = answers(model.file, model.library, tree, states, floating=model.floating)
+    loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
+    return said, {**pairs(said, tree, states), **loops}
+
+
+def _grown(model: Model, tree: Tree, states: States, name: str) -> Growth | None:
+    """How the difference of a quantity grows with speed."""
+    found = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
+    return growth([each.said for each in found], [each.ours for each in found])
 
 
 def _fits(tree: Tree, states: States, said: Answers, off: float) -> tuple[tuple[str, float], ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from screwgauge.quantities import digits
+from screwgauge.reference.wording import first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
@@ -73,9 +74,8 @@ def _difference(results: Comparison, *, beside: bool) -> str:
 
 def _otherwise(results: Comparison, row: Row) -> str:
     """What the models of the two engines say otherwise than the description."""
-    said = [text for name in (row["a"], row["b"]) for text in results.solutions[name].otherwise]
-    more = f"; and {len(said) - DOUBTS} more" if len(said) > DOUBTS else ""
-    return f" The models differ, too: {'; '.join(dict.fromkeys(said[:DOUBTS]))}{more}." if said else ""
+    said = dict.fromkeys(text for name in (row["a"], row["b"]) for text in results.solutions[name].otherwise)
+    return f" The models differ, too: {first_few(said, DOUBTS, '; ')}." if said else ""
 
 
 def _fault(results: Comparison) -> str:

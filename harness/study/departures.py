@@ -16,6 +16,7 @@ from screwgauge.models.expected import expected_reading
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.wording import first_few
 from screwgauge.scene.scene import Scene
 
 #: What an engine of this package makes of something beyond the description, by its kind.
@@ -65,7 +66,7 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
         found.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
     for fate in sorted(found, key=[*_FATE.values(), _NOT_KNOWN].index):
-        things = (f"{what}{whose[0]}{_others(len(whose) - 1)}" for what, whose in found[fate].items())
+        things = (f"{what}{first_few(whose, 1)}" for what, whose in found[fate].items())
         yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
 
 
@@ -89,8 +90,4 @@ def _otherwise(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator
 
 def _listed(things: Iterable[str]) -> str:
     named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
-    return f"{', '.join(named[:_NAMED])}{_others(len(named) - _NAMED)}"
-
-
-def _others(n: int) -> str:
-    return f" and {n} more" if n > 0 else ""
+    return first_few(named, _NAMED)

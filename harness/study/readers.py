@@ -13,6 +13,7 @@ from screwgauge.diagnosis.readers import compared
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits
 from screwgauge.study.imports import Public
@@ -102,10 +103,5 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
         couplings=len(reading.couplings),
         torque=torque,
         rigid=rigid,
-        cause=_listed([*dropped, *causes]),
+        cause=first_few([*dropped, *causes], NAMED, "; "),
     )
-
-
-def _listed(causes: Sequence[str]) -> str:
-    more = len(causes) - NAMED
-    return "; ".join(causes[:NAMED]) + (f"; and {more} more" if more > 0 else "")

@@ -12,6 +12,7 @@ from screwgauge.models.importing.motion import State, at_home, moved_home
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import first_few
 
 #: Starts beside home, and how far they lie from it at most [rad or lengths of the model].
 STARTS, FARTHEST = 40, np.pi
@@ -83,8 +84,7 @@ def _beyond(loops: Loops, state: State) -> list[str]:
 
 def some(phrases: Sequence[str]) -> str:
     """The first of some phrases, and how many more there are."""
-    more = f" and {len(phrases) - SHOWN} more" if len(phrases) > SHOWN else ""
-    return ", ".join(phrases[:SHOWN]) + more
+    return first_few(phrases, SHOWN)
 
 
 def _outside(joint: JointReading, value: float | None) -> bool:

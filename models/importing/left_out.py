@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.wording import first_few
 
 #: How many names a phrase lists.
 SHOWN = 6
@@ -43,6 +44,4 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
 
 def listed(names: Iterable[str]) -> str:
     """The first names, and how many more there are."""
-    names = list(names)
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(f"'{name}'" for name in names[:SHOWN]) + more
+    return first_few((f"'{name}'" for name in names), SHOWN)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from screwgauge.models.elements import beyond_reading
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
+from screwgauge.reference.wording import first_few
 
 #: Things of a kind that are named; the others are counted.
 _NAMED = 3
@@ -28,12 +29,7 @@ def _whose(owners: list[str]) -> str:
     """`` of joint a, b, c and 9 more``, from `` of joint a``, `` of joint b`` ..."""
     owners = list(dict.fromkeys(owners))
     kind = owners[0].rpartition(" ")[0]
-    return _listed([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])])
-
-
-def _listed(things: list[str]) -> str:
-    rest = len(things) - _NAMED
-    return ", ".join(things[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
 
 
 def _dropped(source: Source, reading: Reading) -> list[str]:
@@ -47,5 +43,5 @@ def _dropped(source: Source, reading: Reading) -> list[str]:
     ):
         names = [name for name in source.names(what) if name not in known]
         if names:
-            said.append(f"{what} {_listed(names)}, which {reading.library} drops")
+            said.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
     return said

@@ -2,36 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from screwgauge.engines.plain import Answers, Carried, JointStates, carried
+from screwgauge.engines.plain import Answers, Carried, Closing, JointStates, carried
 from screwgauge.models.readings.mujoco import heard, loaded
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
+_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_KINDS = [int(kind) for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT)]
 COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 
 
 def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
     """See `plain.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
     with heard():
-        model = loaded(prepare(path, floating=floating))
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        for entry in ("stiffness", "damping", "armature"):  # tendons are in no reading, which says that it ignores them
-            getattr(model, f"tendon_{entry}")[:] = 0.0
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
+        model, data, states = _begun(path, joints, floating, ("CONSTRAINT",))
         numbers = [model.body(name).id for name in bodies]
-        n = len(next(iter(joints.values())).q)
-        found = [_sample(model, data, numbers, _state(model, joints, motions, k)) for k in range(n)]
+        found = [_sample(model, data, numbers, state) for state in states]
     tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
     return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
+
+
+def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> Closing:
+    """See `plain.Closing`: of equalities of bodies and joints, all other constraints off."""
+    with heard():
+        model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        found = [_closing(model, data, state) for state in states]
+    return Closing(*(np.array(each) for each in zip(*found, strict=True)))
+
+
+def _begun(
+    path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str]
+) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
+    """Model and data with some things off, and its states, see `_state`."""
+    model = loaded(prepare(path, floating=floating))
+    for name in off:
+        model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
+    for entry in ("stiffness", "damping", "armature"):  # tendons are in no reading, which says that it ignores them
+        getattr(model, f"tendon_{entry}")[:] = 0.0
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
+    n = len(next(iter(joints.values())).q)
+    return model, data, (_state(model, joints, motions, k) for k in range(n))
+
+
+def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ...]:
+    q, v, a, B, qdd = state
+    _inverse(model, data, (q, np.zeros(model.nv), a))
+    rest = data.efc_aref.copy()
+    _inverse(model, data, (q, v, a))
+    own = (data.efc_type == _EQUALITY) & np.isin(model.eq_type[data.efc_id % max(model.neq, 1)], _KINDS)
+    J = data.efc_J.reshape(data.nefc, model.nv)[own]
+    # what the axes of a free joint's velocities gain by turning is of the velocities
+    return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd), data.qfrc_constraint @ B
 
 
 def _carried(model: Any, data: Any, name: str, states: JointStates) -> Carried:

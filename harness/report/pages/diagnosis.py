@@ -42,6 +42,8 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
     blocks: list[Block] = [Heading(f"{_name(found.a)} and {_name(found.b)}", 1), _banner(found)]
     if found.notes:
         blocks.append(Items(found.notes))
+    if found.left_out:
+        blocks += [Paragraph("There was no time for:"), Items(found.left_out)]
     if found.differences:
         blocks += [Heading("What they say otherwise"), folded("All", _differences(sorted_by_size(found.differences)))]
     if found.rows:
@@ -49,6 +51,7 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
         blocks += [Heading("How they move"), Paragraph(lead), _rows(found), *pictures]
     if found.attribution and found.attribution.ranking:
         blocks += [Heading("What explains the torque difference"), *_explained(found.attribution), *_proof(found)]
+        blocks += [Paragraph(f"Of the torque difference, {found.growth.sentence}.")] if found.growth else []
     blocks += [Heading("What the libraries compute"), *_witnesses(found)]
     if found.matrix:
         blocks += [Heading("All readings"), *_matrix(found.matrix)]
@@ -78,21 +81,15 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
         "differences": [_difference(each) for each in found.differences],
         "dynamics": [asdict(row) for row in found.rows],
-        "attribution": why
-        and {
-            "before": asdict(why.before),
-            "left": asdict(why.left),
-            "share": why.share,
-            "steps": [
-                {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
-                for step in why.steps
-            ],
-            "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
-        },
+        "loops": found.loops and asdict(found.loops),
+        "growth": found.growth and asdict(found.growth),
+        "attribution": why and _attribution(why),
+        "soft_equalities": found.soft and _attribution(found.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries": [asdict(witness) for witness in found.witnesses],
         "matrix": found.matrix and asdict(found.matrix),
         "notes": found.notes,
+        "left_out": found.left_out,
     }
 
 
@@ -106,6 +103,8 @@ def write(found: Diagnosis, out: Path) -> Path:
 
 
 def _banner(found: Diagnosis) -> Banner:
+    if found.left_out:
+        return Banner(found.verdict, "✗ STOPPED", "failed")
     if found.exit_status == 3:
         return Banner(found.verdict, "✗ FAILED", "failed")
     return Banner(found.verdict, "✓ SAME", "agree") if found.same else Banner(found.verdict, "✗ DIFFER", "differ")
@@ -207,6 +206,19 @@ def _facts(model: Model) -> dict[str, Any]:
         "bodies": len(model.reading.bodies),
         "mass": model.reading.mass,
         "ignored": model.reading.ignored,
+    }
+
+
+def _attribution(why: Attribution) -> dict[str, Any]:
+    return {
+        "before": asdict(why.before),
+        "left": asdict(why.left),
+        "share": why.share,
+        "steps": [
+            {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
+            for step in why.steps
+        ],
+        "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
     }
 
 

@@ -1,5 +1,6 @@
-"""What inverse dynamics is linear in: ten inertial parameters of each body, the passive entries of joints, gravity.
+"""What inverse dynamics is linear in, by other formulas than those of the package.
 
+Ten inertial parameters of each body, the passive entries of joints, gravity.
 Columns times parameters are forces along the velocities of `reading.FREEDOMS`.
 """
 
@@ -8,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.diagnosis.dynamics import deflection, downwards, rotor_acceleration
+from screwgauge.diagnosis.fitting import TENSOR
 from screwgauge.diagnosis.tree import Motion, States, Tree
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import acceleration_at, velocity_at
 
-#: Entries of the inertia about the body's origin, in the order of its parameters.
-TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 PARAMETERS = 10
-PASSIVE = ("armature", "damping", "friction", "stiffness")
 
 
 def parameters(mass: Array, com: Array, inertia: Array) -> Array:
@@ -33,18 +32,6 @@ def parameters(mass: Array, com: Array, inertia: Array) -> Array:
     I = inertia - mass[..., None, None] * (C @ C)
     first = mass[..., None] * com
     return np.concatenate([mass[..., None], first, np.stack([I[..., i, j] for i, j in TENSOR], axis=-1)], axis=-1)
-
-
-def bodies_of(values: Array) -> tuple[Array, Array, Array]:
-    """Mass, centre of mass and inertia about it of `parameters`; of a body without mass the centre is the origin."""
-    mass = values[..., 0]
-    safe = np.where(mass == 0.0, 1.0, mass)
-    com = np.where(mass[..., None] == 0.0, 0.0, values[..., 1:4] / safe[..., None])
-    I = np.empty((*mass.shape, 3, 3))
-    for k, (i, j) in enumerate(TENSOR):
-        I[..., i, j] = I[..., j, i] = values[..., 4 + k]
-    C = skew(com)
-    return mass, com, I + mass[..., None, None] * (C @ C)
 
 
 def inertial_regressor(tree: Tree, motion: Motion) -> Array:
@@ -83,7 +70,7 @@ def _tensor(w: Array) -> Array:
 
 
 def passive_regressor(tree: Tree, states: States) -> dict[str, Array]:
-    """Forces of unit entries, by `PASSIVE`: of each velocity's own joint alone. Shape (n, n_freedom) each."""
+    """Forces of unit entries, by entry: of each velocity's own joint alone. Shape (n, n_freedom) each."""
     return {
         "armature": rotor_acceleration(tree, states),
         "damping": states.qd,

@@ -1,0 +1,45 @@
+"""The time that a diagnosis may take: when it is over, what is there is reported, and what is not by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import monotonic
+
+from screwgauge.reference.errors import DescriptionError
+
+#: Of a diagnosis, by default [s]: one of the largest public robots takes a minute.
+LIMIT = 3600.0
+
+
+@dataclass(slots=True, eq=False)
+class Deadline:
+    """Asked before each piece of work whether there is time for it.
+
+    Attributes:
+        seconds: From now on [s].
+        clock: Tells the time [s].
+        left_out: What there was no time for.
+
+    Raises:
+        DescriptionError: The time is no positive number.
+    """
+
+    seconds: float = math.inf
+    clock: Callable[[], float] = monotonic
+    left_out: list[str] = field(default_factory=list)
+    _end: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise DescriptionError(f"a limit of {self.seconds:g} s", "--limit", "give a positive number of s")
+        self._end = self.clock() + self.seconds
+
+    def over(self, work: str) -> bool:
+        """Whether there is no time for a piece of work, which is then noted."""
+        if self.clock() < self._end:
+            return False
+        if work not in self.left_out:
+            self.left_out.append(work)
+        return True

@@ -1,0 +1,102 @@
+"""A diagnosis that meets its time limit reports what is there, and names what is not."""
+
+from __future__ import annotations
+
+import json
+from itertools import count
+
+import arm
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.diagnosis import diagnose
+from screwgauge.diagnosis.deadline import Deadline
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Two arms: damping of a joint differs, and gravity."""
+    model = arm.write(tmp_path)[1]
+    other = arm.edited(model, 'damping="0.14"', 'damping="0.24"', "other.xml")
+    return model, arm.edited(other, 'gravity="0 0 -9.81"', 'gravity="0 0 -9.8"', "other.xml")
+
+
+def stopping(monkeypatch, work):
+    """Time is over when a piece of work is asked for."""
+
+    def deadline(limit):
+        late = []
+
+        class Late(Deadline):
+            def over(self, what):
+                late.extend([what] if what.startswith(work) else [])
+                self._end = -1.0 if late else self._end
+                return super().over(what)
+
+        return Late(limit)
+
+    monkeypatch.setattr(diagnose, "Deadline", deadline)
+
+
+@pytest.mark.parametrize(
+    ("work", "said", "there"),
+    [
+        ("place of joint2", "which there was no time to explain", set()),
+        ("motion at", "which there was no time to explain", {"differences"}),
+        ("hypothesis gravity", "without: hypothesis gravity, hypothesis damping", {"differences", "rows"}),
+        ("hypothesis damping", "without: hypothesis damping of joint4", {"differences", "rows", "attribution"}),
+        ("proof", "after backfill of the reading", {"differences", "rows", "attribution"}),
+        ("torques of", "after backfill", {"differences", "rows", "attribution", "proof"}),
+        ("reading of B", "after backfill", {"differences", "rows", "attribution", "proof", "witnesses"}),
+    ],
+)
+def test_what_is_there_is_reported_and_what_is_not_is_named(pair, monkeypatch, work, said, there):
+    stopping(monkeypatch, work)
+    found = screwgauge.diagnose(*pair, matrix=True)
+    assert said in found.verdict
+    assert "Stopped after 3600 s (--limit), without: " in found.verdict
+    assert found.exit_status == 3
+    assert not found.same
+    assert found.left_out[0].startswith(work)
+    has = {name for name in ("differences", "rows", "proof", "witnesses") if getattr(found, name)}
+    assert has | ({"attribution"} if found.attribution.steps else set()) == there
+
+
+def test_hypotheses_that_were_not_tried_are_named_and_no_others(pair, monkeypatch):
+    whole = screwgauge.diagnose(*pair)
+    stopping(monkeypatch, "hypothesis damping")
+    found = screwgauge.diagnose(*pair)
+    tried = {hypothesis.name for hypothesis, _ in found.attribution.ranking}
+    named = {name.removeprefix("hypothesis ") for name in found.left_out if name.startswith("hypothesis ")}
+    assert tried | named == {hypothesis.name for hypothesis, _ in whole.attribution.ranking}
+    assert not tried & named
+    assert tried
+    assert named
+
+
+def test_a_deadline_is_over_when_its_time_is():
+    ticks = count()
+    deadline = Deadline(3.0, lambda: float(next(ticks)))  # asked for the time at 0
+    assert [deadline.over(work) for work in "abcc"] == [False, False, True, True]
+    assert deadline.left_out == ["c"]
+    assert not Deadline().over("anything")
+
+
+def test_the_same_is_not_said_of_what_was_not_compared(pair, monkeypatch):
+    stopping(monkeypatch, "torques of")
+    found = screwgauge.diagnose(pair[0], pair[0])
+    assert "Nothing differs in what was compared. Stopped" in found.verdict
+    assert not found.same
+
+
+def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    assert main(["diagnose", *map(str, pair), "--limit", "1e-9", "--out", str(out)]) == 3
+    assert "STOPPED" in capsys.readouterr().out
+    assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["left_out"]
+    assert "There was no time for" in (out / "report.md").read_text(encoding="utf-8")
+    for bad in ("0", "-1", "nan"):
+        assert main(["diagnose", *map(str, pair), "--limit", bad]) == 2
+        assert "--limit" in capsys.readouterr().err

@@ -1,0 +1,148 @@
+"""Loops of two models are compared by the motions that they leave, and velocity products by their growth with speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import arm
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.diagnosis.growth import SPEEDS, growth
+from screwgauge.engines.mujoco import plain
+
+#: A planar four-bar in the x-z plane, closed at home.
+FOUR_BAR = """<mujoco><worldbody>
+<body name="crank"><joint name="a" axis="0 1 0"/><inertial pos="0 0 0.1" mass="0.5" diaginertia="2e-3 2e-3 1e-4"/>
+ <body name="coupler" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>
+ <inertial pos="0.25 0.02 0.1" mass="1.2" diaginertia="5e-3 3e-2 2.6e-2"/></body></body>
+<body name="rocker" pos="0.4 0 0"><joint name="c" axis="{axis}"/>
+ <inertial pos="0.05 0 0.2" mass="0.9" diaginertia="1.3e-2 1.3e-2 1e-3"/></body></worldbody>
+<equality>{loop}</equality></mujoco>"""
+POINT = '<connect name="{0}" body1="coupler" body2="rocker" anchor="{1} {2} 0.2"/>'
+PIN = POINT.format("d", 0.5, 0)
+#: Two angles, of which the second is a polynomial of the first.
+GEARED = """<mujoco><worldbody>
+<body><joint name="a" axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+<body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body>
+</worldbody><equality><joint joint1="b" joint2="a" polycoef="0.1 0.5 {0} 0 0"/></equality></mujoco>"""
+
+
+@pytest.fixture
+def diagnosed(tmp_path):
+    def of(*texts):
+        for name, text in zip("ab", texts, strict=True):
+            (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
+        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+
+    return of
+
+
+def four_bar(loop=PIN, axis="0 1 0"):
+    return FOUR_BAR.format(loop=loop, axis=axis)
+
+
+@pytest.mark.parametrize(
+    ("other", "mobility", "said"),
+    [
+        (four_bar(PIN + POINT.format("e", 0.5, 0.1)), 1, "stated otherwise and leave the same motions"),
+        (four_bar('<weld name="d" body1="coupler" body2="rocker"/>'), 0, "leave 1 degree of freedom in A, 0 in B"),
+        (four_bar(""), 3, "leave 1 degree of freedom in A, 3 in B"),
+        (four_bar(PIN + '<joint joint1="a"/>'), 0, "leave 1 degree of freedom in A, 0 in B"),
+        (four_bar(POINT.format("d", 0.51, 0)), 1, "The motions that loops leave differ by"),
+    ],
+)
+def test_loops_are_told_by_what_they_leave_whatever_rows_state_them(diagnosed, other, mobility, said):
+    found = diagnosed(four_bar(), other)
+    assert found.loops.mobility == (1, mobility)
+    assert found.loops.freedoms == 3
+    assert said in found.verdict
+    assert found.loops.alike == ("same motions" in said)
+    assert any(row.quantity == "motion that loops leave" for row in found.rows)
+
+
+def test_a_closure_seen_from_its_other_end_is_the_same(diagnosed):
+    found = diagnosed(four_bar(), four_bar('<connect name="d" body1="rocker" body2="coupler" anchor="0.1 0 0.4"/>'))
+    assert found.same, found.verdict
+    assert found.loops.row.max_abs <= 1e-13
+    assert "closures and couplings leave 1 of 3 degrees of freedom" in found.notes
+    scaled = found.witnesses[0].scaled
+    assert scaled["constraint Jacobian"] <= 1e-12
+    assert scaled["Jdot v"] <= 1e-12
+
+
+def test_loops_that_no_state_closes_are_said_not_to_be_compared(diagnosed):
+    far = four_bar('<connect name="d" body1="coupler" body2="world" anchor="0 0.3 0"/>')
+    apart = far.replace("<connect", '<joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/><connect')
+    found = diagnosed(apart, apart)
+    assert found.loops is None
+    assert any("no random state closes both models" in note for note in found.notes)
+
+
+def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its_growth(diagnosed):
+    curved = GEARED.format(0.7)
+    found = diagnosed(curved, curved)
+    assert "mujoco itself computes another Jdot v for A" in found.verdict
+    assert "vanishes at rest and grows with speed to the power 2.000" in found.verdict
+    assert "Jdot v of loops) are missing" in found.verdict
+    assert found.witnesses[0].growth.power == pytest.approx(2.0, abs=1e-6)
+    assert found.witnesses[0].scaled["constraint Jacobian"] <= 1e-12
+    straight = GEARED.format(0)
+    assert diagnosed(straight, straight).same
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda said, qd: -0.5 * (said.bias - said.gravity), "to the power 2.000: velocity products (Coriolis"),
+        (lambda said, qd: -0.5 * (said.bias - said.gravity), "are 0.5 times what they should be"),
+        (lambda said, qd: -(said.bias - said.gravity), "are missing"),
+        (lambda said, qd: 1e-3 * qd**2, "are wrong"),
+        (lambda said, qd: 1e-3 * qd, "to the power 1.000, as damping does"),
+        (lambda said, qd: 1e-6 * said.tau, "fits its torques best: all masses scaled"),
+    ],
+)
+def test_an_engine_whose_velocity_products_are_wrong_is_told_from_one_with_other_inertia(
+    tmp_path, monkeypatch, wrong, words
+):
+    ask = plain.ask
+
+    def faked(path, bodies, joints, floating):
+        said = ask(path, bodies, joints, floating)
+        qd = np.hstack([each.qd for each in joints.values()])
+        return replace(said, tau=said.tau + wrong(said, qd))
+
+    monkeypatch.setattr(plain, "ask", faked)
+    model = arm.write(tmp_path)[1]
+    verdict = screwgauge.diagnose(model, model).verdict
+    assert words in verdict
+    assert ("to the power" in verdict) == ("masses" not in words)
+
+
+def test_growth_is_measured_and_an_inertial_difference_has_none():
+    rng = np.random.default_rng(0)
+    M, C, qdd = rng.normal(size=(3, 4))
+
+    def torques(inertia, products):
+        return [inertia * M * qdd + products * C * speed**2 for speed in SPEEDS]
+
+    found = growth(torques(1.0, 0.3), torques(1.0, 1.0))
+    assert found.power == pytest.approx(2.0)
+    assert found.share == pytest.approx(0.3)
+    assert growth(torques(1.01, 1.01), torques(1.0, 1.0)) is None
+    assert growth(torques(1.01, 1.0), torques(1.0, 1.0)) is None
+    assert growth([np.full(4, np.nan)] * 3, torques(1.0, 1.0)) is None
+
+
+def test_of_two_models_the_growth_of_the_torque_difference_is_said_in_the_report(tmp_path):
+    model = arm.write(tmp_path)[1]
+    text = model.read_text(encoding="utf-8")
+
+    def grown(old, new):
+        arm.edited(model, old, new, "other.xml")
+        return screwgauge.diagnose(model, tmp_path / "other.xml").growth
+
+    assert 'damping="0.14"' in text
+    assert grown('damping="0.14"', 'damping="0.24"').power == pytest.approx(1.0, abs=1e-6)
+    assert grown('gravity="0 0 -9.81"', 'gravity="0 0 -9.8"') is None
