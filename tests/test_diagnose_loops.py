@@ -85,7 +85,7 @@ def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its
     found = diagnosed(curved, curved)
     assert "mujoco itself computes another Jdot v for A" in found.verdict
     assert "vanishes at rest and grows with speed to the power 2.000" in found.verdict
-    assert "Jdot v of loops) are missing" in found.verdict
+    assert "Jdot v of loops) are missing; casebook: mj-jdotv-before-3.7" in found.verdict
     assert found.witnesses[0].growth.power == pytest.approx(2.0, abs=1e-6)
     assert found.witnesses[0].scaled["constraint Jacobian"] <= 1e-12
     straight = GEARED.format(0)

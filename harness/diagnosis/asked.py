@@ -91,10 +91,13 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
-    if not len((states := closed(tree, states)).q):
+    states, fits = closed(tree, states)
+    if not fits.any():
         return {}
     said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+        return {}
     (one, _), (two, sure) = (left(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
     here, there = (
         np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None] * sure[:, None, None] for e in (said, own)

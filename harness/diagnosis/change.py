@@ -13,7 +13,7 @@ from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross, skew
 
 T = TypeVar("T")
-Owner = Literal["body", "joint", "closure", "coupling", "equality", "actuator", "model"]
+Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 Kind = Literal["model", "digits", "convention"]
 
 
@@ -36,7 +36,8 @@ class Property:
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
 #: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body.
+#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a
+#: coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": Property("body", (), "kg"),
     "com": Property("body", (3,), "m"),
@@ -57,8 +58,8 @@ PROPERTIES: dict[str, Property] = {
     "branch": Property("joint", (), "1"),
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
+    "softness": Property("closure", (-1,), "1"),
     "polynomial": Property("coupling", (-1,), "1"),
-    "softness": Property("equality", (-1,), "1"),
     "gear": Property("actuator", (), "1"),
     "gravity": Property("model", (3,), "m/s^2"),
     "medium": Property("model", (2,), "kg/m^3, Pa s"),
@@ -137,6 +138,11 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
     return bodies, joints
 
 
+def axis(joint: JointReading) -> Array:
+    """Direction of a hinge or slide. Shape (3,)."""
+    return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
+
+
 def moved(joint: JointReading, T: Array) -> JointReading:
     """A joint displaced in the world.
 
@@ -148,15 +154,10 @@ def moved(joint: JointReading, T: Array) -> JointReading:
     return replace(joint, screw=np.concatenate([w, v + skew(p) @ w]), centre=R @ joint.centre + p)
 
 
-def turned(joint: JointReading, axis: Array, centre: Array) -> JointReading:
+def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
     """A hinge or slide on another axis. Shape (3,) both."""
-    if joint.kind == "slide":
-        screw = np.concatenate([np.zeros(3), axis])
-    elif joint.kind == "hinge":
-        screw = np.concatenate([axis, cross(centre, axis)])
-    else:
-        screw = joint.screw
-    return replace(joint, screw=screw, centre=centre)
+    parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
+    return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
 
 def _with(item: T, entry: str, value: Any) -> T:
@@ -184,8 +185,7 @@ def _of_joint(reading: Reading, change: Change) -> Reading:
     elif change.what == "sign":
         return reading if change.value > 0 else _reversed(reading, change.item)
     else:
-        axis = joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
-        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis, change.value)))
+        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis(joint), change.value)))
     return replace(reading, joints={**reading.joints, change.item: new})
 
 
@@ -231,22 +231,17 @@ def without(reading: Reading, joint: str) -> Reading:
 
 
 def _of_closure(reading: Reading, change: Change) -> Reading:
+    value: Any = tuple(change.value.tolist()) if change.what == "softness" else change.value
+    if change.what == "softness" and change.item in reading.couplings:
+        coupling = replace(reading.couplings[change.item], softness=value)
+        return replace(reading, couplings={**reading.couplings, change.item: coupling})
     closure = _item(reading.closures, "closure", change)
-    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, change.value)})
+    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, value)})
 
 
 def _of_coupling(reading: Reading, change: Change) -> Reading:
     coupling = _item(reading.couplings, "coupling", change)
     return replace(reading, couplings={**reading.couplings, change.item: replace(coupling, polynomial=change.value)})
-
-
-def _of_equality(reading: Reading, change: Change) -> Reading:
-    """Of a closure or a coupling."""
-    _item({**reading.closures, **reading.couplings}, "closure", change)
-    kind = "closures" if change.item in reading.closures else "couplings"
-    items = getattr(reading, kind)
-    soft = _with(items[change.item], "softness", tuple(change.value.tolist()))
-    return replace(reading, **{kind: {**items, change.item: soft}})
 
 
 def _of_actuator(reading: Reading, change: Change) -> Reading:
@@ -271,7 +266,6 @@ _APPLY: dict[Owner, Callable[[Reading, Change], Reading]] = {
     "joint": _of_joint,
     "closure": _of_closure,
     "coupling": _of_coupling,
-    "equality": _of_equality,
     "actuator": _of_actuator,
     "model": _of_model,
 }

@@ -5,7 +5,7 @@ Which rows state a loop is a choice (a weld, three points, another order); what 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -74,8 +74,12 @@ def _acceleration(tree: Tree, motion: Motion, name: str) -> Array:
     return out
 
 
-def closed(tree: Tree, states: States) -> States:
-    """The states whose loops close, closed by Newton's method, with velocities and accelerations that keep them so."""
+def closed(tree: Tree, states: States) -> tuple[States, Array]:
+    """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
+
+    Returns:
+        The states that could be closed; and which they are, shape (n,).
+    """
     q, zero = states.q, np.zeros_like(states.qd)
     for _ in range(STEPS):
         at = equations(tree, States(q, zero, zero))
@@ -84,12 +88,12 @@ def closed(tree: Tree, states: States) -> States:
         step = -(np.linalg.pinv(at.rows, rcond=DEPENDENT) @ at.gap[..., None])[..., 0]
         q = moved(tree, q, step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
     fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED
-    q, qd, qdd = q[fits], states.qd[fits], states.qdd[fits]
-    rows = equations(tree, States(q, qd, qdd)).rows
+    there = States(q, states.qd, states.qdd).at(fits)
+    rows = equations(tree, there).rows
     back = np.linalg.pinv(rows, rcond=DEPENDENT)
-    qd = qd - (back @ (rows @ qd[..., None]))[..., 0]
-    bias = equations(tree, States(q, qd, qdd)).bias
-    return States(q, qd, qdd - (back @ (rows @ qdd[..., None] + bias[..., None]))[..., 0])
+    there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
+    rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]
+    return replace(there, qdd=there.qdd - (back @ rest)[..., 0]), fits
 
 
 def left(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:

@@ -24,7 +24,6 @@ _KINDS = {
     "joint": "joints",
     "closure": "closures",
     "coupling": "couplings",
-    "equality": "equalities",
     "actuator": "actuators",
     "model": "",
 }
@@ -38,8 +37,7 @@ class Common:
 
     Attributes:
         a, b: Readings with the joints that both have; all others are held at home.
-        own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``; ``equalities`` are
-            closures and couplings) -> common name -> B's.
+        own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``) -> common name -> B's.
         before, behind: Displacement from B's home to the common one of what is before each joint, of each body.
         homes: Coordinate of each joint at B's own home.
         placement: Of B's world in A's. Shape (4, 4).
@@ -75,7 +73,6 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     b = ordered(renamed(_unclashed(b, names), names), a.joints)
     homes = {name: joint.home for name, joint in b.joints.items()}
     b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
-    names["equalities"] = {**names["couplings"], **names["closures"]}
     T, root = pairing.placement, next(iter(b.joints), "")
     if b.joints and b.joints[root].kind == "free":
         # A free base is where its coordinates say: this placement is one of them, not of the world.

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from screwgauge.diagnosis.change import moved
+from screwgauge.diagnosis.change import axis, moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array, cross
 
@@ -21,11 +21,6 @@ def size(reading: Reading) -> float:
     points += [body.pose[:3, :3] @ body.com + body.pose[:3, 3] for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
     return float(spread) or 1.0
-
-
-def axis(joint: JointReading) -> Array:
-    """Direction of a hinge or slide. Shape (3,)."""
-    return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
 
 
 def apart(a: JointReading, b: JointReading, length: float) -> float:

@@ -58,19 +58,17 @@ def loops(
     if pairing.only_a or pairing.only_b:
         return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
-    states = closed(a, draw(common.a, DRAWN, seed))
-    each_alone = [states.at(slice(k, k + 1)) for k in range(len(states.q))]
-    drawn = [(ours, closed(b, states_of_b(a, b, ours))) for ours in each_alone]
-    pairs = [pair for pair in drawn if len(pair[1].q)]
-    if not pairs:
+    states, _ = closed(a, draw(common.a, DRAWN, seed))
+    theirs, fits = closed(b, states_of_b(a, b, states))
+    if not fits.any():
         return None, f"{_NOT_COMPARED}: no random state closes both models"
-    force, C = components(common.a), velocity_map(a, b)
-    slides, length = np.array([unit == "N" for _, unit in force]), size(common.a)
-    rows = [(equations(a, ours).rows, equations(b, theirs).rows @ C) for ours, theirs in pairs]
-    ours, others = (np.concatenate([left(each[i], slides, length)[0] for each in rows]) for i in (0, 1))
+    force, length = components(common.a), size(common.a)
+    slides = np.array([unit == "N" for _, unit in force])
+    rows = equations(a, states.at(fits)).rows, equations(b, theirs).rows @ velocity_map(a, b)
+    ours, others = (left(each, slides, length)[0] for each in rows)
     n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))
     row = row_of(
         "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
     )
     said = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
-    return Loops(row, (n, m), len(force), len(pairs)), said
+    return Loops(row, (n, m), len(force), len(ours)), said

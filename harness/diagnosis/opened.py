@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from screwgauge.diagnosis import write_mjcf, write_urdf
+from screwgauge.diagnosis.change import axis
 from screwgauge.diagnosis.layout import Link, UnpatchableError
 from screwgauge.diagnosis.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.diagnosis.xml_text import XmlText
@@ -135,10 +136,10 @@ def _displacement(reading: Reading, target: Reading, link: Link, owner: str, nea
 
 def _shortest(old: JointReading, new: JointReading) -> Array:
     """Displacement that takes the axis of a joint to another one and does not turn about it."""
-    a, b = (joint.screw[:3] if joint.kind == "hinge" else joint.screw[3:] for joint in (old, new))
-    axis = cross(a, b)
-    s = float(np.linalg.norm(axis))
-    R = rotation(axis / s, np.array(np.arctan2(s, a @ b))) if s > 0.0 else np.eye(3)
+    a, b = axis(old), axis(new)
+    turn = cross(a, b)
+    s = float(np.linalg.norm(turn))
+    R = rotation(turn / s, np.array(np.arctan2(s, a @ b))) if s > 0.0 else np.eye(3)
     return matrix(new.centre - R @ old.centre, R)
 
 
@@ -146,8 +147,8 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
     """From the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
-    axis, r = joint.screw[:3], joint.centre - F[:3, 3]
-    step = r - (axis @ r) * axis
+    along, r = axis(joint), joint.centre - F[:3, 3]
+    step = r - (along @ r) * along
     return np.asarray(F[:3, :3].T @ step) if np.abs(step).max() > write_urdf.SAME else np.zeros(3)
 
 
@@ -156,13 +157,11 @@ def _turned_back(file: Opened, target: Reading, link: Link, F: Array) -> Array:
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
-            axis = _local(F, joint)[0]
-            turns = joint.kind == "hinge"
-            return matrix(np.zeros(3), rotation(axis, np.array(angle))) if turns else matrix(angle * axis, np.eye(3))
+            along, turns = _local(F, joint)[0], joint.kind == "hinge"
+            return matrix(np.zeros(3), rotation(along, np.array(angle))) if turns else matrix(angle * along, np.eye(3))
     return np.eye(4)
 
 
 def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
     """Axis of a joint and a point on it, in a frame. Shape (3,) each."""
-    axis = joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
-    return F[:3, :3].T @ axis, F[:3, :3].T @ (joint.centre - F[:3, 3])
+    return F[:3, :3].T @ axis(joint), F[:3, :3].T @ (joint.centre - F[:3, 3])

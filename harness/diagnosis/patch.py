@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from screwgauge.diagnosis.layout import Link, UnpatchableError
 from screwgauge.diagnosis.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.diagnosis.opened import Opened, move, opened
 from screwgauge.diagnosis.write_urdf import SAME
-from screwgauge.models.readings.reading import BodyReading, Reading
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
@@ -94,10 +94,6 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
         if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
             file.writer.couple(file.xml, elements[coupling.joint], coupling)
     _close(file, frames, target)
-    soft = {**reading.closures, **reading.couplings}
-    for name, equality in {**target.closures, **target.couplings}.items():
-        if equality.softness != soft[name].softness:
-            file.writer.soften(file.xml, name, equality.softness)
     for name, (_, gear) in target.actuators.items():
         if gear != reading.actuators[name][1]:
             file.writer.drive(file.xml, name, gear)
@@ -108,7 +104,7 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
 
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
-    """Writes frames of closures."""
+    """Writes closures, and how soft constraints are."""
     at = {GROUND: np.eye(4), **{name: body.pose for name, body in target.bodies.items()}}
     ends = {n: (at[c.first] @ c.first_frame, at[c.second] @ c.second_frame) for n, c in target.closures.items()}
     for name, closure in target.closures.items():
@@ -116,6 +112,15 @@ def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
         if closure.first_frame is not old.first_frame or closure.second_frame is not old.second_frame:
             placed = {link.element: frame for link, frame in zip(file.links, frames, strict=True)}
             file.writer.close(file.xml, name, ends, placed)
+    old_soft, new_soft = ({n: c.softness for n, c in _constraints(r)} for r in (file.reading, target))
+    for name, softness in new_soft.items():
+        if softness != old_soft[name]:
+            file.writer.soften(file.xml, name, softness)
+
+
+def _constraints(reading: Reading) -> Iterator[tuple[str, ClosureReading | CouplingReading]]:
+    yield from reading.closures.items()
+    yield from reading.couplings.items()
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:

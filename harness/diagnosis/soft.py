@@ -75,10 +75,9 @@ def _softness(reading: Reading) -> dict[str, tuple[float, ...]]:
 def _near(tree: Tree, seed: int) -> States:
     """Random states, near closed ones where there are such."""
     drawn = draw(tree.reading, DRAWN, seed)
-    there = closed(tree, drawn)
-    at = there if len(there.q) else drawn
-    random, n = np.random.default_rng(seed), len(at.q)
-    return replace(drawn.at(slice(n)), q=moved(tree, at.q, OPEN * random.normal(size=(n, len(tree.before)))))
+    there, fits = closed(tree, drawn)
+    drawn, q = (drawn.at(fits), there.q) if fits.any() else (drawn, drawn.q)
+    return replace(drawn, q=moved(tree, q, OPEN * np.random.default_rng(seed).normal(size=drawn.qd.shape)))
 
 
 def _force(file: Path, model: Model, tree: Tree, states: States) -> Array:

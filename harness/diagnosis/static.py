@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Difference, Kind
+from screwgauge.diagnosis.change import PROPERTIES, Difference, Kind, axis
 from screwgauge.diagnosis.common import Common
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.dynamics import downwards
@@ -55,7 +55,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
         "placement": np.eye(4),
-        "axis": common.b.joints[item].screw[3:] if joint.kind == "slide" else common.b.joints[item].screw[:3],
+        "axis": axis(common.b.joints[item]),
         "centre": common.b.joints[item].centre,
     }[found.what]
     kind: Kind = "convention" if found.what in ("sign", "zero") else "model"

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.diagnosis.change import Change, Difference
 from screwgauge.diagnosis.closing import residual_at_home
-from screwgauge.diagnosis.common import Common, owned
+from screwgauge.diagnosis.common import Common
 from screwgauge.diagnosis.geometry import ROUNDING
 from screwgauge.diagnosis.lines import size
 from screwgauge.diagnosis.stated import differ, difference
@@ -131,5 +131,5 @@ def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:
         ]
         apart = float((np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), 1e-300)).max())
         sentence = f"{name}: softness, {'; '.join(parts)}"
-        change = owned(common, Change(name, "softness", a))
+        change = Change(common.own[kind].get(name, name), "softness", a)
         yield Difference(name, change.item, "softness", a, b, "", apart, sentence, change)

@@ -38,7 +38,7 @@ class States:
     qd: Array
     qdd: Array
 
-    def at(self, which: slice) -> States:
+    def at(self, which: slice | Array) -> States:
         """Some of them."""
         return States(self.q[which], self.qd[which], self.qdd[which])
 

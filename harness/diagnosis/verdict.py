@@ -22,6 +22,8 @@ SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
 BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
 CLOSING = {*BINDING, "softness"}
+#: Quantity whose velocity products a library has wrong -> case of the casebook.
+CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 _NAMED = 3
 
 
@@ -185,14 +187,15 @@ def _witness(witness: Witness) -> str:
     name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
     return (
         f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
-        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model{_looks(witness)}."
+        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model{_looks(witness, name)}."
     )
 
 
-def _looks(witness: Witness) -> str:
+def _looks(witness: Witness, name: str) -> str:
     """What the difference of an engine looks like: how it grows, or one cause that explains more than half of it."""
     if witness.growth:
-        return f" ({witness.growth.sentence})"
+        book = f"; casebook: {CASES[name]}" if witness.growth.products and name in CASES else ""
+        return f" ({witness.growth.sentence}{book})"
     if not witness.fits or witness.fits[0][1] < 0.5:
         return ""
     names = [name for name, _ in witness.fits]

@@ -11,7 +11,7 @@ from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
 from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.fitting import fitted
+from screwgauge.diagnosis.fitting import PASSIVE, fitted
 from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import States, Tree, draw, plant
@@ -67,12 +67,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
             yield Witness(side, model.library, {}, failed=str(error))
             continue
         scaled = {name: pair.scaled for name, pair in found.items()}
-        acts = {"armature", "damping", "friction", "stiffness"} & {
-            entry
-            for joint in reading.joints.values()
-            for entry in ("armature", "damping", "friction", "stiffness")
-            if getattr(joint, entry)
-        }
+        acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
         omits = (*sorted(acts - said.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & said.covers))
         worst = max(scaled, key=lambda name: scaled[name])

@@ -15,7 +15,6 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-_KINDS = [int(kind) for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT)]
 COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 
 
@@ -30,7 +29,7 @@ def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], 
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> Closing:
-    """See `plain.Closing`: of equalities of bodies and joints, all other constraints off."""
+    """See `plain.Closing`: of equalities, all other constraints off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -59,7 +58,7 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
     _inverse(model, data, (q, np.zeros(model.nv), a))
     rest = data.efc_aref.copy()
     _inverse(model, data, (q, v, a))
-    own = (data.efc_type == _EQUALITY) & np.isin(model.eq_type[data.efc_id % max(model.neq, 1)], _KINDS)
+    own = data.efc_type == _EQUALITY
     J = data.efc_J.reshape(data.nefc, model.nv)[own]
     # what the axes of a free joint's velocities gain by turning is of the velocities
     return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd), data.qfrc_constraint @ B
