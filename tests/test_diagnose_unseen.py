@@ -159,7 +159,7 @@ TIES = {
     "all at once": [
         ('pos="0.1 0 0" euler="0 10 0"', 'pos="0.1 0.2 0" euler="0 20 0"'),
         ('relpose="0 0 0 1 0 0 0"', 'solref="-500 -1" relpose="0.1 0 0 1 0.1 0 0"'),
-        ('<body name="rocker" pos="0.3 0 0">', '<body name="rocker" pos="0.35 0 0">'),
+        ('<body name="rocker" pos="0.3 0 0"', '<body name="rocker" pos="0.35 0 0"'),
     ],
 }
 

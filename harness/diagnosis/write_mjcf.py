@@ -180,7 +180,7 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
 
 def _apart(one: Array, other: Array, tag: str) -> bool:
     """Whether frames are not the same, or their origins, where that is all that counts."""
-    return bool(np.abs(one - other)[:3, slice(3) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
+    return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
 
 def _put_site(

@@ -8,22 +8,20 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
 from screwgauge.report.console import console
 from screwgauge.report.formatting import grouped, rows
 from screwgauge.report.progress import Progress
-from screwgauge.report.write import write_report
-from screwgauge.study.imports import imports, listed_models, models_in
+from screwgauge.report.write import write_table
+from screwgauge.study.imports import Public, imports, listed_models, models_in
 
 NAME = "imports.csv"
-DATA = (NAME, "environment.json")
 OUT = Path("screwgauge-out/public-models")
 MEANING = """Each model was imported, and its description driven in screw, Pinocchio and MuJoCo by the motion that
 import gives it, at a few samples. Joints: R turns, P slides, U, S, C, F as in a description; loops and couplings beyond
@@ -49,8 +47,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``imports.csv``, the report and ``environment.json``."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found, record), strict=True)))
+    return write_table(out, NAME, found, report)
 
 
 def _sentence(found: pd.DataFrame) -> str:
@@ -62,16 +59,28 @@ def _sentence(found: pd.DataFrame) -> str:
     )
 
 
-def main() -> int:
-    """Makes the report."""
-    parser = argparse.ArgumentParser(prog="python -m screwgauge.report.pages.public", description=__doc__)
+def on_models(
+    page: str,
+    meaning: str,
+    out: Path,
+    study: Callable[[list[Public], Callable[[str, float], None]], pd.DataFrame],
+    write: Callable[[pd.DataFrame, Path], Path],
+) -> int:
+    """The command of a report on public models.
+
+    Args:
+        page: Its module.
+        out: Its usual folder.
+        study: Makes its table.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m screwgauge.report.pages.{page}", description=meaning)
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help="models besides those of the packages")
-    parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"default: {OUT}")
+    parser.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"default: {out}")
     options = parser.parse_args()
     with console(), Progress(sys.stderr) as progress:
-        write(imports([*models_in(options.folders), *listed_models()], progress.show), options.out)
+        write(study([*models_in(options.folders), *listed_models()], progress.show), options.out)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(on_models("public", str(__doc__), OUT, imports, write))

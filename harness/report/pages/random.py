@@ -12,10 +12,9 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Heading, Marked, Paragraph, Table, facts
 from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.write import write_report
+from screwgauge.report.write import write_table
 from screwgauge.study.campaign import CERTIFIED, ENGINES
 
 NAME = "random.csv"
@@ -52,8 +51,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``random.csv``, the report and ``environment.json``."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found, record), strict=True)))
+    return write_table(out, NAME, found, report)
 
 
 def _sentence(found: pd.DataFrame) -> str:

@@ -5,7 +5,6 @@ Models are those of the extra ``study``, and all in the folders named.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,17 +15,13 @@ import pandas as pd
 
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.diagnosis.readers import SAME
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
-from screwgauge.report.console import console
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.progress import Progress
-from screwgauge.report.write import write_report
-from screwgauge.study.imports import listed_models, models_in
+from screwgauge.report.pages.public import on_models
+from screwgauge.report.write import write_table
 from screwgauge.study.readers import reader_matrix
 
 NAME = "readers.csv"
-DATA = (NAME, "environment.json")
 OUT = Path("screwgauge-out/readers")
 MEANING = """Each file was read by both libraries: degrees of freedom and mass of all that moves [kg], as each has it.
 Torques: the inverse dynamics of each library itself at the same random states; rigid body: the same from mass matrix
@@ -53,8 +48,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``readers.csv``, the report and ``environment.json``."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found, record), strict=True)))
+    return write_table(out, NAME, found, report)
 
 
 def _line(key: tuple[Any, ...], lines: Sequence[Row]) -> tuple[str, ...]:
@@ -78,16 +72,5 @@ def _found(lines: Sequence[Row]) -> str:
     return "equal as rigid bodies" if rigid <= SAME else "other torques"
 
 
-def main() -> int:
-    """Makes the report."""
-    parser = argparse.ArgumentParser(prog="python -m screwgauge.report.pages.readers", description=__doc__)
-    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help="models besides those of the packages")
-    parser.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"default: {OUT}")
-    options = parser.parse_args()
-    with console(), Progress(sys.stderr) as progress:
-        write(reader_matrix([*models_in(options.folders), *listed_models()], progress.show), options.out)
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(on_models("readers", str(__doc__), OUT, reader_matrix, write))

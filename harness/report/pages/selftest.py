@@ -10,10 +10,9 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Banner, Block, Heading, Marked, Paragraph, Table, facts
 from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.write import write_report
+from screwgauge.report.write import write_table
 from screwgauge.study.selftest.judged import CLOSE
 from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
 
@@ -60,8 +59,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``selftest.csv``, the report and ``environment.json``."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found, record), strict=True)))
+    return write_table(out, NAME, found, report)
 
 
 def passed(found: pd.DataFrame) -> bool:

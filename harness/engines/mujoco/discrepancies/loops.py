@@ -61,16 +61,22 @@ def residual_gain() -> Shown:
 
 def soft_floor() -> Shown:
     """Largest error of the accelerations that the right torque makes, raw and after proximal refinement."""
-    bar = FourBar()
-    model = load(bar.mjcf())
+    model = load(FourBar().mjcf())
     model.eq_solimp[:, :2] = STIFFEST
+    raw, refined = _errors(model, 4)
+    return Shown(raw, 0.0, refined, "rad/s^2")
+
+
+def _errors(model: mujoco.MjModel, passes: int) -> tuple[float, float]:
+    """Largest error of a four-bar's accelerations under the right torque: as they come, and refined [rad/s^2]."""
+    bar = FourBar()
     data = state(model, v=bar.v)
     data.qfrc_applied[0] = bar.torque
     mujoco.mj_forward(model, data)
     raw = data.qacc.copy()
     refined = raw.copy()
-    refine(model, data, refined, 4, same=0.0)
-    return Shown(float(abs(raw - bar.a).max()), 0.0, float(abs(refined - bar.a).max()), "rad/s^2")
+    refine(model, data, refined, passes, same=0.0)
+    return float(abs(raw - bar.a).max()), float(abs(refined - bar.a).max())
 
 
 def energy_loss() -> Shown:
@@ -94,20 +100,8 @@ def energy_loss() -> Shown:
 
 def exact_diagonal() -> Shown:
     """Largest error of the accelerations with the flag for an exact diagonal: as they come, and refined."""
-    bar = FourBar()
-
-    def errors(flags: int) -> tuple[float, float]:
-        model = load(bar.mjcf(), enableflags=flags)
-        data = state(model, v=bar.v)
-        data.qfrc_applied[0] = bar.torque
-        mujoco.mj_forward(model, data)
-        raw = data.qacc.copy()
-        refined = raw.copy()
-        refine(model, data, refined, 20, same=0.0)
-        return float(abs(raw - bar.a).max()), float(abs(refined - bar.a).max())
-
-    raw, refined = errors(_EXACT_DIAGONAL)
-    return Shown(raw, 0.0, refined, "rad/s^2", f"{errors(0)[0]:.3g} rad/s^2 without the flag")
+    (raw, refined), (usual, _) = (_errors(load(FourBar().mjcf(), enableflags=f), 20) for f in (_EXACT_DIAGONAL, 0))
+    return Shown(raw, 0.0, refined, "rad/s^2", f"{usual:.3g} rad/s^2 without the flag")
 
 
 def anchor_at_home() -> Shown:
