@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
@@ -48,36 +49,41 @@ class Loops:
 
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        rows = [np.zeros((len(at.p), 0))]
-        for anchor in self.anchors:
-            child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
-            if anchor.angular:
-                rows.append(vee(child @ parent.swapaxes(1, 2)))
-            else:
-                rows.append((at.p[:, anchor.child] + child) - (at.p[:, anchor.parent] + parent))
-        return np.concatenate(rows, axis=1)
+        out = np.empty((len(at.p), len(self.anchors), 3))
+        (child, x), (parent, y) = self._placed(at, angular=False)
+        out[:, ~self._angular] = (at.p[:, child] + x[..., 0]) - (at.p[:, parent] + y[..., 0])
+        (_, x), (_, y) = self._placed(at, angular=True)
+        out[:, self._angular] = vee(x @ y.swapaxes(2, 3))
+        return out.reshape(len(out), -1)
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
-        n, n_v, turning = len(at.p), at.J.shape[3], np.array([a.angular for a in self.anchors], dtype=bool)
-        out = np.empty((n, len(self.anchors), 3, n_v))
-        out[:, turning] = np.subtract(
-            *(at.J[:, [a.sides[i][0] for a in self.anchors if a.angular], :3] for i in (0, 1))
-        )
-        out[:, ~turning] = np.subtract(*(self._of_points(i, at) for i in (0, 1))).swapaxes(2, 3)
-        return out.reshape(n, -1, n_v)
+        out = np.empty((len(at.p), len(self.anchors), 3, at.J.shape[3]))
+        (child, _), (parent, _) = self._sides[True]
+        out[:, self._angular] = at.J[:, child, :3] - at.J[:, parent, :3]
+        points = ((at.J[:, bodies].swapaxes(2, 3), x[..., 0]) for bodies, x in self._placed(at, angular=False))
+        of_child, of_parent = (J[..., 3:] - cross(x[:, :, None], J[..., :3]) for J, x in points)
+        out[:, ~self._angular] = (of_child - of_parent).swapaxes(2, 3)
+        return out.reshape(len(out), -1, out.shape[3])
 
-    def _of_points(self, side: int, at: BodyPoses) -> Array:
-        """Jacobians of points on one side, all at once as poses are corrected one by one. Shape (n, m, n_v, 3)."""
-        bodies, points = self._points[side]
-        J, arm = at.J[:, bodies].swapaxes(2, 3), (at.R[:, bodies] @ points[..., None])[..., 0]
-        return np.asarray(J[..., 3:] - cross(arm[:, :, None], J[..., :3]))
+    def _placed(self, at: BodyPoses, *, angular: bool) -> list[tuple[list[int], Array]]:
+        """Bodies and attitudes (n, m, 3, 3) or arms (n, m, 3, 1) in world axes, of the children and of the parents."""
+        return [(bodies, at.R[:, bodies] @ where) for bodies, where in self._sides[angular]]
 
     @cached_property
-    def _points(self) -> list[tuple[list[int], Array]]:
-        """Bodies and points in them, shape (m, 3), of the children and of the parents."""
-        sides = ([anchor.sides[i] for anchor in self.anchors if not anchor.angular] for i in (0, 1))
-        return [([body for body, _ in side], np.array([p for _, p in side]).reshape(-1, 3)) for side in sides]
+    def _angular(self) -> NDArray[np.bool_]:
+        return np.array([anchor.angular for anchor in self.anchors], dtype=bool)
+
+    @cached_property
+    def _sides(self) -> dict[bool, list[tuple[list[int], Array]]]:
+        """The same in the bodies, all anchors of a kind at once: poses are corrected one by one."""
+        found = {}
+        for angular, width in ((False, 1), (True, 3)):
+            sides = ([anchor.sides[i] for anchor in self.anchors if anchor.angular == angular] for i in (0, 1))
+            found[angular] = [
+                ([body for body, _ in side], np.array([x for _, x in side]).reshape(-1, 3, width)) for side in sides
+            ]
+        return found
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
