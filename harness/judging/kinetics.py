@@ -105,9 +105,8 @@ class Motions:
 
     def part(self, rows: slice) -> Motions:
         """The same for some of the samples."""
-        return Motions(
-            self.bodies.part(rows), self.com.part(rows), [(a.part(rows), b.part(rows)) for a, b in self.cuts]
-        )
+        cuts = [(tree.part(rows), cut.part(rows)) for tree, cut in self.cuts]
+        return Motions(self.bodies.part(rows), self.com.part(rows), cuts)
 
     @property
     def velocities(self) -> Array:
@@ -146,11 +145,12 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
 
 def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:
     """Motions at joint coordinates, shape (n, n_q), while each of some columns in turn has the velocity 1."""
-    n, columns = len(q), [*columns]
-    most = max(1, AT_ONCE // n)
-    for some in (columns[i : i + most] for i in range(0, len(columns), most)):
-        qd = np.zeros((len(some), *q.shape))
-        qd[np.arange(len(some)), :, some] = 1.0
-        qd = qd.reshape(-1, q.shape[1])
-        all_of_them = walk(mechanism, tree, np.tile(q, (len(some), 1)), qd, np.zeros_like(qd))
-        yield from (all_of_them.part(slice(i, i + n)) for i in range(0, len(qd), n))
+    n, moved = len(q), [*columns]
+    most = max(1, AT_ONCE // max(1, n))
+    for some in (moved[i : i + most] for i in range(0, len(moved), most)):
+        k = len(some)
+        qd = np.zeros((k, *q.shape))
+        qd[np.arange(k), :, some] = 1.0
+        qd = qd.reshape(k * n, -1)
+        together = walk(mechanism, tree, np.tile(q, (k, 1)), qd, np.zeros_like(qd))
+        yield from (together.part(slice(i * n, (i + 1) * n)) for i in range(k))

@@ -77,13 +77,12 @@ class Loops:
     @cached_property
     def _sides(self) -> dict[bool, list[tuple[list[int], Array]]]:
         """The same in the bodies, all anchors of a kind at once: poses are corrected one by one."""
-        found = {}
-        for angular, width in ((False, 1), (True, 3)):
-            sides = ([anchor.sides[i] for anchor in self.anchors if anchor.angular == angular] for i in (0, 1))
-            found[angular] = [
-                ([body for body, _ in side], np.array([x for _, x in side]).reshape(-1, 3, width)) for side in sides
-            ]
-        return found
+
+        def of(angular: bool, i: int) -> tuple[list[int], Array]:
+            side = [anchor.sides[i] for anchor in self.anchors if anchor.angular == angular]
+            return [body for body, _ in side], np.array([x for _, x in side]).reshape(-1, 3, 3 if angular else 1)
+
+        return {angular: [of(angular, 0), of(angular, 1)] for angular in (False, True)}
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
