@@ -31,9 +31,9 @@ def moving_at(y, *, speed: float = 1.0, seed: int = 0, scene: str | Scene = "3up
 
 
 def before_upu(distance, n: int = 4, seed: int = 0) -> np.ndarray:
-    """Poses (a, b) at distances from the lost constraint, general in a. Shape (n, 2)."""
+    """Poses (a, b) at distances from the lost constraint, in one direction: along it steps are small. Shape (n, 2)."""
     rng = np.random.default_rng(seed)
-    return np.stack([rng.uniform(-0.3, 0.3, n), UPU - distance * rng.uniform(0.7, 1.3, n)], axis=1)
+    return np.stack([np.full(n, rng.uniform(-0.3, 0.3)), UPU - distance * rng.uniform(0.7, 1.3, n)], axis=1)
 
 
 def errors(found: Solution, truth: Solution, quantity: str) -> np.ndarray:

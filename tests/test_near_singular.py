@@ -29,7 +29,7 @@ CLOSE = 1e-6  # [rad] from the pose where the constraint of leg 1 is lost
 
 @pytest.fixture(scope="module")
 def close():
-    return screwgauge.run(moving_at(before_upu(CLOSE, 8)), engines=["screw", "truth"])
+    return screwgauge.run(moving_at(before_upu(CLOSE, 4)), engines=["screw", "truth"])
 
 
 def test_the_third_rotation_of_the_symmetric_leg_is_held(paper):
@@ -62,7 +62,7 @@ def test_the_newton_euler_system_has_the_same_forces(monkeypatch):
     kept = []
     solve = dynamics.solve_newton_euler
     monkeypatch.setattr(dynamics, "solve_newton_euler", lambda *a: kept.append(solve(*a)) or kept[-1])
-    scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 12), np.full(12, UPU - CLOSE)], axis=1), speed=0.1)
+    scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 4), np.full(4, UPU - CLOSE)], axis=1), speed=0.1)
     results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force", "reaction"])
     read, true = kept[0][0][:, -4:], results.values("actuator_force", "truth")
     digits = -np.log10(np.abs(read - true).max(axis=1) / np.abs(true).max())
@@ -166,7 +166,7 @@ def test_a_singular_pose_is_named(y, what):
 def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide():
     """2e8 N m in leg 1's wrist cancel in actuator forces of 700 N, and the rounding of its direction does not."""
     for seed in (0, 1):
-        scene = moving_at(before_upu(CLOSE, 8, seed), seed=seed)
+        scene = moving_at(before_upu(CLOSE, 4, seed), seed=seed)
         truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array
         model = Method("screw", {"whole_system": True, "refined": True}).load(ModelFiles(scene.mechanism_file))
         force = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array

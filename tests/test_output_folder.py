@@ -36,7 +36,7 @@ def out(tmp_path):
 
 @pytest.fixture
 def command(out, paper_scene, no_progress):
-    asked = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "joint_position", "--out", str(out)]
+    asked = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "generalized_force", "--out", str(out)]
     return lambda *more: main([*asked, *more])
 
 

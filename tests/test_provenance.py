@@ -79,7 +79,7 @@ def test_dates_are_in_universal_time():
 
 
 def test_report_and_summary_name_the_files(edited, tmp_path, capsys):
-    assert main(["run", str(edited), "--quantities", "joint_position", "--out", str(tmp_path / "out")]) == 0
+    assert main(["run", str(edited), "--quantities", "generalized_force", "--out", str(tmp_path / "out")]) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["models"]["mujoco"]["sha256"] == sha256(tmp_path / "mine.xml")
     assert set(summary) >= {"models", "scene_file", "description", "date", "schema"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -15,7 +16,8 @@ from screwgauge.report.results import LINES
 
 @pytest.fixture(scope="module")
 def results():
-    return screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5, 1.0]), engines=["screw", "pinocchio"])
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5, 1.0])
+    return screwgauge.run(replace(scene, figures=scene.figures[:3]), engines=["screw", "pinocchio"])
 
 
 def test_it_shows_itself_in_one_screen(results):
@@ -38,7 +40,7 @@ def test_a_notebook_shows_tables_and_pictures(results):
     assert "<table>" in shown
     pictures = results.plot()
     assert repr(pictures).splitlines() == [picture.title for picture in pictures]
-    assert pictures._repr_html_().count("<svg ") == len(pictures) > 3
+    assert pictures._repr_html_().count("<svg ") == len(pictures) == 4  # and that of the condition
 
 
 def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
@@ -61,6 +63,7 @@ def test_names_that_are_not_there_are_said(results):
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
     from screwgauge.report.blocks import Paragraph
 
+    monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
     monkeypatch.setattr("screwgauge.report.pages.run.errata_section", lambda scene: [Paragraph("an erratum")])
     texts = [
         (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")

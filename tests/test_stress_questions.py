@@ -18,10 +18,10 @@ def copied(question: Question) -> Question:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_questions_at_both_ends_and_in_the_middle_of_a_quick_ladder_pickle(name: str, tmp_path: Path) -> None:
+def test_questions_at_both_ends_of_a_quick_ladder_pickle(name: str, tmp_path: Path) -> None:
     case = pickle.loads(pickle.dumps(CASES[name]))
     assert case.name == name
-    for i, severity in enumerate((case.quick[0], case.quick[len(case.quick) // 2], case.quick[-1])):
+    for i, severity in enumerate((case.quick[0], case.quick[-1])):
         folder = tmp_path / str(i)
         folder.mkdir()
         with np.errstate(all="ignore"):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
@@ -15,7 +17,7 @@ from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.rotations import Array, vee
+from screwgauge.reference.rotations import Array, cross, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,25 +49,40 @@ class Loops:
 
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        rows = [np.zeros((len(at.p), 0))]
-        for anchor in self.anchors:
-            child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
-            if anchor.angular:
-                rows.append(vee(child @ parent.swapaxes(1, 2)))
-            else:
-                rows.append((at.p[:, anchor.child] + child) - (at.p[:, anchor.parent] + parent))
-        return np.concatenate(rows, axis=1)
+        out = np.empty((len(at.p), len(self.anchors), 3))
+        (child, x), (parent, y) = self._placed(at, angular=False)
+        out[:, ~self._angular] = (at.p[:, child] + x[..., 0]) - (at.p[:, parent] + y[..., 0])
+        (_, x), (_, y) = self._placed(at, angular=True)
+        out[:, self._angular] = vee(x @ y.swapaxes(2, 3))
+        return out.reshape(len(out), -1)
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
+        out = np.empty((len(at.p), len(self.anchors), 3, at.J.shape[3]))
+        (child, _), (parent, _) = self._sides[True]
+        out[:, self._angular] = at.J[:, child, :3] - at.J[:, parent, :3]
+        points = ((at.J[:, bodies].swapaxes(2, 3), x[..., 0]) for bodies, x in self._placed(at, angular=False))
+        of_child, of_parent = (J[..., 3:] - cross(x[:, :, None], J[..., :3]) for J, x in points)
+        out[:, ~self._angular] = (of_child - of_parent).swapaxes(2, 3)
+        return out.reshape(len(out), -1, out.shape[3])
 
-        def side(angular: bool, body: int, where: Array) -> Array:
-            J = at.J[:, body]
-            if angular:
-                return J[:, :3]
-            return J[:, 3:] - np.cross((at.R[:, body] @ where)[:, :, None], J[:, :3], axis=1)
+    def _placed(self, at: BodyPoses, *, angular: bool) -> list[tuple[list[int], Array]]:
+        """Bodies and attitudes (n, m, 3, 3) or arms (n, m, 3, 1) in world axes, of the children and of the parents."""
+        return [(bodies, at.R[:, bodies] @ where) for bodies, where in self._sides[angular]]
 
-        return self._differences(side, np.zeros((len(at.p), 0, at.J.shape[3])))
+    @cached_property
+    def _angular(self) -> NDArray[np.bool_]:
+        return np.array([anchor.angular for anchor in self.anchors], dtype=bool)
+
+    @cached_property
+    def _sides(self) -> dict[bool, list[tuple[list[int], Array]]]:
+        """The same in the bodies, all anchors of a kind at once: poses are corrected one by one."""
+
+        def of(angular: bool, i: int) -> tuple[list[int], Array]:
+            side = [anchor.sides[i] for anchor in self.anchors if anchor.angular == angular]
+            return [body for body, _ in side], np.array([x for _, x in side]).reshape(-1, 3, 3 if angular else 1)
+
+        return {angular: [of(angular, 0), of(angular, 1)] for angular in (False, True)}
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
@@ -74,14 +91,10 @@ class Loops:
             if angular:
                 return A[:, body, :3]
             arm, w = at.R[:, body] @ where, V[:, body, :3]
-            return A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm))
+            return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
 
-        return self._differences(side, np.zeros((len(at.p), 0)))
-
-    def _differences(self, side: Callable[[bool, int, Array], Array], none: Array) -> Array:
-        """What `side` gives for the child side of each anchor less the same for its parent side, below `none`."""
         sides = [[side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors]
-        return np.concatenate([none, *(child - parent for child, parent in sides)], axis=1)
+        return np.concatenate([np.zeros((len(at.p), 0)), *(child - parent for child, parent in sides)], axis=1)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""
@@ -119,7 +132,7 @@ class Loops:
             for sign, (body, where) in zip((1.0, -1.0), anchor.sides, strict=True):
                 if not anchor.angular:
                     out[:, body, :3] += sign * f
-                out[:, body, 3:] += sign * (f if anchor.angular else np.cross(at.R[:, body] @ where, f))
+                out[:, body, 3:] += sign * (f if anchor.angular else cross(at.R[:, body] @ where, f))
         return out
 
 

@@ -57,8 +57,8 @@ class Chart:
         """
         own = np.zeros_like(omega)  # each axis is carried around by the rates before it
         for i, j in combinations(range(self.q.shape[1]), 2):
-            own += np.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        local = (self.R.swapaxes(1, 2) @ (beta - np.cross(omega_parent, omega))[..., None])[..., 0] - own
+            own += rotations.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
+        local = (self.R.swapaxes(1, 2) @ (beta - rotations.cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
     def near(self, angles: Array) -> Chart:
