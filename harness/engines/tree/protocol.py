@@ -10,11 +10,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
@@ -33,6 +35,36 @@ class BodyPoses:
     R: Array
     p: Array
     J: Array
+
+
+def poses_of(R: Array, p: Array, screws: Array, moves: Array, only: Collection[int] | None) -> BodyPoses:
+    """Poses and Jacobians of bodies from the screws that an engine gives of its joints.
+
+    Args:
+        R, p: As in `BodyPoses`.
+        screws: Twist at the world's origin that each coordinate adds, angular first. Shape (n, 6, n_v).
+        moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
+        only: Bodies whose Jacobians are wanted; all by default.
+    """
+    J = np.zeros((*p.shape[:2], *screws.shape[1:]))
+    some = slice(1, None) if only is None else sorted({*only} - {0})
+    at, moved, omega = p[:, some], moves[some, None], screws[:, :3]
+    arms = skew(at).reshape(len(p), -1, 3)
+    J[:, some, :3] = omega[:, None] * moved
+    J[:, some, 3:] = (screws[:, None, 3:] - (arms @ omega).reshape(*at.shape, -1)) * moved
+    return BodyPoses(R, p, J)
+
+
+def moving(V: Array, A: Array, arms: Array) -> tuple[Array, Array]:
+    """Velocities and accelerations of points that move with twists and their derivatives about other points.
+
+    Args:
+        V, A: Angular first; the derivatives are spatial ones. Shape (n, m, 6) each.
+        arms: From those points to the ones wanted. Shape (n, m, 3), or (m, 3) in axes that turn along.
+    """
+    w, beta = V[..., :3], A[..., :3]
+    v = V[..., 3:] + cross(w, arms)
+    return np.concatenate([w, v], axis=2), np.concatenate([beta, A[..., 3:] + cross(beta, arms) + cross(w, v)], axis=2)
 
 
 class Tree(Protocol):
