@@ -15,7 +15,7 @@ from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.rotations import Array, vee
+from screwgauge.reference.rotations import Array, cross, cross_columns, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class Loops:
             J = at.J[:, body]
             if angular:
                 return J[:, :3]
-            return J[:, 3:] - np.cross((at.R[:, body] @ where)[:, :, None], J[:, :3], axis=1)
+            return J[:, 3:] - cross_columns(at.R[:, body] @ where, J[:, :3])
 
         return self._differences(side, np.zeros((len(at.p), 0, at.J.shape[3])))
 
@@ -74,7 +74,7 @@ class Loops:
             if angular:
                 return A[:, body, :3]
             arm, w = at.R[:, body] @ where, V[:, body, :3]
-            return A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm))
+            return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
 
         return self._differences(side, np.zeros((len(at.p), 0)))
 
@@ -119,7 +119,7 @@ class Loops:
             for sign, (body, where) in zip((1.0, -1.0), anchor.sides, strict=True):
                 if not anchor.angular:
                     out[:, body, :3] += sign * f
-                out[:, body, 3:] += sign * (f if anchor.angular else np.cross(at.R[:, body] @ where, f))
+                out[:, body, 3:] += sign * (f if anchor.angular else cross(at.R[:, body] @ where, f))
         return out
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear, rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
+from screwgauge.reference.rotations import MIDDLE, TURN, Array, cross, other_triple, rotation, triad_angles, within_half_turn
 
 Flags = NDArray[np.bool_]
 
@@ -57,8 +57,8 @@ class Chart:
         """
         own = np.zeros_like(omega)  # each axis is carried around by the rates before it
         for i, j in combinations(range(self.q.shape[1]), 2):
-            own += np.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        local = (self.R.swapaxes(1, 2) @ (beta - np.cross(omega_parent, omega))[..., None])[..., 0] - own
+            own += cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
+        local = (self.R.swapaxes(1, 2) @ (beta - cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
     def near(self, angles: Array) -> Chart:
@@ -92,11 +92,9 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
     angles = triad_angles(M, axes)
-    turned = np.empty((len(R), 3, 3))
-    M = np.tile(np.eye(3), (len(R), 1, 1))
-    for i in range(3):
-        turned[:, i] = M @ axes[i]
-        M = M @ rotation(axes[i], angles[:, i])
+    turned, first = np.empty((len(R), 3, 3)), rotation(axes[0], angles[:, 0])
+    turned[:, 0], turned[:, 1] = axes[0], first @ axes[1]
+    turned[:, 2] = (first @ (rotation(axes[1], angles[:, 1]) @ axes[2])[..., None])[..., 0]
     m = len(joint.axes)
     inverse = linear.inverse(turned.swapaxes(1, 2))
     condition = np.ones(len(R))

@@ -16,7 +16,7 @@ from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.rotations import Array, cross, skew
+from screwgauge.reference.rotations import Array, cross, cross_columns
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
@@ -46,12 +46,10 @@ def poses_of(R: Array, p: Array, screws: Array, moves: Array, only: Collection[i
         moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
         only: Bodies whose Jacobians are wanted; all by default.
     """
-    J = np.zeros((*p.shape[:2], *screws.shape[1:]))
-    some = slice(1, None) if only is None else sorted({*only} - {0})
-    at, moved, omega = p[:, some], moves[some, None], screws[:, :3]
-    arms = skew(at).reshape(len(p), -1, 3)
-    J[:, some, :3] = omega[:, None] * moved
-    J[:, some, 3:] = (screws[:, None, 3:] - (arms @ omega).reshape(*at.shape, -1)) * moved
+    J = np.zeros((p.shape[1], *screws.shape)).swapaxes(0, 1)
+    for k in range(1, p.shape[1]) if only is None else only:
+        np.multiply(screws[:, :3], moves[k], out=J[:, k, :3])
+        np.multiply(screws[:, 3:] - cross_columns(p[:, k], screws[:, :3]), moves[k], out=J[:, k, 3:])
     return BodyPoses(R, p, J)
 
 
