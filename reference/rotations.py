@@ -36,11 +36,6 @@ def cross(a: Array, b: Array) -> Array:
     return c
 
 
-def cross_columns(a: Array, B: Array) -> Array:
-    """Cross products of vectors with the columns of matrices. Shapes (..., 3), (..., 3, m) -> (..., 3, m)."""
-    return cross(a[..., None, :], B.swapaxes(-1, -2)).swapaxes(-1, -2)
-
-
 def vee(M: Array) -> Array:
     """Axial vector of the antisymmetric part, the inverse of `skew`. Shape (..., 3, 3) -> (..., 3)."""
     return 0.5 * np.stack(

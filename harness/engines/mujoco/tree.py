@@ -6,7 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
-from screwgauge.engines.tree.protocol import BodyPoses, moving, poses_of
+from screwgauge.engines.tree.protocol import BodyPoses, moving
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST, POWERS
@@ -160,7 +160,7 @@ class MujocoTree:
             yield i
         self.model.opt.disableflags |= EQUALITY
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
+    def poses(self, q: Array) -> BodyPoses:
         n, b, data = len(q), len(self.ids) + 1, self.data
         at, axes, anchors = (np.empty((n, *array.shape)) for array in (data.xpos, data.xaxis, data.xanchor))
         turned = np.empty((n, *data.xmat.shape))
@@ -174,7 +174,7 @@ class MujocoTree:
         screws = np.zeros((n, self.model.nv, 6))
         screws[:, self.hinges, :3] = axes[:, self.hinges]
         screws[..., 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes)
-        return poses_of(R, p, screws.swapaxes(1, 2), self.moves, only)
+        return BodyPoses(R, p, screws.swapaxes(1, 2), self.moves)
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.ids) + 1, 6))

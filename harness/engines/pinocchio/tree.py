@@ -6,14 +6,13 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses, moving, poses_of
+from screwgauge.engines.tree.protocol import BodyPoses, moving
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
@@ -85,7 +84,7 @@ class PinocchioTree:
                 return str(self.bodies[self.joints.index(joint)])
         return "ground"
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
+    def poses(self, q: Array) -> BodyPoses:
         n, frames, twists = len(q), self.views.frames, self.views.twists
         placed, screws = np.empty((n, *frames.shape)), np.empty((n, *twists.shape))
         for i in range(n):
@@ -94,7 +93,7 @@ class PinocchioTree:
             placed[i], screws[i] = frames, twists
         R, p = np.tile(np.eye(3), (n, len(self.frames) + 1, 1, 1)), np.zeros((n, len(self.frames) + 1, 3))
         R[:, 1:], p[:, 1:] = _split(placed[:, self.frames])
-        return poses_of(R, p, screws.swapaxes(1, 2)[:, _ANGULAR_FIRST], self.moves, only)
+        return BodyPoses(R, p, screws[..., _ANGULAR_FIRST].swapaxes(1, 2), self.moves)
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.frames) + 1, 6))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.rotations import Array, cross, cross_columns, vee
+from screwgauge.reference.rotations import Array, cross, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,27 +46,37 @@ class Loops:
     index: dict[str, int]
     independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
 
+    @cached_property
+    def _points(self) -> tuple[list[int], list[int], Array]:
+        """Numbers of the anchors that are points, and bodies and places of their child sides, then parent sides."""
+        rows = [k for k, anchor in enumerate(self.anchors) if not anchor.angular]
+        sides = [self.anchors[k].sides[side] for side in (0, 1) for k in rows]
+        return rows, [body for body, _ in sides], np.array([where for _, where in sides]).reshape(-1, 3)
+
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        rows = [np.zeros((len(at.p), 0))]
-        for anchor in self.anchors:
-            child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
+        out, (rows, bodies, places) = np.empty((len(at.p), len(self.anchors), 3)), self._points
+        ends = at.points(bodies, places)
+        out[:, rows] = ends[:, : len(rows)] - ends[:, len(rows) :]
+        for k, anchor in enumerate(self.anchors):
             if anchor.angular:
-                rows.append(vee(child @ parent.swapaxes(1, 2)))
-            else:
-                rows.append((at.p[:, anchor.child] + child) - (at.p[:, anchor.parent] + parent))
-        return np.concatenate(rows, axis=1)
+                child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
+                out[:, k] = vee(child @ parent.swapaxes(1, 2))
+        return out.reshape(len(out), -1)
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
+        (n, _, n_v), (rows, bodies, places) = at.screws.shape, self._points
+        out, ends = np.empty((n, len(self.anchors), 3, n_v)), at.jacobian(bodies, at.points(bodies, places))
+        out[:, rows] = ends[:, : len(rows)] - ends[:, len(rows) :]
+        for k, anchor in enumerate(self.anchors):
+            if anchor.angular:
+                out[:, k] = self.turning(at, anchor.parent, anchor.child)
+        return out.reshape(n, 3 * len(self.anchors), n_v)
 
-        def side(angular: bool, body: int, where: Array) -> Array:
-            J = at.J[:, body]
-            if angular:
-                return J[:, :3]
-            return J[:, 3:] - cross_columns(at.R[:, body] @ where, J[:, :3])
-
-        return self._differences(side, np.zeros((len(at.p), 0, at.J.shape[3])))
+    def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
+        """Angular velocity of the child less that of the parent by the coordinates. Shape (n, 3, n_v)."""
+        return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
@@ -76,12 +87,8 @@ class Loops:
             arm, w = at.R[:, body] @ where, V[:, body, :3]
             return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
 
-        return self._differences(side, np.zeros((len(at.p), 0)))
-
-    def _differences(self, side: Callable[[bool, int, Array], Array], none: Array) -> Array:
-        """What `side` gives for the child side of each anchor less the same for its parent side, below `none`."""
-        sides = [[side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors]
-        return np.concatenate([none, *(child - parent for child, parent in sides)], axis=1)
+        sides = ([side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors)
+        return np.concatenate([np.zeros((len(V), 0)), *(child - parent for child, parent in sides)], axis=1)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""

@@ -90,7 +90,7 @@ class _Work:
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
-        at = closed.tree.poses(q, closed.closing)
+        at = closed.tree.poses(q)
         charts = loops.charts(at, closed.given)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
@@ -166,8 +166,8 @@ class _Pass:
         self.v = (self.K @ yd[..., None])[..., 0]
         self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
         self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
-        omega = poses.at.J[:, self.closed.bodies, :3] @ self.v[:, None, :, None]
-        self.values["body_angular_velocity"] = omega.reshape(len(yd), -1)
+        self.V = poses.at.velocities(self.v)
+        self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
 
     def _accelerations(self) -> None:
@@ -222,16 +222,15 @@ class _Pass:
     def _inertia_and_weight(self) -> Array:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
-        arms = (at.R[:, 1:] @ tree.com[..., None]).swapaxes(2, 3)
-        J = at.J[:, 1:].swapaxes(2, 3)  # (n, n_body, n_v, 6)
+        bodies = range(1, len(tree.com) + 1)
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        along = np.einsum("b,nbix,nx->ni", tree.masses, np.abs(J[..., 3:] + np.cross(J[..., :3], arms)), most)
+        J = np.abs(at.jacobian(bodies, at.points(bodies, tree.com)))
+        along = np.einsum("b,nbxi,nx->ni", tree.masses, J, most)
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
 
     def _forces(self) -> None:
         at, t = self.poses.at, self.poses.motion.t
-        V = (at.J @ self.v[:, None, :, None])[..., 0]
-        state = State(t, at.R, at.p, V, self.values["joint_position"], self.values["joint_velocity"])
+        state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
         self.values |= forces.values

@@ -6,17 +6,18 @@ shape (n, n_v), and for the one state of a mover or stepper (n_v,).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.rotations import Array, cross, cross_columns
+from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
@@ -25,32 +26,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyPoses:
-    """Poses and Jacobians of all bodies of the tree, ground first.
+    """Poses of all bodies of the tree, ground first, and what moves them.
 
     Attributes:
         R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        J: Jacobian of the angular velocity and of the origin's velocity, world axes. (n, n_body + 1, 6, n_v).
+        screws: Twist about the world's origin, angular first, that each coordinate adds per unit of its velocity to
+            all the bodies that it moves. Shape (n, 6, n_v).
+        moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
     """
 
     R: Array
     p: Array
-    J: Array
+    screws: Array
+    moves: Array
 
+    def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
+        """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
+        return self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places)
 
-def poses_of(R: Array, p: Array, screws: Array, moves: Array, only: Collection[int] | None) -> BodyPoses:
-    """Poses and Jacobians of bodies from the screws that an engine gives of its joints.
+    def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
+        """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
+        turned = skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]
+        return (self.screws[:, None, 3:] - turned.reshape(*at.shape, -1)) * self.moves[bodies, None]
 
-    Args:
-        R, p: As in `BodyPoses`.
-        screws: Twist at the world's origin that each coordinate adds, angular first. Shape (n, 6, n_v).
-        moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
-        only: Bodies whose Jacobians are wanted; all by default.
-    """
-    J = np.zeros((p.shape[1], *screws.shape)).swapaxes(0, 1)
-    for k in range(1, p.shape[1]) if only is None else only:
-        np.multiply(screws[:, :3], moves[k], out=J[:, k, :3])
-        np.multiply(screws[:, 3:] - cross_columns(p[:, k], screws[:, :3]), moves[k], out=J[:, k, 3:])
-    return BodyPoses(R, p, J)
+    def velocities(self, v: Array) -> Array:
+        """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
+        V = (self.moves * v[:, None]) @ self.screws.swapaxes(1, 2)
+        V[..., 3:] += cross(V[..., :3], self.p)
+        return V
 
 
 def moving(V: Array, A: Array, arms: Array) -> tuple[Array, Array]:
@@ -81,8 +84,8 @@ class Tree(Protocol):
     def under(self, gravity: Array | None) -> None:
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
-        """Poses and Jacobians; those of other bodies than `only` may be left out."""
+    def poses(self, q: Array) -> BodyPoses:
+        """Poses of the bodies, and the screws of the coordinates."""
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Velocity and acceleration of each body: angular, then of its origin; no gravity. (n, n_body + 1, 6) each."""
