@@ -9,6 +9,8 @@ from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
 
+KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
+
 
 def knots(y: Array, every: int, step: float) -> Rows:
     """Samples that are followed: the first, the last, and of the others so many that none is far from the next.
@@ -35,15 +37,39 @@ def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
         rows: Samples whose poses are known, the first and the last among them. Shape (m,).
         z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
     """
-    n, some, slope = len(y), y[rows], np.gradient(y, axis=0)[rows]
-    i = np.minimum(np.searchsorted(rows, np.arange(n), side="right") - 1, len(rows) - 2)
-    width = (rows[i + 1] - rows[i])[:, None].astype(float)
-    s = (np.arange(n) - rows[i])[:, None] / width
-    left, right, part = s * (1.0 - s) ** 2 * width, s * s * (s - 1.0) * width, s * s * (3.0 - 2.0 * s)
+    at, slope = np.arange(len(y)), np.gradient(y, axis=0, edge_order=min(2, len(y) - 1))
+    slope[1:-1] -= np.diff(slope, 2, axis=0) / 6.0  # of fourth order
+    slope = slope[rows]
+    known = np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]])
+    i = np.minimum(np.searchsorted(rows, at, side="right") - 1, len(rows) - 2)
+    x, c = _differences(rows.astype(float), *known)
+    value = c[i, -1]
+    for j in reversed(range(x.shape[1] - 1)):
+        value = value * (at - x[i, j])[:, None] + c[i, j]
+    share = ((at - rows[i]) / (rows[i + 1] - rows[i]))[:, None]
+    away = (y - value[:, : y.shape[1]])[..., None]
+    return np.asarray(
+        value[:, y.shape[1] :] + (1.0 - share) * (K[i] @ away)[..., 0] + share * (K[i + 1] @ away)[..., 0]
+    )
 
-    def between(x: Array, rate: Array) -> Array:
-        return np.asarray(x[i] + part * (x[i + 1] - x[i]) + left * rate[i] + right * rate[i + 1])
 
-    away = (y - between(some, slope))[..., None]
-    turned = (1.0 - s) * (K[i] @ away)[..., 0] + s * (K[i + 1] @ away)[..., 0]
-    return np.asarray(between(z, (K @ slope[..., None])[..., 0]) + turned)
+def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
+    """Newton's divided differences for each interval, from up to `KNOTS` knots around it, each of which counts twice.
+
+    Args:
+        at: Of the knots. Shape (m,).
+        values, rates: There. Shape (m, d).
+
+    Returns:
+        Nodes, shape (m - 1, 2 KNOTS), and coefficients, (m - 1, 2 KNOTS, d).
+    """
+    most = min(KNOTS, len(at))
+    first = np.clip(np.arange(len(at) - 1) - (most - 1) // 2, 0, len(at) - most)
+    window = np.repeat(first[:, None] + np.arange(most), 2, axis=1)
+    x, c = at[window], values[window]
+    for order in range(1, 2 * most):
+        width = x[:, order:] - x[:, :-order]
+        c[:, order:] = (c[:, order:] - c[:, order - 1 : -1]) / np.where(width == 0.0, 1.0, width)[..., None]
+        if order == 1:
+            c[:, 1::2] = rates[window[:, ::2]]
+    return x, c

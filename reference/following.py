@@ -34,7 +34,8 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 #: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
 FAINT = 1e-9
 BLOCK = 1024  # samples corrected at a time
-EVERY, SPREAD = 16, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
+EVERY, SPREAD = 32, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted,
+MANY = 100  # if there are more than so many
 REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
@@ -153,8 +154,7 @@ class Follower:
         Returns:
             Unknowns, derivative and residual of these samples.
         """
-        rows = knots(y, EVERY, SPREAD)
-        if 2 * len(rows) <= len(y) and (found := self._between(y, rows)):
+        if len(y) > MANY and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y) and (found := self._between(y, rows)):
             return found
         at = self.anchor
         way = (y - at.y) @ at.K.T
@@ -183,8 +183,9 @@ class Follower:
         """
         anchor, reach = self.anchor, self.reach
         z, matrix, error = self._correct(y[rows])
-        if len(z) == len(rows) and not self.anchor.blurred:
-            inverse = linear.solve(matrix, np.broadcast_to(np.eye(matrix.shape[1]), (len(z), *matrix.shape[1:2] * 2)))
+        if len(z) > 1 and not self.anchor.blurred:
+            rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
+            inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
             z, matrix, error = newton(self.evaluate, start, y)
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))

@@ -12,9 +12,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference import linear, rotations
+from screwgauge.reference import rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, TURN, Array, cross, other_triple, rotation, triad_angles, within_half_turn
+from screwgauge.reference.rotations import MIDDLE, NEXT, TURN, Array, cross, other_triple, triad_angles, within_half_turn
 
 Flags = NDArray[np.bool_]
 
@@ -92,11 +92,13 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
     angles = triad_angles(M, axes)
-    turned, first = np.empty((len(R), 3, 3)), rotation(axes[0], angles[:, 0])
-    turned[:, 0], turned[:, 1] = axes[0], first @ axes[1]
-    turned[:, 2] = (first @ (rotation(axes[1], angles[:, 1]) @ axes[2])[..., None])[..., 0]
+    turned, first = np.empty((len(R), 3, 3)), angles[:, :1]
+    turned[:, 0], turned[:, 2] = axes[0], M @ axes[2]  # the last angle turns about the last axis
+    turned[:, 1] = np.cos(first) * axes[1] + np.sin(first) * cross(axes[0], axes[1])
     m = len(joint.axes)
-    inverse = linear.inverse(turned.swapaxes(1, 2))
+    duals = cross(turned[:, NEXT], turned[:, NEXT[NEXT]])
+    volume = np.sum(turned[:, 0] * duals[:, 0], axis=1)[:, None, None]
+    inverse = duals / np.where(volume == 0.0, np.nan, volume)
     condition = np.ones(len(R))
     if m == 3:  # in the Frobenius norm, 3 at best
         condition = np.linalg.norm(turned, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) / 3.0

@@ -18,7 +18,6 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.following import Follower
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State
@@ -142,6 +141,8 @@ class _Pass:
     def all(self) -> tuple[dict[str, Array], Trust]:
         """The values that are wanted, and what their errors rest on."""
         depth, A = self.work.depth, self.poses.A
+        with self.clock.stage("condition"):
+            self.inverse, self.condition = linear.inverted(A)
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 self._velocities()
@@ -153,16 +154,15 @@ class _Pass:
             with self.clock.stage("forces"):
                 self._forces()
         with self.clock.stage("condition"):
-            condition, n = linear.condition(A), len(A)
             charts = [chart.condition for chart in self.poses.charts.values()]
-            worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), n)
-            trust = Trust(condition, gain(A, condition), worst, self.conditions, self.speed, self.rush, self.load)
+            worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), len(A))
+            trust = Trust(self.condition, gain(A, self.condition), worst, self.conditions, self.speed, self.rush, self.load)
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
         """From ``A v = [0; yd]``."""
         poses, yd = self.poses, self.poses.motion.yd
-        self.K = velocity_map(poses.A, yd.shape[1]) * self.sizes.q[:, None] / self.sizes.y
+        self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
         self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
         self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
@@ -181,7 +181,7 @@ class _Pass:
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
-        self.a = linear.solve(poses.A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
         if "com_acceleration" in self.wanted:
             com = tree.com_accelerations(poses.q, self.v, self.a)

@@ -46,8 +46,10 @@ class BodyPoses:
 
     def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
         """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
-        turned = skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]
-        return (self.screws[:, None, 3:] - turned.reshape(*at.shape, -1)) * self.moves[bodies, None]
+        out = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, -1)
+        np.subtract(self.screws[:, None, 3:], out, out=out)
+        out *= self.moves[bodies, None]
+        return out
 
     def velocities(self, v: Array) -> Array:
         """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
