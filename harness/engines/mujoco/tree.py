@@ -148,12 +148,13 @@ class MujocoTree:
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
         """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
-        flags = self.model.opt.disableflags
+        flags, data = self.model.opt.disableflags, self.data
         self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        pushed, *state = data.xfrc_applied, data.qpos, data.qvel, data.qacc  # views, which are slow to get
         for i in range(len(q)):
-            self.data.xfrc_applied[:] = 0.0
-            self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q[i], v[i], a[i]
-            mujoco.mj_inverse(self.model, self.data)
+            pushed[:] = 0.0
+            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+            mujoco.mj_inverse(self.model, data)
             if soft and self.curvature.ids:
                 self.curvature.complete(self.data)
                 mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
@@ -202,7 +203,10 @@ class MujocoTree:
         return moving(V[:, self.ids], A[:, self.ids], at[:, self.ids] - about[:, model.body_rootid[self.ids]])
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        return np.array([self.data.qfrc_inverse.copy() for _ in self._inverse(q, v, a)])
+        out, force = np.empty_like(q), self.data.qfrc_inverse
+        for i in self._inverse(q, v, a):
+            out[i] = force
+        return out
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""

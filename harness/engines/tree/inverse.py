@@ -224,8 +224,9 @@ class _Pass:
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         bodies = range(1, len(tree.com) + 1)
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        J = np.abs(at.jacobian(bodies, at.points(bodies, tree.com)))
-        along = np.einsum("b,nbxi,nx->ni", tree.masses, J, most)
+        J = at.jacobian(bodies, at.points(bodies, tree.com))
+        weights = (tree.masses[:, None] * most[:, None]).reshape(len(J), 1, -1)
+        along = (weights @ np.abs(J, out=J).reshape(len(J), weights.shape[2], -1))[:, 0]
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
 
     def _forces(self) -> None:
