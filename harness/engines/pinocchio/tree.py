@@ -163,7 +163,8 @@ def _rows(parts: list[Array], size: int) -> Array:
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
-        raise LoaderError("does not share the memory of its data", f"pinocchio {pin.__version__}", "install another one")
+        what = "does not lay its data out as arrays can read them"
+        raise LoaderError(what, f"pinocchio {pin.__version__}", "install another version")
     return np.lib.stride_tricks.as_strided(parts[0], (len(parts), size), (step, 8))
 
 

@@ -137,7 +137,8 @@ class ClosedTree:
 
     def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
         """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
-        sides = {joint.name: (self.loops.index[joint.parent], self.loops.index[joint.child]) for joint in self.loops.cut}
+        index = self.loops.index
+        sides = {joint.name: (index[joint.parent], index[joint.child]) for joint in self.loops.cut}
         return {name: chart.rates(self.loops.turning(at, *sides[name])) for name, chart in charts.items()}
 
     def cut_velocities(self, at: BodyPoses, charts: Charts, v: Array) -> dict[str, Array]:

@@ -62,7 +62,7 @@ class Loops:
             if anchor.angular:
                 child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
                 out[:, k] = vee(child @ parent.swapaxes(1, 2))
-        return out.reshape(len(out), -1)
+        return out.reshape(len(out), 3 * len(self.anchors))
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""

@@ -156,7 +156,8 @@ class _Pass:
         with self.clock.stage("condition"):
             charts = [chart.condition for chart in self.poses.charts.values()]
             worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), len(A))
-            trust = Trust(self.condition, gain(A, self.condition), worst, self.conditions, self.speed, self.rush, self.load)
+            sizes = self.speed, self.rush, self.load
+            trust = Trust(self.condition, gain(A, self.condition), worst, self.conditions, *sizes)
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:

@@ -46,7 +46,7 @@ class BodyPoses:
 
     def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
         """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
-        out = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, -1)
+        out = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
         np.subtract(self.screws[:, None, 3:], out, out=out)
         out *= self.moves[bodies, None]
         return out
