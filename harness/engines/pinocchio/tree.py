@@ -124,20 +124,19 @@ class PinocchioTree:
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""
-        n, out = len(q), np.zeros_like(wrench)
-        placed = [self.model.frames[i].placement for i in self.frames]
-        # orientation of the joint that carries each body, and the body's origin in its frame
-        R = at.R[:, 1:] @ np.stack([M.rotation.T for M in placed])
-        origin = np.stack([M.translation for M in placed])
+        n, out, origin = len(q), np.zeros_like(wrench), self.origins
+        # orientation of the joint that carries each body
+        R = at.R[:, 1:] @ np.stack([self.model.frames[i].placement.rotation.T for i in self.frames])
         inside = (wrench[:, 1:].reshape(n, -1, 2, 3) @ R).reshape(n, -1, 6)
         inside[..., 3:] += cross(origin, inside[..., :3])
-        external, carried = np.zeros((n, self.model.njoints, 6)), np.empty((n, len(self.joints), 6))
+        external, felt = np.zeros((n, self.model.njoints, 6)), np.empty((n, self.model.njoints, 6))
         for k, joint in enumerate(self.joints):
             external[:, joint] += inside[:, k]
         for i in range(n):
-            forces = pin.StdVec_Force([pin.Force(force) for force in external[i]])
-            pin.rnea(self.model, self.data, q[i], v[i], a[i], forces)
-            carried[i] = [self.data.f[joint].vector for joint in self.joints]
+            self.views.external[:] = external[i]
+            pin.rnea(self.model, self.data, q[i], v[i], a[i], self.views.pushed)
+            felt[i] = self.views.forces
+        carried = felt[:, self.joints]
         carried[..., 3:] -= cross(origin, carried[..., :3])
         out[:, 1:] = (carried.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6)
         return out
@@ -148,13 +147,18 @@ class _Views:
 
     Attributes:
         frames, joints: Rotation by columns, then translation. Shapes (n_frame, 12), (n_joint, 12).
-        velocities, accelerations: Of the joints in their own frames. Shape (n_joint, 6).
+        velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
+        pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
         twists: Columns of the Jacobian at the world's origin. Shape (n_v, 6).
     """
 
     def __init__(self, data: Any) -> None:
         self.frames, self.joints = (_rows([M.rotation for M in placed], 12) for placed in (data.oMf, data.oMi))
-        self.velocities, self.accelerations = (_rows([m.vector for m in moved], 6) for moved in (data.v, data.a))
+        self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
+        kept = data.v, data.a, data.f, self.pushed
+        self.velocities, self.accelerations, self.forces, self.external = (
+            _rows([one.vector for one in of], 6) for of in kept
+        )
         self.twists = data.J.T
 
 
