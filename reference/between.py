@@ -9,6 +9,7 @@ from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
 
+EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
 KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
 
 
@@ -37,8 +38,10 @@ def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
         rows: Samples whose poses are known, the first and the last among them. Shape (m,).
         z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
     """
-    at, slope = np.arange(len(y)), np.gradient(y, axis=0, edge_order=min(2, len(y) - 1))
-    slope[1:-1] -= np.diff(slope, 2, axis=0) / 6.0  # of fourth order
+    at, slope = np.arange(len(y)), np.gradient(y, axis=0)
+    if len(y) > len(EDGE):
+        slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
+        slope[0], slope[-1] = EDGE @ y[: len(EDGE)], -EDGE @ y[: -len(EDGE) - 1 : -1]
     slope = slope[rows]
     known = np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]])
     i = np.minimum(np.searchsorted(rows, at, side="right") - 1, len(rows) - 2)

@@ -34,8 +34,8 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 #: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
 FAINT = 1e-9
 BLOCK = 1024  # samples corrected at a time
-EVERY, SPREAD = 32, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted,
-MANY = 100  # if there are more than so many
+EVERY, SPREAD = 16, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
+MANY = 100  # samples from which on this pays
 REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path

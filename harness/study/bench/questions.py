@@ -58,9 +58,7 @@ def one_by_one(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
     return Asked(posed.files(engine), problems, len(tasks), posed.reference)
 
 
-def true_states(
-    posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
-) -> Asked:
+def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False) -> Asked:
     """The true motion of a tree, for actuator forces.
 
     Args:
