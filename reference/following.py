@@ -35,7 +35,7 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 FAINT = 1e-9
 BLOCK = 1024  # samples corrected at a time
 EVERY, SPREAD = 16, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
-MANY = 100  # samples from which on this pays
+MANY, FEW = 100, 8  # samples from which on this pays, and steps of Newton's method that it is worth
 REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
@@ -187,7 +187,7 @@ class Follower:
             rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
             inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
-            z, matrix, error = newton(self.evaluate, start, y)
+            z, matrix, error = newton(self.evaluate, start, y, most=FEW)  # a bad prediction is not worth more
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
             change = np.linalg.norm(inverse[near] @ matrix - np.eye(matrix.shape[2]), axis=(1, 2))
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
