@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.reference import linear
 from screwgauge.reference.anchor import SHORT, Anchor
+from screwgauge.reference.between import Rows, knots, predicted
 from screwgauge.reference.continuation import OPEN, Evaluation, newton
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
@@ -32,6 +34,8 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 #: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
 FAINT = 1e-9
 BLOCK = 1024  # samples corrected at a time
+EVERY, SPREAD = 16, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
+MANY, FEW = 100, 8  # samples from which on this pays, and steps of Newton's method that it is worth
 REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
@@ -150,6 +154,8 @@ class Follower:
         Returns:
             Unknowns, derivative and residual of these samples.
         """
+        if len(y) > MANY and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y) and (found := self._between(y, rows)):
+            return found
         at = self.anchor
         way = (y - at.y) @ at.K.T
         start = at.z + np.clip(way, -FARTHEST, FARTHEST)
@@ -168,6 +174,26 @@ class Follower:
             joints = self.read(z[i], at.all)
             self.anchor = Anchor.at(z[i], y[i], matrix[i], float(error[i]), joints, blurred=not clear[i])
         return z[:count], matrix[:count], error[:count]
+
+    def _between(self, y: Array, rows: Rows) -> tuple[Array, Array, Array] | None:
+        """As `_correct`, where all samples are so near to some, `rows`, that they can be predicted from these.
+
+        Looked at is how much the derivative changes from the nearest of those to the solution. If anything stands in
+        the way, nothing is done.
+        """
+        anchor, reach = self.anchor, self.reach
+        z, matrix, error = self._correct(y[rows])
+        if len(z) > 1 and not self.anchor.blurred:
+            rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
+            inverse = linear.inverted(matrix)[0]
+            start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
+            z, matrix, error = newton(self.evaluate, start, y, most=FEW)  # a bad prediction is not worth more
+            near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
+            change = np.linalg.norm(inverse[near] @ matrix - np.eye(matrix.shape[2]), axis=(1, 2))
+            if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
+                return z, matrix, error
+        self.anchor, self.reach = anchor, reach
+        return None
 
     def _learn(self, far: Array, change: Array, count: int) -> None:
         """How far the next step may lead, after `count` of those tried were taken: what changes grows as the step."""

@@ -60,6 +60,17 @@ def condition(A: Array) -> Array:
     return np.asarray(np.where(np.isnan(found) & np.isfinite(size), np.inf, found))
 
 
+def inverted(A: Array) -> tuple[Array, Array]:
+    """What solves equations, see `solve`, and the condition number. Shape (..., m, n) -> (..., n, m), (...)."""
+    if A.shape[-1] == A.shape[-2]:
+        try:
+            found = np.asarray(np.linalg.inv(A))
+            return found, np.linalg.norm(A, axis=(-2, -1)) * np.linalg.norm(found, axis=(-2, -1))
+        except np.linalg.LinAlgError:
+            pass  # one matrix of the stack is exactly singular
+    return solve(A, np.broadcast_to(np.eye(A.shape[-2]), (*A.shape[:-1], A.shape[-2]))), condition(A)
+
+
 def inverse(A: Array) -> Array:
     """Inverses of a stack of square matrices, NaN where one is exactly singular. Shape (..., n, n)."""
     try:

@@ -66,15 +66,19 @@ class DrakeTree:
             self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q[i], v[i]]))
             yield i
 
-    def poses(self, q, only=None):
+    def poses(self, q):
         shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
-        R, p, J = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((*shape, 6, q.shape[1]))
+        R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
+        moves = np.zeros((shape[1], q.shape[1]))
         for i in self.at(q, np.zeros_like(q)):
             for k, link in enumerate(self.links, 1):
-                X, origin = link.EvalPoseInWorld(self.context), (link.body_frame(), np.zeros(3), world, world)
+                X = link.EvalPoseInWorld(self.context)
                 R[i, k], p[i, k] = X.rotation().matrix(), X.translation()
-                J[i, k] = self.plant.CalcJacobianSpatialVelocity(self.context, JacobianWrtVariable.kV, *origin)
-        return BodyPoses(R, p, J)
+                at = link.body_frame(), X.inverse().translation(), world, world  # the world's origin, moved along
+                J = self.plant.CalcJacobianSpatialVelocity(self.context, JacobianWrtVariable.kV, *at)
+                moves[k] = J.any(axis=0)
+                screws[i] = np.where(moves[k], J, screws[i])
+        return BodyPoses(R, p, screws, moves)
 
     def accelerations(self, q, v, a):
         V, A = np.zeros((2, len(q), len(self.links) + 1, 6))

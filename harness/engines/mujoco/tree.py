@@ -6,7 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, moving
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST, POWERS
@@ -25,8 +25,6 @@ from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, cross
 
-_BODY = mujoco.mjtObj.mjOBJ_XBODY
-_INERTIAL = mujoco.mjtObj.mjOBJ_BODY
 _SITE = mujoco.mjtObj.mjOBJ_SITE
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -70,6 +68,8 @@ class MujocoTree:
         self.masses, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
         self.closures, self.couplings = self._closures(file), self._couplings(file)
         self.curvature = curvature(self.model, self.couplings)
+        self.hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        self.moves = np.array([np.isin(model.jnt_bodyid, self._above(b)) for b in (0, *self.ids)], dtype=float)
         self._check_motors(file)
 
     def under(self, gravity: Array | None) -> None:
@@ -141,63 +141,72 @@ class MujocoTree:
     def _name(self, body: int) -> str:
         return (self.model.body(body).name if body else "") or "ground"
 
+    def _above(self, body: int) -> list[int]:
+        """A body and those that carry it, without the world."""
+        return [body, *self._above(int(self.model.body_parentid[body]))] if body else []
+
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
         """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
-        flags = self.model.opt.disableflags
+        flags, data = self.model.opt.disableflags, self.data
         self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        pushed, *state = data.xfrc_applied, data.qpos, data.qvel, data.qacc  # views, which are slow to get
         for i in range(len(q)):
-            self.data.xfrc_applied[:] = 0.0
-            self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q[i], v[i], a[i]
-            mujoco.mj_inverse(self.model, self.data)
+            pushed[:] = 0.0
+            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+            mujoco.mj_inverse(self.model, data)
             if soft and self.curvature.ids:
                 self.curvature.complete(self.data)
                 mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
             yield i
         self.model.opt.disableflags |= EQUALITY
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
-        n, b, nv = len(q), len(self.ids) + 1, self.model.nv
-        R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, nv))
-        model, data = self.model, self.data
-        looked_at = [(k, body) for k, body in enumerate(self.ids, 1) if only is None or k in only]
+    def poses(self, q: Array) -> BodyPoses:
+        n, b, data = len(q), len(self.ids) + 1, self.data
+        at, axes, anchors = (np.empty((n, *array.shape)) for array in (data.xpos, data.xaxis, data.xanchor))
+        turned = np.empty((n, *data.xmat.shape))
+        kept = data.qpos, data.xmat, data.xpos, data.xaxis, data.xanchor  # views, which are slow to get
         for i in range(n):
-            data.qpos[:] = q[i]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            R[i, 1:], p[i, 1:] = data.xmat[self.ids].reshape(-1, 3, 3), data.xpos[self.ids]
-            for k, body in looked_at:
-                mujoco.mj_jacBody(model, data, J[i, k, 3:], J[i, k, :3], body)
-        return BodyPoses(R, p, J)
-
-    def _bodies(self, q: Array, v: Array, a: Array) -> Iterator[int]:
-        """Goes through the samples with accelerations of the bodies filled, gravity not among them."""
-        gravity = self.model.opt.gravity.copy()
-        self.model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
-        for i in self._inverse(q, v, a):
-            mujoco.mj_rnePostConstraint(self.model, self.data)
-            yield i
-        self.model.opt.gravity[:] = gravity
+            kept[0][:] = q[i]
+            mujoco.mj_kinematics(self.model, data)
+            _, turned[i], at[i], axes[i], anchors[i] = kept
+        R, p = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3))
+        R[:, 1:], p[:, 1:] = turned[:, self.ids].reshape(n, -1, 3, 3), at[:, self.ids]
+        screws = np.zeros((n, self.model.nv, 6))
+        screws[:, self.hinges, :3] = axes[:, self.hinges]
+        screws[..., 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes)
+        return BodyPoses(R, p, screws.swapaxes(1, 2), self.moves)
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.ids) + 1, 6))
-        for i in self._bodies(q, v, a):
-            for k, body in enumerate(self.ids, 1):
-                mujoco.mj_objectVelocity(self.model, self.data, _BODY, body, V[i, k], 0)
-                mujoco.mj_objectAcceleration(self.model, self.data, _BODY, body, A[i, k], 0)
+        V[:, 1:], A[:, 1:] = self._moved(q, v, a, self.data.xpos)
         return V, A
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        out, acceleration = np.empty((len(q), len(self.ids), 3)), np.empty(6)
-        for i in self._bodies(q, v, a):
-            for k, body in enumerate(self.ids):
-                # the inertial frame of the body, whose origin is its centre of mass
-                mujoco.mj_objectAcceleration(self.model, self.data, _INERTIAL, body, acceleration, 0)
-                out[i, k] = acceleration[3:]
-        return out
+        return self._moved(q, v, a, self.data.xipos)[1][..., 3:]
+
+    def _moved(self, q: Array, v: Array, a: Array, points: Array) -> tuple[Array, Array]:
+        """Velocity and acceleration of a point of each body. `points`: MuJoCo's array of these, (n_body, 3)."""
+        model, data = self.model, self.data
+        kept, state = (data.cvel, data.cacc, points, data.subtree_com), (data.qpos, data.qvel, data.qacc)
+        V, A, at, about = (np.empty((len(q), *view.shape)) for view in kept)
+        gravity = model.opt.gravity.copy()
+        model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
+        for i in range(len(q)):
+            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            V[i], A[i], at[i], about[i] = kept
+        model.opt.gravity[:] = gravity
+        return moving(V[:, self.ids], A[:, self.ids], at[:, self.ids] - about[:, model.body_rootid[self.ids]])
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        return np.array([self.data.qfrc_inverse.copy() for _ in self._inverse(q, v, a)])
+        out, force = np.empty_like(q), self.data.qfrc_inverse
+        for i in self._inverse(q, v, a):
+            out[i] = force
+        return out
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""

@@ -6,18 +6,17 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, moving
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
@@ -53,8 +52,8 @@ class PinocchioTree:
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
-        joints = sorted((self.model.joints[j].idx_v, self.model.names[j]) for j in range(1, self.model.njoints))
-        self.coordinates = tuple(name for _, name in joints)
+        columns = sorted(range(1, self.model.njoints), key=lambda j: self.model.joints[j].idx_v)
+        self.coordinates = tuple(self.model.names[j] for j in columns)
         self.closures, self.couplings = file.closures, file.couplings
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
@@ -67,6 +66,12 @@ class PinocchioTree:
         self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
         self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
+        # origins and centres of mass of the bodies in the frames of the joints that carry them
+        self.origins = np.array([place.translation for place, _ in placed])
+        self.centres = np.array([place.act(at) for (place, _), at in zip(placed, self.com, strict=True)])
+        carriers = [[], *(self.model.supports[joint] for joint in self.joints)]
+        self.moves = np.array([[j in some for j in columns] for some in carriers], dtype=float)
+        self.views = _Views(self.data)
 
     def under(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
@@ -79,37 +84,36 @@ class PinocchioTree:
                 return str(self.bodies[self.joints.index(joint)])
         return "ground"
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
-        n, b = len(q), len(self.frames) + 1
-        R, p, J = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3)), np.zeros((n, b, 6, self.model.nv))
-        looked_at = [(k, frame) for k, frame in enumerate(self.frames, 1) if only is None or k in only]
+    def poses(self, q: Array) -> BodyPoses:
+        n, frames, twists = len(q), self.views.frames, self.views.twists
+        placed, screws = np.empty((n, *frames.shape)), np.empty((n, *twists.shape))
         for i in range(n):
             pin.computeJointJacobians(self.model, self.data, q[i])
-            for k, frame in looked_at:
-                M = pin.updateFramePlacement(self.model, self.data, frame)
-                R[i, k], p[i, k] = M.rotation, M.translation
-                # one column comes without its axis
-                J[i, k] = pin.getFrameJacobian(self.model, self.data, frame, _ALIGNED).reshape(6, -1)
-        return BodyPoses(R, p, J[:, :, _ANGULAR_FIRST])
+            pin.updateFramePlacements(self.model, self.data)
+            placed[i], screws[i] = frames, twists
+        R, p = np.tile(np.eye(3), (n, len(self.frames) + 1, 1, 1)), np.zeros((n, len(self.frames) + 1, 3))
+        R[:, 1:], p[:, 1:] = _split(placed[:, self.frames])
+        return BodyPoses(R, p, screws[..., _ANGULAR_FIRST].swapaxes(1, 2), self.moves)
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         V, A = np.zeros((2, len(q), len(self.frames) + 1, 6))
-        for i in range(len(q)):
-            pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
-            for k, frame in enumerate(self.frames, 1):
-                V[i, k] = pin.getFrameVelocity(self.model, self.data, frame, _ALIGNED).vector
-                A[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, frame, _ALIGNED).vector
-        return V[:, :, _ANGULAR_FIRST], A[:, :, _ANGULAR_FIRST]
+        V[:, 1:], A[:, 1:] = self._moved(q, v, a, self.origins)
+        return V, A
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        out = np.empty((len(q), len(self.frames), 3))
-        placed = [self.model.frames[i].placement for i in self.frames]
-        placements = [pin.SE3(np.eye(3), M.act(com)) for M, com in zip(placed, self.com, strict=True)]
-        for i in range(len(q)):
+        return self._moved(q, v, a, self.centres)[1][..., 3:]
+
+    def _moved(self, q: Array, v: Array, a: Array, points: Array) -> tuple[Array, Array]:
+        """Velocity and acceleration of a point of each body, which is given in the frame of the joint before it."""
+        n, kept = len(q), (self.views.joints, self.views.velocities, self.views.accelerations)
+        placed, V, A = (np.empty((n, *view.shape)) for view in kept)
+        for i in range(n):
             pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
-            for k, (joint, at) in enumerate(zip(self.joints, placements, strict=True)):
-                out[i, k] = pin.getFrameClassicalAcceleration(self.model, self.data, joint, at, _ALIGNED).linear
-        return out
+            placed[i], V[i], A[i] = kept
+        R = _split(placed[:, self.joints])[0]
+        local = moving(*(array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A)), points)
+        V, A = ((array.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6) for array in local)
+        return V, A
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
@@ -120,23 +124,57 @@ class PinocchioTree:
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""
-        n, out = len(q), np.zeros_like(wrench)
-        placed = [self.model.frames[i].placement for i in self.frames]
-        # orientation of the joint that carries each body, and the body's origin in its frame
-        R = at.R[:, 1:] @ np.stack([M.rotation.T for M in placed])
-        origin = np.stack([M.translation for M in placed])
+        n, out, origin = len(q), np.zeros_like(wrench), self.origins
+        # orientation of the joint that carries each body
+        R = at.R[:, 1:] @ np.stack([self.model.frames[i].placement.rotation.T for i in self.frames])
         inside = (wrench[:, 1:].reshape(n, -1, 2, 3) @ R).reshape(n, -1, 6)
         inside[..., 3:] += cross(origin, inside[..., :3])
-        external, carried = np.zeros((n, self.model.njoints, 6)), np.empty((n, len(self.joints), 6))
+        external, felt = np.zeros((n, self.model.njoints, 6)), np.empty((n, self.model.njoints, 6))
         for k, joint in enumerate(self.joints):
             external[:, joint] += inside[:, k]
         for i in range(n):
-            forces = pin.StdVec_Force([pin.Force(force) for force in external[i]])
-            pin.rnea(self.model, self.data, q[i], v[i], a[i], forces)
-            carried[i] = [self.data.f[joint].vector for joint in self.joints]
+            self.views.external[:] = external[i]
+            pin.rnea(self.model, self.data, q[i], v[i], a[i], self.views.pushed)
+            felt[i] = self.views.forces
+        carried = felt[:, self.joints]
         carried[..., 3:] -= cross(origin, carried[..., :3])
         out[:, 1:] = (carried.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6)
         return out
+
+
+class _Views:
+    """What Pinocchio's functions write to `data`, as arrays on the same memory: each sample is copied at once.
+
+    Attributes:
+        frames, joints: Rotation by columns, then translation. Shapes (n_frame, 12), (n_joint, 12).
+        velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
+        pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
+        twists: Columns of the Jacobian at the world's origin. Shape (n_v, 6).
+    """
+
+    def __init__(self, data: Any) -> None:
+        self.frames, self.joints = (_rows([M.rotation for M in placed], 12) for placed in (data.oMf, data.oMi))
+        self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
+        kept = data.v, data.a, data.f, self.pushed
+        self.velocities, self.accelerations, self.forces, self.external = (
+            _rows([one.vector for one in of], 6) for of in kept
+        )
+        self.twists = data.J.T
+
+
+def _rows(parts: list[Array], size: int) -> Array:
+    """An array over items of a C++ vector, each of so many numbers. `parts`: what each begins with."""
+    begin = np.array([part.__array_interface__["data"][0] for part in parts])
+    step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
+    if (np.diff(begin) != step).any() or 0 < step < 8 * size:
+        what = "does not lay its data out as arrays can read them"
+        raise LoaderError(what, f"pinocchio {pin.__version__}", "install another version")
+    return np.lib.stride_tricks.as_strided(parts[0], (len(parts), size), (step, 8))
+
+
+def _split(placed: Array) -> tuple[Array, Array]:
+    """Rotations (n, m, 3, 3) and translations (n, m, 3) of placements (n, m, 12), see `_Views`."""
+    return placed[..., :9].reshape(*placed.shape[:2], 3, 3).swapaxes(2, 3), placed[..., 9:]
 
 
 class Constraints:

@@ -13,7 +13,7 @@ from screwgauge.engines.tree.protocol import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,13 +120,6 @@ class ClosedTree:
         """Cut joints with independent coordinates."""
         return frozenset(name for column, name, _ in self.loops.independent if column is None)
 
-    @cached_property
-    def closing(self) -> frozenset[int]:
-        """Bodies that the closing rows look at."""
-        cut = [self.cut_joint(name) for name in self.given]
-        anchored = [body for anchor in self.loops.anchors for body, _ in anchor.sides]
-        return frozenset((*anchored, *(self.loops.index[name] for j in cut for name in (j.parent, j.child))))
-
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
         """All joint coordinates, or their derivatives, in the order of the description.
 
@@ -144,7 +137,9 @@ class ClosedTree:
 
     def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
         """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
-        return {name: chart.rates(self.loops.relative(self.cut_joint(name), at.J)) for name, chart in charts.items()}
+        index = self.loops.index
+        sides = {joint.name: (index[joint.parent], index[joint.child]) for joint in self.loops.cut}
+        return {name: chart.rates(self.loops.turning(at, *sides[name])) for name, chart in charts.items()}
 
     def cut_velocities(self, at: BodyPoses, charts: Charts, v: Array) -> dict[str, Array]:
         """Cut joint -> velocities of its coordinates. Shape (n, m)."""
@@ -192,10 +187,10 @@ class ClosedTree:
 
     def closing_rows(self, q: Array, at: BodyPoses, charts: Charts) -> Array:
         """Derivative of the gaps over one row for each independent coordinate. (n, m + k, n_v)."""
-        rows = [self.jacobian(q, at)]
+        rows, own = [self.jacobian(q, at)], np.eye(q.shape[1])
         cut = self.rate_rows(at, {name: charts[name] for name in self.given})
         for column, name, i in self.loops.independent:
-            row = cut[name][:, i] if column is None else np.tile(np.eye(at.J.shape[3])[column], (len(at.J), 1))
+            row = cut[name][:, i] if column is None else np.broadcast_to(own[column], q.shape)
             rows.append(row[:, None])
         return np.concatenate(rows, axis=1)
 
@@ -206,7 +201,7 @@ class ClosedTree:
             i = self.loops.index[load.body]
             arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
             out[:, i, :3] += load.force
-            out[:, i, 3:] += load.torque + np.cross(arm, load.force)
+            out[:, i, 3:] += load.torque + cross(arm, load.force)
         return out
 
 
@@ -229,5 +224,6 @@ def along_coordinates(at: BodyPoses, wrenches: Array) -> Array:
     Returns:
         Shape (n, n_v).
     """
-    angular_first = np.concatenate([wrenches[..., 3:], wrenches[..., :3]], axis=2)
-    return np.asarray(np.einsum("nbxi,nbx->ni", at.J, angular_first))
+    force = wrenches[..., :3]
+    about = np.concatenate([wrenches[..., 3:] + cross(at.p, force), force], axis=2)  # the world's origin
+    return np.asarray(np.einsum("nxi,nix->ni", at.screws, at.moves.T @ about))

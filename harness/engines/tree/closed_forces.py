@@ -20,7 +20,7 @@ from screwgauge.reference.dynamics import across_direction, min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
 
 
@@ -168,7 +168,7 @@ def joint_reactions(
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
         point = joint_point(joint, at.R[:, child], at.p[:, child])
         force[:, j] = wrench[:, :3]
-        moment[:, j] = wrench[:, 3:] - np.cross(point - at.p[:, body], wrench[:, :3])
+        moment[:, j] = wrench[:, 3:] - cross(point - at.p[:, body], wrench[:, :3])
     reactions = reaction_components(
         file.joints,
         [at.R[:, parent] for parent, _ in sides],
@@ -192,5 +192,5 @@ def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> A
         if anchor.joint == joint.name:
             f = multipliers[:, 3 * k : 3 * k + 3]
             out[:, :3] += f
-            out[:, 3:] += np.cross(at.R[:, anchor.child] @ anchor.at_child, f)
+            out[:, 3:] += cross(at.R[:, anchor.child] @ anchor.at_child, f)
     return out

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, Tree
@@ -47,42 +46,37 @@ class Loops:
     index: dict[str, int]
     independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
 
+    @cached_property
+    def _points(self) -> tuple[list[int], list[int], Array]:
+        """Numbers of the anchors that are points, and bodies and places of their child sides, then parent sides."""
+        rows = [k for k, anchor in enumerate(self.anchors) if not anchor.angular]
+        sides = [self.anchors[k].sides[side] for side in (0, 1) for k in rows]
+        return rows, [body for body, _ in sides], np.array([where for _, where in sides]).reshape(-1, 3)
+
     def gaps(self, at: BodyPoses) -> Array:
         """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        out = np.empty((len(at.p), len(self.anchors), 3))
-        (child, x), (parent, y) = self._placed(at, angular=False)
-        out[:, ~self._angular] = (at.p[:, child] + x[..., 0]) - (at.p[:, parent] + y[..., 0])
-        (_, x), (_, y) = self._placed(at, angular=True)
-        out[:, self._angular] = vee(x @ y.swapaxes(2, 3))
-        return out.reshape(len(out), -1)
+        out, (rows, bodies, places) = np.empty((len(at.p), len(self.anchors), 3)), self._points
+        ends = at.points(bodies, places)
+        out[:, rows] = ends[:, : len(rows)] - ends[:, len(rows) :]
+        for k, anchor in enumerate(self.anchors):
+            if anchor.angular:
+                child, parent = (at.R[:, body] @ where for body, where in anchor.sides)
+                out[:, k] = vee(child @ parent.swapaxes(1, 2))
+        return out.reshape(len(out), 3 * len(self.anchors))
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
-        out = np.empty((len(at.p), len(self.anchors), 3, at.J.shape[3]))
-        (child, _), (parent, _) = self._sides[True]
-        out[:, self._angular] = at.J[:, child, :3] - at.J[:, parent, :3]
-        points = ((at.J[:, bodies].swapaxes(2, 3), x[..., 0]) for bodies, x in self._placed(at, angular=False))
-        of_child, of_parent = (J[..., 3:] - cross(x[:, :, None], J[..., :3]) for J, x in points)
-        out[:, ~self._angular] = (of_child - of_parent).swapaxes(2, 3)
-        return out.reshape(len(out), -1, out.shape[3])
+        (n, _, n_v), (rows, bodies, places) = at.screws.shape, self._points
+        out, ends = np.empty((n, len(self.anchors), 3, n_v)), at.jacobian(bodies, at.points(bodies, places))
+        out[:, rows] = ends[:, : len(rows)] - ends[:, len(rows) :]
+        for k, anchor in enumerate(self.anchors):
+            if anchor.angular:
+                out[:, k] = self.turning(at, anchor.parent, anchor.child)
+        return out.reshape(n, 3 * len(self.anchors), n_v)
 
-    def _placed(self, at: BodyPoses, *, angular: bool) -> list[tuple[list[int], Array]]:
-        """Bodies and attitudes (n, m, 3, 3) or arms (n, m, 3, 1) in world axes, of the children and of the parents."""
-        return [(bodies, at.R[:, bodies] @ where) for bodies, where in self._sides[angular]]
-
-    @cached_property
-    def _angular(self) -> NDArray[np.bool_]:
-        return np.array([anchor.angular for anchor in self.anchors], dtype=bool)
-
-    @cached_property
-    def _sides(self) -> dict[bool, list[tuple[list[int], Array]]]:
-        """The same in the bodies, all anchors of a kind at once: poses are corrected one by one."""
-
-        def of(angular: bool, i: int) -> tuple[list[int], Array]:
-            side = [anchor.sides[i] for anchor in self.anchors if anchor.angular == angular]
-            return [body for body, _ in side], np.array([x for _, x in side]).reshape(-1, 3, 3 if angular else 1)
-
-        return {angular: [of(angular, 0), of(angular, 1)] for angular in (False, True)}
+    def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
+        """Angular velocity of the child less that of the parent by the coordinates. Shape (n, 3, n_v)."""
+        return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
@@ -93,8 +87,8 @@ class Loops:
             arm, w = at.R[:, body] @ where, V[:, body, :3]
             return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
 
-        sides = [[side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors]
-        return np.concatenate([np.zeros((len(at.p), 0)), *(child - parent for child, parent in sides)], axis=1)
+        sides = ([side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors)
+        return np.concatenate([np.zeros((len(V), 0)), *(child - parent for child, parent in sides)], axis=1)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""

@@ -12,9 +12,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference import linear, rotations
+from screwgauge.reference import rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
+from screwgauge.reference.rotations import MIDDLE, NEXT, TURN, Array, cross, other_triple, within_half_turn
 
 Flags = NDArray[np.bool_]
 
@@ -57,8 +57,8 @@ class Chart:
         """
         own = np.zeros_like(omega)  # each axis is carried around by the rates before it
         for i, j in combinations(range(self.q.shape[1]), 2):
-            own += rotations.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        local = (self.R.swapaxes(1, 2) @ (beta - rotations.cross(omega_parent, omega))[..., None])[..., 0] - own
+            own += cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
+        local = (self.R.swapaxes(1, 2) @ (beta - cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
     def near(self, angles: Array) -> Chart:
@@ -91,14 +91,14 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
-    angles = triad_angles(M, axes)
-    turned = np.empty((len(R), 3, 3))
-    M = np.tile(np.eye(3), (len(R), 1, 1))
-    for i in range(3):
-        turned[:, i] = M @ axes[i]
-        M = M @ rotation(axes[i], angles[:, i])
+    angles = rotations.triad_angles(M, axes)
+    turned, first = np.empty((len(R), 3, 3)), angles[:, :1]
+    turned[:, 0], turned[:, 2] = axes[0], M @ axes[2]  # the last angle turns about the last axis
+    turned[:, 1] = np.cos(first) * axes[1] + np.sin(first) * cross(axes[0], axes[1])
     m = len(joint.axes)
-    inverse = linear.inverse(turned.swapaxes(1, 2))
+    duals = cross(turned[:, NEXT], turned[:, NEXT[NEXT]])
+    volume = np.sum(turned[:, 0] * duals[:, 0], axis=1)[:, None, None]
+    inverse = duals / np.where(volume == 0.0, np.nan, volume)
     condition = np.ones(len(R))
     if m == 3:  # in the Frobenius norm, 3 at best
         condition = np.linalg.norm(turned, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) / 3.0

@@ -18,7 +18,6 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import velocity_map
 from screwgauge.reference.following import Follower
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State
@@ -90,7 +89,7 @@ class _Work:
     def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
-        at = closed.tree.poses(q, closed.closing)
+        at = closed.tree.poses(q)
         charts = loops.charts(at, closed.given)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
@@ -142,6 +141,8 @@ class _Pass:
     def all(self) -> tuple[dict[str, Array], Trust]:
         """The values that are wanted, and what their errors rest on."""
         depth, A = self.work.depth, self.poses.A
+        with self.clock.stage("condition"):
+            self.inverse, self.condition = linear.inverted(A)
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 self._velocities()
@@ -153,21 +154,21 @@ class _Pass:
             with self.clock.stage("forces"):
                 self._forces()
         with self.clock.stage("condition"):
-            condition, n = linear.condition(A), len(A)
             charts = [chart.condition for chart in self.poses.charts.values()]
-            worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), n)
-            trust = Trust(condition, gain(A, condition), worst, self.conditions, self.speed, self.rush, self.load)
+            worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), len(A))
+            sizes = self.speed, self.rush, self.load
+            trust = Trust(self.condition, gain(A, self.condition), worst, self.conditions, *sizes)
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
         """From ``A v = [0; yd]``."""
         poses, yd = self.poses, self.poses.motion.yd
-        self.K = velocity_map(poses.A, yd.shape[1]) * self.sizes.q[:, None] / self.sizes.y
+        self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
         self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
         self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
-        omega = poses.at.J[:, self.closed.bodies, :3] @ self.v[:, None, :, None]
-        self.values["body_angular_velocity"] = omega.reshape(len(yd), -1)
+        self.V = poses.at.velocities(self.v)
+        self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
 
     def _accelerations(self) -> None:
@@ -181,7 +182,7 @@ class _Pass:
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
-        self.a = linear.solve(poses.A, (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
         if "com_acceleration" in self.wanted:
             com = tree.com_accelerations(poses.q, self.v, self.a)
@@ -222,16 +223,16 @@ class _Pass:
     def _inertia_and_weight(self) -> Array:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
-        arms = (at.R[:, 1:] @ tree.com[..., None]).swapaxes(2, 3)
-        J = at.J[:, 1:].swapaxes(2, 3)  # (n, n_body, n_v, 6)
+        bodies = range(1, len(tree.com) + 1)
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        along = np.einsum("b,nbix,nx->ni", tree.masses, np.abs(J[..., 3:] + np.cross(J[..., :3], arms)), most)
+        J = at.jacobian(bodies, at.points(bodies, tree.com))
+        weights = (tree.masses[:, None] * most[:, None]).reshape(len(J), 1, -1)
+        along = (weights @ np.abs(J, out=J).reshape(len(J), weights.shape[2], -1))[:, 0]
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
 
     def _forces(self) -> None:
         at, t = self.poses.at, self.poses.motion.t
-        V = (at.J @ self.v[:, None, :, None])[..., 0]
-        state = State(t, at.R, at.p, V, self.values["joint_position"], self.values["joint_velocity"])
+        state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
         self.values |= forces.values

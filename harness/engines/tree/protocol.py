@@ -6,15 +6,18 @@ shape (n, n_v), and for the one state of a mover or stepper (n_v,).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
@@ -23,16 +26,48 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyPoses:
-    """Poses and Jacobians of all bodies of the tree, ground first.
+    """Poses of all bodies of the tree, ground first, and what moves them.
 
     Attributes:
         R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        J: Jacobian of the angular velocity and of the origin's velocity, world axes. (n, n_body + 1, 6, n_v).
+        screws: Twist about the world's origin, angular first, that each coordinate adds per unit of its velocity to
+            all the bodies that it moves. Shape (n, 6, n_v).
+        moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
     """
 
     R: Array
     p: Array
-    J: Array
+    screws: Array
+    moves: Array
+
+    def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
+        """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
+        return self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places)
+
+    def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
+        """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
+        out = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
+        np.subtract(self.screws[:, None, 3:], out, out=out)
+        out *= self.moves[bodies, None]
+        return out
+
+    def velocities(self, v: Array) -> Array:
+        """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
+        V = (self.moves * v[:, None]) @ self.screws.swapaxes(1, 2)
+        V[..., 3:] += cross(V[..., :3], self.p)
+        return V
+
+
+def moving(V: Array, A: Array, arms: Array) -> tuple[Array, Array]:
+    """Velocities and accelerations of points that move with twists and their derivatives about other points.
+
+    Args:
+        V, A: Angular first; the derivatives are spatial ones. Shape (n, m, 6) each.
+        arms: From those points to the ones wanted. Shape (n, m, 3), or (m, 3) in axes that turn along.
+    """
+    w, beta = V[..., :3], A[..., :3]
+    v = V[..., 3:] + cross(w, arms)
+    return np.concatenate([w, v], axis=2), np.concatenate([beta, A[..., 3:] + cross(beta, arms) + cross(w, v)], axis=2)
 
 
 class Tree(Protocol):
@@ -51,8 +86,8 @@ class Tree(Protocol):
     def under(self, gravity: Array | None) -> None:
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
 
-    def poses(self, q: Array, only: Collection[int] | None = None) -> BodyPoses:
-        """Poses and Jacobians; those of other bodies than `only` may be left out."""
+    def poses(self, q: Array) -> BodyPoses:
+        """Poses of the bodies, and the screws of the coordinates."""
 
     def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Velocity and acceleration of each body: angular, then of its origin; no gravity. (n, n_body + 1, 6) each."""

@@ -58,20 +58,25 @@ def one_by_one(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
     return Asked(posed.files(engine), problems, len(tasks), posed.reference)
 
 
-def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False) -> Asked:
-    """The true motion of a tree, for actuator forces. `pushed`: for accelerations under the true forces."""
-    return Asked(posed.files(engine), (_on_tree(posed, pushed),), len(posed.t), posed.reference)
+def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False) -> Asked:
+    """The true motion of a tree, for actuator forces.
+
+    Args:
+        pushed: For accelerations under the true forces.
+        bare: For forces along the tree alone.
+    """
+    return Asked(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
 
 
-@lru_cache(maxsize=2)
-def _on_tree(posed: Posed, pushed: bool) -> Problem:
+@lru_cache(maxsize=3)
+def _on_tree(posed: Posed, pushed: bool, bare: bool) -> Problem:
     """Many methods are asked this."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
     if pushed:
         return posed.pushed(coordinates)
-    return posed.problem("actuator_force", task=posed.moving(coordinates))
+    return posed.problem("tree_force" if bare else "actuator_force", task=posed.moving(coordinates))
 
 
 def four_bar(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:

@@ -1,0 +1,60 @@
+"""Claim: poses of a smooth motion are predicted from those around them to rounding, so that each is hardly asked for
+more than once."""
+
+import numpy as np
+import pytest
+
+from screwgauge.reference.between import knots, predicted
+from screwgauge.reference.following import Follower
+
+EVERY, STEP = 16, 0.1
+
+
+def arm(y):
+    """Unknowns of a mechanism in closed form, and their velocity map."""
+    z = np.hstack([np.sin(y), np.cos(2.0 * y), np.exp(0.3 * y)])
+    return z, np.stack([np.cos(y), -2.0 * np.sin(2.0 * y), 0.3 * np.exp(0.3 * y)], axis=1)
+
+
+def away(y):
+    rows = knots(y, EVERY, STEP)
+    z, K = arm(y[rows])
+    return np.abs(predicted(y, rows, z, K) - arm(y)[0]).max()
+
+
+def test_a_smooth_motion_is_predicted_to_rounding():
+    y = 0.3 * np.sin(np.linspace(0.0, 3.0, 1200))[:, None]
+    assert away(y) < 1e-13
+
+
+def test_uneven_and_few_samples_are_predicted_roughly():
+    t = np.sort(np.random.default_rng(1).uniform(0.0, 3.0, 1200))
+    assert away(0.3 * np.sin(t)[:, None]) < 1e-3
+    for n in (2, 3, 4):
+        assert away(np.linspace(0.0, 0.05, n)[:, None]) < 1e-5
+
+
+def test_followed_samples_have_the_ends_among_them_and_none_is_far_from_the_next():
+    y = np.cumsum(np.random.default_rng(2).uniform(0.0, 0.03, 500))[:, None]
+    rows = knots(y, EVERY, STEP)
+    assert (rows[0], rows[-1]) == (0, 499)
+    assert np.diff(rows).max() <= EVERY
+    assert np.diff(y[rows, 0]).max() <= STEP + 0.03
+
+
+@pytest.mark.parametrize("n", [1000, 3000])
+def test_a_follower_asks_for_most_poses_once(n):
+    asked = []
+
+    def evaluate(z, y):
+        asked.append(len(z))
+        residual = np.stack([z[:, 0] - np.sin(z[:, 1]), z[:, 1] - y[:, 0]], axis=1)
+        matrix = np.tile(np.eye(2), (len(z), 1, 1))
+        matrix[:, 0, 1] = -np.cos(z[:, 1])
+        return residual, matrix
+
+    path = Follower(evaluate, np.zeros(2), np.zeros(1))
+    y = 0.4 * np.sin(np.linspace(0.0, 2.0, n))[:, None]
+    found = path.follow(y, np.arange(float(n)))
+    assert np.abs(found.z[:, 0] - np.sin(y[:, 0])).max() < 1e-15
+    assert sum(asked) < 1.7 * n
