@@ -81,7 +81,7 @@ def traced(
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat), places, predicted)
+    return Traced(program(len(trace.inputs), flat, len(CHECKS)), places, predicted)
 
 
 def rest(question: Question) -> dict[int, float]:
