@@ -75,8 +75,10 @@ class VectorMath:
             return getattr(self.b, f"f{op}")(*x, flags=flags)
         if op == "neg":
             return self.b.fneg(*x)
-        if op == "sqrt":
-            return self.intrinsic("sqrt", *x)
+        if op in ("sqrt", "abs"):
+            return self.intrinsic({"abs": "fabs"}.get(op, op), *x)
+        if op == "max":
+            return self.b.select(self.b.fcmp_unordered("<=", *x), x[1], x[0])
         if op == "atan2":
             return self._angle(*x) if self.inline else self.called("atan2", x, self._angle)
         if x[0] not in self.pairs:

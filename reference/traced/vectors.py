@@ -5,8 +5,7 @@ Zeros and ones of a description are floats, and fold where numbers are nodes; no
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,24 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 EYE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
+#: Function -> what computes it on arrays.
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan2": np.arctan2,
+    "abs": np.abs,
+    "max": np.maximum,
+}
+
+
 def apply(name: str, *x: Scalar) -> Scalar:
-    """A function by its name: ``sin``, ``cos``, ``sqrt`` or ``atan2``."""
+    """A function by its name, see `FUNCTIONS`."""
     for value in x:
-        if hasattr(value, "trace"):
+        if hasattr(value, "op"):  # a node
             return value.trace.function(name, *x)
-    if all(isinstance(value, float) for value in x):
-        return getattr(math, name)(*x)
-    return {"atan2": np.arctan2}.get(name, getattr(np, name, None))(*x)  # type: ignore[misc]
+    found = FUNCTIONS[name](*x)
+    return found if np.ndim(found) else float(found)
 
 
 def sqrt(x: Scalar) -> Scalar:
@@ -97,6 +106,14 @@ def rotation(axis: Vector, s: Scalar, c: Scalar) -> Matrix:
         return (e * (1.0 - c) if e else 0.0) + third * s
 
     return tuple(tuple(entry(i, j) for j in range(3)) for i in range(3))  # type: ignore[return-value]
+
+
+def largest(values: Iterable[Scalar]) -> Scalar:
+    """Largest of some numbers that are not negative, zero if there is none."""
+    found: Scalar = 0.0
+    for x in values:
+        found = x if isinstance(found, float) and found == 0.0 else apply("max", found, x)
+    return found
 
 
 def squares(values: Sequence[Scalar]) -> Scalar:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.engines import estimate
 from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Trust
 from screwgauge.problem import Problem, Rows
+from screwgauge.quantities import FLOOR, arm
 from screwgauge.reference import linear
+from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.tracing import CHECKS
+from screwgauge.reference.traced.vectors import Scalar, apply, largest
 
 #: Worst case over these samples.
 SAFETY = 1.5
@@ -23,14 +28,13 @@ ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
 NEAR = 0.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Numbers:
-    """What a program says of its samples, see `CHECKS`: roots of the squares that it emits. Shape (n_check, n)."""
+Numbers = Mapping[str, Scalar]
+"""What a program says of its samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
 
-    checks: Array
 
-    def __getitem__(self, name: str) -> Array:
-        return np.asarray(np.sqrt(self.checks[CHECKS.index(name)]))
+def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
+    """Name -> root of the square that a program emits, see `CHECKS`."""
+    return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +53,7 @@ class Bounds:
 
     Attributes:
         ratio: See `compare`.
+        weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
     """
 
     def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
@@ -84,22 +89,33 @@ class Bounds:
     def trust(self, out: Numbers) -> Trust:
         """What the numbers of a program rest on."""
         ratio = self.ratio
-        gain = ratio.gain * np.maximum(out["gain"], 1e-300)
+        gain = ratio.gain * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
-        rush = np.maximum(speed**2, out["rush"])
-        load = self.weight + self.mass * rush * self.length
-        charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
-        forces = dict[str, Array]()
+        rush = apply("max", speed * speed, out["rush"])
+        load = self.weight + self.mass * self.length * rush
+        charts = apply("sqrt", apply("max", out["charts"] * out["charts"] - float(self.spare_charts), 1.0))
+        forces = dict[str, Scalar]()
         if "reaction" in self.wanted:
-            forces["reaction"] = ratio.reaction * out["whole_gain"] ** 2
+            forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
             forces["actuator_force"] = ratio.drive * out["drive"]
         return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
 
-    def clear(self, checks: Array) -> bool:
-        """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
-        worst = (self.weights @ checks).max(initial=0.0)  # NaN where any is
-        return bool(worst <= 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2)
+    def estimated(
+        self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
+    ) -> tuple[list[Scalar], list[Scalar]]:
+        """Of each unit of each quantity, its largest magnitude and the error of its numbers, see `estimate.errors`.
+
+        For samples that are clear alone.
+        """
+        trust, sizes, errors = self.trust(out), list[Scalar](), list[Scalar]()
+        for name, each in units.items():
+            amplified = (ROUNDED * linear.EPS) * estimate.amplified(name, trust)
+            for unit in dict.fromkeys(each):
+                size = largest(apply("abs", x) for x, u in zip(values[name], each, strict=True) if u == unit)
+                sizes.append(size)
+                errors.append(amplified * (size + arm(unit, self.length) * estimate.summand(unit, trust)))
+        return sizes, errors
 
     def _weights(self) -> Array:
         ratio, most = self.ratio, SAFETY * CLEAR
@@ -112,7 +128,8 @@ class Bounds:
             "balance": (BALANCED * ratio.load * self.weight) ** 2,
             "charts": most**2,
         }
-        return np.array([1.0 / limits.get(name, np.inf) for name in CHECKS])
+        free = 1.0 - self.spare_charts / most**2
+        return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
         """Whether Newton's method stayed on its assembly. Shape (n,)."""
@@ -133,3 +150,40 @@ class Bounds:
             left |= doubt
         rows: Rows = np.flatnonzero(left)
         return rows
+
+
+def measured(part: estimate.Part, units: Mapping[str, Sequence[str]], length: float) -> tuple[Array, Array]:
+    """The same as `Bounds.estimated` of samples that need not be clear. Shape (n, n_unit) each."""
+    sizes, found = list[Array](), list[Array]()
+    for name, each in units.items():
+        for unit in dict.fromkeys(each):
+            columns = [i for i, u in enumerate(each) if u == unit]
+            sizes.append(np.abs(part.values[name][:, columns]).max(axis=1, initial=0.0))
+            local = sizes[-1] + estimate.summand(unit, part.trust) * arm(unit, length)
+            found.append(estimate.absolute(name, part, local, columns))
+    return np.stack(sizes, axis=1), np.stack(found, axis=1)
+
+
+def relative(
+    sizes: Array, found: Array, units: Mapping[str, Sequence[str]], length: float
+) -> dict[str, Array]:
+    """Quantity -> error over the largest magnitude of its unit, see `estimate.errors`. Shape (n,).
+
+    Args:
+        sizes, found: Largest magnitudes and errors of all samples, see `Bounds.estimated`. Shape (n_unit, n) each.
+
+    Returns:
+        Nothing, if numbers are too small to measure their own error.
+    """
+    meant = found < DIGIT * sizes
+    some = (sizes, found) if meant.all() else (np.where(meant, sizes, 0.0), np.where(meant, found, 0.0))
+    scale, worst = (x.max(axis=1, initial=0.0) for x in some)
+    counts = [len({*each}) for each in units.values()]
+    starts = np.cumsum([0, *counts[:-1]])
+    arms = np.array([arm(unit, length) for each in units.values() for unit in dict.fromkeys(each)])
+    whole = np.repeat(np.maximum.reduceat(scale / arms, starts), counts) * arms
+    if not (scale > FLOOR * (whole + worst / (ROUNDED * linear.EPS))).all():
+        return {}
+    result = np.maximum.reduceat(found / scale[:, None], starts, axis=0)
+    result[~(result < DIGIT)] = np.inf
+    return dict(zip(units, result, strict=True))

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, errors
+from screwgauge.engines.estimate import errors
+from screwgauge.engines.screw.bounds import measured, relative
 from screwgauge.engines.screw.programs import columns
-from screwgauge.engines.screw.traced import ArrayWork, TracedWork
+from screwgauge.engines.screw.traced import ArrayWork, Bound, TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -21,6 +22,8 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
 
+Mode = tuple[bool, bool]
+"""Whether samples have their own loads, and whether errors are estimated."""
 #: Samples worked on at a time, whatever is given: memory stays constant.
 PART = 4096
 
@@ -55,26 +58,27 @@ class Solver:
     def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
         """Traces and compiles; pivots are chosen at samples of the scene's motion."""
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
-        self.works: dict[bool, list[TracedWork | ArrayWork]] = {}
-        work = self._works(loaded=False)[0]
+        self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
+        self.last: dict[Mode, tuple[Bound, Mapping[str, Array]]] = {}
+        work = self._works((False, False))[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
 
-    def _works(self, *, loaded: bool) -> list[TracedWork | ArrayWork]:
+    def _works(self, mode: Mode) -> list[TracedWork | ArrayWork]:
         """One a thread."""
-        if loaded not in self.works:
+        if mode not in self.works:
             lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
             first: TracedWork | ArrayWork
             try:
-                first = TracedWork(lay, problem, motion, self.backend, loaded=loaded)
+                first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])
             except NotTraceableError as error:
                 first = ArrayWork(lay, problem, motion, error.what)
-            self.works[loaded] = [first, *(first.again() for _ in range(self.threads - 1))]
-        return self.works[loaded]
+            self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
+        return self.works[mode]
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        work = self.works[False][0]
+        work = self._works((False, False))[0]
         return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
 
     def buffers(self, n: int) -> dict[str, Array]:
@@ -103,58 +107,73 @@ class Solver:
         Raises:
             ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
         """
+        given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
+        mode = load is not None, estimates
+        if out is not None and mode in self.last:  # the buffers of the last call: nothing to prepare
+            bound, said = self.last[mode]
+            if bound.fits(given, (*out.values(), *said.values())) and bound.fill(given):
+                found = self._relative(said) if estimates else {}
+                if found or not estimates:
+                    return Answer(out, {}, found)
         n = len(y)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
         inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
         values = self.buffers(n) if out is None else self._checked(out, n)
-        works = self._works(loaded=load is not None)
-        bounds = [n * i // self.threads for i in range(self.threads + 1)]
+        works = self._works(mode)
         for work in works:
             work.by_array.clear()
-
-        def run(i: int) -> list[Part]:
-            return self._run(works[i], slice(bounds[i], bounds[i + 1]), inputs, values, estimates)
-
+        m = sum(len({*each}) for each in works[0].units.values())
+        said = {name: columns(n, m) for name in (("size", "error") if estimates else ())}
+        shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            parts = run(0)
+            self._fill(*shares[0], inputs, values, said)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                parts = [part for found in pool.map(run, range(self.threads)) for part in found]
-        estimate = self._estimates(works[0], parts, values) if estimates else {}
-        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), estimate)
+                [*pool.map(lambda share: self._fill(*share, inputs, values, said), shares)]
+        found = self._relative(said) or self._examined(inputs) if estimates else {}
+        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
 
-    def _estimates(
-        self, work: TracedWork | ArrayWork, parts: list[Part], values: Mapping[str, Array]
-    ) -> dict[str, Array]:
+    def _relative(self, said: Mapping[str, Array]) -> dict[str, Array]:
+        """Estimates from sizes and errors; nothing if numbers are too small to measure their own error."""
+        work = self._works((False, False))[0]
+        return relative(said["size"].T, said["error"].T, work.units, work.length)
+
+    def _examined(self, inputs: Sequence[Array]) -> dict[str, Array]:
+        """Estimates from all that is known of each sample, see `estimate.errors`."""
+        work, parts = self._works((len(inputs) > 3, False))[0], []
+        for start in range(0, len(inputs[0]), PART):
+            parts.append(work.part(*_motion(inputs, slice(start, start + PART))))
+        each = {name: np.concatenate([part.values[name] for part in parts]) for name in self.quantities}
         table = work.names()
-        return {name: errors(name, parts, Values(*table[name], x.view()), work.length)[0] for name, x in values.items()}
+        return {name: errors(name, parts, Values(*table[name], x), work.length)[0] for name, x in each.items()}
 
-    def _run(
+    def _fill(
         self,
         work: TracedWork | ArrayWork,
         rows: slice,
         inputs: Sequence[Array],
         values: Mapping[str, Array],
-        estimates: bool,
-    ) -> list[Part]:
-        """Solves some samples part after part, and fills in their values."""
-        parts, n = [], len(inputs[0])
+        said: Mapping[str, Array],
+    ) -> None:
+        """Fills in the values of some samples part after part."""
+        n = len(inputs[0])
         flat = all(array.strides[0] == array.itemsize for array in values.values())
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
             whole = some == slice(0, n)
             given = inputs if whole else [array[some] for array in inputs]
-            into = values if whole else {name: array[some] for name, array in values.items()}
-            if flat and not estimates and work.fill(given, into):
+            into, beside = ({name: x if whole else x[some] for name, x in arrays.items()} for arrays in (values, said))
+            bound = work.bind(given, {**into, **beside}) if flat else None
+            if bound is not None and bound.fill(given):
+                if whole:
+                    self.last[len(inputs) > 3, bool(said)] = bound, said
                 continue
-            motion = GivenMotion(np.arange(some.start, some.stop, dtype=float), *(x.copy() for x in given[:3]))
-            loads = np.ascontiguousarray(given[3].T) if len(given) > 3 else None
-            parts.append(work.part(motion, loads, into if flat else None))
-            if not flat:
-                for name, array in parts[-1].values.items():
-                    into[name][:] = array
-        return parts
+            part = work.part(*_motion(inputs, some), {**into, **beside} if flat else None)
+            for name, array in into.items() if not flat else ():
+                array[:] = part.values[name]
+            if said:
+                beside["size"][:], beside["error"][:] = measured(part, work.units, work.length)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -173,6 +192,12 @@ class Solver:
             if not array.flags.writeable:
                 raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
         return out
+
+
+def _motion(inputs: Sequence[Array], rows: slice) -> tuple[GivenMotion, Array | None]:
+    """Some samples as a motion, and their loads."""
+    y, yd, ydd, *loads = (array[rows].copy() for array in inputs)
+    return GivenMotion(np.arange(len(y), dtype=float), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
 
 
 def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
