@@ -49,14 +49,18 @@ class Program:
         return "\n".join([*lines, "}", ""])
 
 
-def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0) -> Program:
-    """What these outputs need of their trace; operands come shortly before they are used."""
+def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
+    """What these outputs need of their trace; operands come shortly before they are used.
+
+    Args:
+        first: What is computed before all others, in this order.
+    """
     number, code = dict[int, int](), list[tuple[str, tuple[Operand, ...]]]()
 
     def operand(x: Scalar) -> Operand:
         return number[x.index] if isinstance(x, Node) else float(x)
 
-    for output in outputs:
+    for output in (*first, *outputs):
         stack = [output] if isinstance(output, Node) else []
         while stack:
             node = stack[-1]

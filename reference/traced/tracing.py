@@ -56,7 +56,8 @@ def traced(
         wanted: Names of quantities.
         loaded: Whether the loads are inputs, the last: force and torque of each.
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
-        further: What else is to be put out, from all of it; it stands before the checks.
+        further: What else is to be put out, from all of it: it stands before the checks; ``first`` is only computed,
+            in this order, before all others.
 
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
@@ -85,12 +86,14 @@ def traced(
         constraints = Constraints(dynamics)
         outputs["reaction"], left = constraints.values, balance_left(dynamics, constraints)
     said = checks(dynamics, moved, left, residuals)
-    outputs |= {**further({**outputs, **said}), **said}
+    more = dict(further({**outputs, **said}))
+    first = more.pop("first", [])
+    outputs |= more | said
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat, len(CHECKS)), places, predicted)
+    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, predicted)
 
 
 def rest(question: Question) -> dict[int, float]:

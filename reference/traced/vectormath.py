@@ -75,8 +75,8 @@ class VectorMath:
             return getattr(self.b, f"f{op}")(*x, flags=flags)
         if op == "neg":
             return self.b.fneg(*x)
-        if op in ("sqrt", "abs"):
-            return self.intrinsic({"abs": "fabs"}.get(op, op), *x)
+        if op == "sqrt":
+            return self.intrinsic("sqrt", *x)
         if op == "max":
             return self.b.select(self.b.fcmp_unordered("<=", *x), x[1], x[0])
         if op == "atan2":

@@ -5,7 +5,7 @@ Zeros and ones of a description are floats, and fold where numbers are nodes; no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sin": np.sin,
     "cos": np.cos,
     "atan2": np.arctan2,
-    "abs": np.abs,
     "max": np.maximum,
 }
 
@@ -106,14 +105,6 @@ def rotation(axis: Vector, s: Scalar, c: Scalar) -> Matrix:
         return (e * (1.0 - c) if e else 0.0) + third * s
 
     return tuple(tuple(entry(i, j) for j in range(3)) for i in range(3))  # type: ignore[return-value]
-
-
-def largest(values: Iterable[Scalar]) -> Scalar:
-    """Largest of some numbers that are not negative, zero if there is none."""
-    found: Scalar = 0.0
-    for x in values:
-        found = x if isinstance(found, float) and found == 0.0 else apply("max", found, x)
-    return found
 
 
 def squares(values: Sequence[Scalar]) -> Scalar:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.engines import estimate
-from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Trust
+from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
 from screwgauge.problem import Problem, Rows
-from screwgauge.quantities import FLOOR, arm
+from screwgauge.quantities import arm
 from screwgauge.reference import linear
-from screwgauge.reference.linear import DIGIT, ROUNDED
+from screwgauge.reference.linear import ROUNDED
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.tracing import CHECKS
-from screwgauge.reference.traced.vectors import Scalar, apply, largest
+from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Worst case over these samples.
 SAFETY = 1.5
@@ -104,18 +104,20 @@ class Bounds:
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
-        """Of each unit of each quantity, its largest magnitude and the error of its numbers, see `estimate.errors`.
+        """Errors of quantities at samples that are clear, of each of their units.
 
-        For samples that are clear alone.
+        Returns:
+            Sums of squares as they grow, with the numbers they are made of, and the errors.
         """
-        trust, sizes, errors = self.trust(out), list[Scalar](), list[Scalar]()
+        trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
         for name, each in units.items():
-            amplified = (ROUNDED * linear.EPS) * estimate.amplified(name, trust)
-            for unit in dict.fromkeys(each):
-                size = largest(apply("abs", x) for x, u in zip(values[name], each, strict=True) if u == unit)
-                sizes.append(size)
-                errors.append(amplified * (size + arm(unit, self.length) * estimate.summand(unit, trust)))
-        return sizes, errors
+            whole: Scalar = 0.0
+            for x, unit in zip(values[name], each, strict=True):
+                whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
+                sums += [x, whole]
+            whole = (ROUNDED * linear.EPS) * estimate.amplified(name, trust) * (apply("sqrt", whole) + estimate.summand(each[0], trust))
+            errors += [arm(unit, self.length) * whole for unit in dict.fromkeys(each)]
+        return sums, errors
 
     def _weights(self) -> Array:
         ratio, most = self.ratio, SAFETY * CLEAR
@@ -152,38 +154,13 @@ class Bounds:
         return rows
 
 
-def measured(part: estimate.Part, units: Mapping[str, Sequence[str]], length: float) -> tuple[Array, Array]:
-    """The same as `Bounds.estimated` of samples that need not be clear. Shape (n, n_unit) each."""
-    sizes, found = list[Array](), list[Array]()
+def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
+    """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
+    errors = []
     for name, each in units.items():
+        arms = np.array([arm(unit, length) for unit in each])
+        whole = np.linalg.norm(part.values[name] / arms, axis=1) + estimate.summand(each[0], part.trust)
         for unit in dict.fromkeys(each):
             columns = [i for i, u in enumerate(each) if u == unit]
-            sizes.append(np.abs(part.values[name][:, columns]).max(axis=1, initial=0.0))
-            local = sizes[-1] + estimate.summand(unit, part.trust) * arm(unit, length)
-            found.append(estimate.absolute(name, part, local, columns))
-    return np.stack(sizes, axis=1), np.stack(found, axis=1)
-
-
-def relative(
-    sizes: Array, found: Array, units: Mapping[str, Sequence[str]], length: float
-) -> dict[str, Array]:
-    """Quantity -> error over the largest magnitude of its unit, see `estimate.errors`. Shape (n,).
-
-    Args:
-        sizes, found: Largest magnitudes and errors of all samples, see `Bounds.estimated`. Shape (n_unit, n) each.
-
-    Returns:
-        Nothing, if numbers are too small to measure their own error.
-    """
-    meant = found < DIGIT * sizes
-    some = (sizes, found) if meant.all() else (np.where(meant, sizes, 0.0), np.where(meant, found, 0.0))
-    scale, worst = (x.max(axis=1, initial=0.0) for x in some)
-    counts = [len({*each}) for each in units.values()]
-    starts = np.cumsum([0, *counts[:-1]])
-    arms = np.array([arm(unit, length) for each in units.values() for unit in dict.fromkeys(each)])
-    whole = np.repeat(np.maximum.reduceat(scale / arms, starts), counts) * arms
-    if not (scale > FLOOR * (whole + worst / (ROUNDED * linear.EPS))).all():
-        return {}
-    result = np.maximum.reduceat(found / scale[:, None], starts, axis=0)
-    result[~(result < DIGIT)] = np.inf
-    return dict(zip(units, result, strict=True))
+            errors.append(estimate.absolute(name, part, whole * arm(unit, length), columns))
+    return np.stack(errors, axis=1)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import errors
-from screwgauge.engines.screw.bounds import measured, relative
+from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.programs import columns
 from screwgauge.engines.screw.traced import ArrayWork, Bound, TracedWork
 from screwgauge.problem import GivenMotion
@@ -20,7 +19,6 @@ from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Values
 
 Mode = tuple[bool, bool]
 """Whether samples have their own loads, and whether errors are estimated."""
@@ -35,7 +33,8 @@ class Answer:
     Attributes:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
-        estimate: Quantity -> estimated error at each sample, see `Solution.estimate`; empty if it was not asked for.
+        estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
+            among its components, shape (n, n_unit); empty if it was not asked for. With `out` in use again, filled again.
     """
 
     values: Mapping[str, Array]
@@ -59,7 +58,7 @@ class Solver:
         """Traces and compiles; pivots are chosen at samples of the scene's motion."""
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
-        self.last: dict[Mode, tuple[Bound, Mapping[str, Array]]] = {}
+        self.last: dict[Mode, tuple[Bound, Answer]] = {}
         work = self._works((False, False))[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
@@ -110,11 +109,9 @@ class Solver:
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
         if out is not None and mode in self.last:  # the buffers of the last call: nothing to prepare
-            bound, said = self.last[mode]
-            if bound.fits(given, (*out.values(), *said.values())) and bound.fill(given):
-                found = self._relative(said) if estimates else {}
-                if found or not estimates:
-                    return Answer(out, {}, found)
+            bound, answer = self.last[mode]
+            if bound.fits(given, out) and bound.fill(given):
+                return answer
         n = len(y)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
@@ -123,30 +120,23 @@ class Solver:
         works = self._works(mode)
         for work in works:
             work.by_array.clear()
-        m = sum(len({*each}) for each in works[0].units.values())
-        said = {name: columns(n, m) for name in (("size", "error") if estimates else ())}
+        found, error = self._errors(works[0], n) if estimates else ({}, {})
         shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            self._fill(*shares[0], inputs, values, said)
+            self._fill(*shares[0], inputs, values, error)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                [*pool.map(lambda share: self._fill(*share, inputs, values, said), shares)]
-        found = self._relative(said) or self._examined(inputs) if estimates else {}
-        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
+                [*pool.map(lambda share: self._fill(*share, inputs, values, error), shares)]
+        answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
+        if works[0].bound is not None and works[0].bound.covers(values):
+            self.last[mode] = works[0].bound, answer
+        return answer
 
-    def _relative(self, said: Mapping[str, Array]) -> dict[str, Array]:
-        """Estimates from sizes and errors; nothing if numbers are too small to measure their own error."""
-        work = self._works((False, False))[0]
-        return relative(said["size"].T, said["error"].T, work.units, work.length)
-
-    def _examined(self, inputs: Sequence[Array]) -> dict[str, Array]:
-        """Estimates from all that is known of each sample, see `estimate.errors`."""
-        work, parts = self._works((len(inputs) > 3, False))[0], []
-        for start in range(0, len(inputs[0]), PART):
-            parts.append(work.part(*_motion(inputs, slice(start, start + PART))))
-        each = {name: np.concatenate([part.values[name] for part in parts]) for name in self.quantities}
-        table = work.names()
-        return {name: errors(name, parts, Values(*table[name], x), work.length)[0] for name, x in each.items()}
+    def _errors(self, work: TracedWork | ArrayWork, n: int) -> tuple[dict[str, Array], dict[str, Array]]:
+        """An array for errors by quantity, and as a whole."""
+        counts = [len({*each}) for each in work.units.values()]
+        error = columns(n, sum(counts))
+        return dict(zip(work.units, np.split(error, np.cumsum(counts)[:-1], axis=1), strict=True)), {"error": error}
 
     def _fill(
         self,
@@ -154,26 +144,24 @@ class Solver:
         rows: slice,
         inputs: Sequence[Array],
         values: Mapping[str, Array],
-        said: Mapping[str, Array],
+        error: Mapping[str, Array],
     ) -> None:
         """Fills in the values of some samples part after part."""
-        n = len(inputs[0])
         flat = all(array.strides[0] == array.itemsize for array in values.values())
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
-            whole = some == slice(0, n)
-            given = inputs if whole else [array[some] for array in inputs]
-            into, beside = ({name: x if whole else x[some] for name, x in arrays.items()} for arrays in (values, said))
-            bound = work.bind(given, {**into, **beside}) if flat else None
+            if some == slice(0, len(inputs[0])):
+                given, into = inputs, {**values, **error}
+            else:
+                given, into = [x[some] for x in inputs], {name: x[some] for name, x in {**values, **error}.items()}
+            bound = work.bind(given, into) if flat else None
             if bound is not None and bound.fill(given):
-                if whole:
-                    self.last[len(inputs) > 3, bool(said)] = bound, said
                 continue
-            part = work.part(*_motion(inputs, some), {**into, **beside} if flat else None)
-            for name, array in into.items() if not flat else ():
-                array[:] = part.values[name]
-            if said:
-                beside["size"][:], beside["error"][:] = measured(part, work.units, work.length)
+            part = work.part(*_motion(given), into if flat else None)
+            for name in () if flat else values:
+                into[name][:] = part.values[name]
+            if error:
+                into["error"][:] = examined(part, work.units, work.length)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -191,12 +179,12 @@ class Solver:
             _check_array(array, (n, len(self.components[name])), f"out, {name}")
             if not array.flags.writeable:
                 raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
-        return out
+        return {name: out[name] for name in self.quantities}
 
 
-def _motion(inputs: Sequence[Array], rows: slice) -> tuple[GivenMotion, Array | None]:
-    """Some samples as a motion, and their loads."""
-    y, yd, ydd, *loads = (array[rows].copy() for array in inputs)
+def _motion(inputs: Sequence[Array]) -> tuple[GivenMotion, Array | None]:
+    """Samples as a motion, and their loads."""
+    y, yd, ydd, *loads = (array.copy() for array in inputs)
     return GivenMotion(np.arange(len(y), dtype=float), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
 
 

@@ -65,6 +65,8 @@ class ArrayWork:
             into[name][:] = array  # type: ignore[index]
         return found
 
+    bound = None
+
     def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> None:
         """There is nothing to bind: `part` is to be asked."""
 
@@ -83,15 +85,17 @@ class Bound:
         run: Says whether no sample is in doubt.
     """
 
-    values: tuple[Array, ...]
+    values: Mapping[str, Array]
     inputs: tuple[Array, ...]
     run: Callable[[], bool]
 
-    def fits(self, inputs: Sequence[Array], values: Collection[Array]) -> bool:
+    def covers(self, values: Mapping[str, Array]) -> bool:
+        """Whether these are its arrays."""
+        return all(self.values.get(name) is array for name, array in values.items())
+
+    def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
         """Whether these are its arrays, and such inputs."""
-        if len(values) != len(self.values) or any(map(is_not, values, self.values)):
-            return False
-        return all(
+        return self.covers(values) and all(
             type(x) is np.ndarray and x.dtype == np.float64 and x.shape == place.shape
             for x, place in zip(inputs, self.inputs, strict=True)
         )
@@ -107,7 +111,7 @@ class TracedWork:
     """A program for a problem, and the array solver beside it.
 
     Attributes:
-        outputs: Quantities, and if errors are estimated ``size`` and ``error``, see `Bounds.estimated`.
+        outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
         units: Quantity -> units of its components.
         said: What is to be said about it.
         by_array: Reason -> how many samples the array solver answered.
@@ -136,7 +140,7 @@ class TracedWork:
         check_traceable(lay, problem)
         self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
         self.wanted = [name for name in GIVEN if name in problem.wanted]
-        self.outputs = [*self.wanted, *(("size", "error") if estimates else ())]
+        self.outputs = [*self.wanted, *(["error"] if estimates else [])]
         system, self.bounds = home_equations(lay), Bounds(lay, problem, self.length)
         with self.clock.stage("tracing"):
             some, trust, q = self._anchors(motion)
@@ -155,10 +159,10 @@ class TracedWork:
         said = [outputs[name][0] for name in CHECKS]
         n = len(trust.gain)
         self.bounds.compare(roots(np.broadcast_to(getattr(x, "value", x), n) for x in said), trust)
-        if "size" not in self.outputs:
+        if "error" not in self.outputs:
             return {}
-        sizes, errors = self.bounds.estimated(roots(said), outputs, self.units)
-        return {"size": sizes, "error": errors}
+        sums, errors = self.bounds.estimated(roots(said), outputs, self.units)
+        return {"first": sums, "error": errors}
 
     def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
         """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
@@ -203,7 +207,7 @@ class TracedWork:
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
         reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
-        outputs = [reached, *(array.T for array in values.values()), checks]
+        outputs = [reached, *(values[name].T for name in self.outputs), checks]
         clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
         with np.errstate(all="ignore"):
             found = roots(checks)
@@ -222,20 +226,19 @@ class TracedWork:
         return found, clear
 
     def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
-        """Binds the program to arrays for its values, see `arrays`, and to inputs like these.
+        """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
             Nothing, if the program needs predictions: then `part` is to be asked.
         """
         if self.predictor is not None:
             return None
-        arrays = tuple(values.values())
-        if self.bound is None or not self.bound.fits(inputs, arrays):
+        if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
             given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
             ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
-            run = self.runner.bind([given.T], [array.T for array in (*arrays, checks)], self.bounds.weights)
-            self.bound = Bound(arrays, tuple(np.split(given, ends, axis=1)), run)
+            run = self.runner.bind([given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights)
+            self.bound = Bound(values, tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
