@@ -128,7 +128,7 @@ class Solver:
             with ThreadPoolExecutor(self.threads) as pool:
                 [*pool.map(lambda share: self._fill(*share, inputs, values, error), shares)]
         answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
-        if works[0].bound is not None and works[0].bound.covers(values):
+        if works[0].bound is not None and works[0].bound.fits(inputs, values):
             self.last[mode] = works[0].bound, answer
         return answer
 

@@ -30,6 +30,7 @@ from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
 from screwgauge.solution import Clock, Solution
 
+FLOAT = np.dtype(float)
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
 
@@ -80,25 +81,25 @@ class Bound:
     """A program bound to arrays that are used again.
 
     Attributes:
-        values: What it fills; they are kept, so that no others can take their place.
+        values: What it fills; they are kept, so that no others can take their places.
+        ids: Which arrays these are.
         inputs: What it is given. Shape (n, m) each.
         run: Says whether no sample is in doubt.
     """
 
     values: Mapping[str, Array]
+    ids: list[int]
     inputs: tuple[Array, ...]
     run: Callable[[], bool]
 
-    def covers(self, values: Mapping[str, Array]) -> bool:
-        """Whether these are its arrays."""
-        return all(self.values.get(name) is array for name, array in values.items())
-
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
         """Whether these are its arrays, and such inputs."""
-        return self.covers(values) and all(
-            type(x) is np.ndarray and x.dtype == np.float64 and x.shape == place.shape
-            for x, place in zip(inputs, self.inputs, strict=True)
-        )
+        if [*map(id, values.values())] != self.ids[: len(values)]:
+            return False
+        for x, place in zip(inputs, self.inputs, strict=True):
+            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
+                return False
+        return True
 
     def fill(self, inputs: Sequence[Array]) -> bool:
         """Fills its arrays with what follows from some inputs."""
@@ -238,7 +239,7 @@ class TracedWork:
             given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
             ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
             run = self.runner.bind([given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights)
-            self.bound = Bound(values, tuple(np.split(given, ends, axis=1)), run)
+            self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
