@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -131,6 +131,19 @@ class Solver:
         if works[0].bound is not None and works[0].bound.fits(inputs, values):
             self.last[mode] = works[0].bound, answer
         return answer
+
+    def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[Answer]:
+        """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
+
+        Args:
+            chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 256 samples of all quantities,
+                or a thousand of a few, stay in the cache.
+        """
+        out = self.buffers(0)
+        for y, yd, ydd, *load in chunks:
+            if any(len(array) != len(y) for array in out.values()):
+                out = self.buffers(len(y))
+            yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
     def _errors(self, work: TracedWork | ArrayWork, n: int) -> tuple[dict[str, Array], dict[str, Array]]:
         """An array for errors by quantity, and as a whole."""
