@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.engines.screw.bounds import examined
-from screwgauge.engines.screw.programs import columns
-from screwgauge.engines.screw.traced import ArrayWork, Bound, TracedWork
+from screwgauge.engines.screw.programs import Bound, columns
+from screwgauge.engines.screw.traced import ArrayWork, TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -34,7 +34,8 @@ class Answer:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
         estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
-            among its components, shape (n, n_unit); empty if it was not asked for. With `out` in use again, filled again.
+            among its components, shape (n, n_unit); empty if it was not asked for. Buffers that are used again have
+            theirs filled again.
     """
 
     values: Mapping[str, Array]
@@ -54,12 +55,18 @@ class Solver:
         notes: What is to be said about it, such as why there is no program.
     """
 
-    def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
-        """Traces and compiles; pivots are chosen at samples of the scene's motion."""
+    def __init__(
+        self, scene: Scene, quantities: Iterable[str], backend: str, threads: int, mode: Mode = (False, False)
+    ) -> None:
+        """Traces and compiles; pivots are chosen at samples of the scene's motion.
+
+        Args:
+            mode: Of the program that is made at once; others are made when they are first asked for.
+        """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
         self.last: dict[Mode, tuple[Bound, Answer]] = {}
-        work = self._works((False, False))[0]
+        work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
 
@@ -77,7 +84,7 @@ class Solver:
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        work = self._works((False, False))[0]
+        work = self.first
         return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
 
     def buffers(self, n: int) -> dict[str, Array]:

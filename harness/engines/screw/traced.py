@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
-from operator import is_not
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, columns, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN
@@ -30,7 +29,6 @@ from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
 from screwgauge.solution import Clock, Solution
 
-FLOAT = np.dtype(float)
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
 
@@ -74,38 +72,6 @@ class ArrayWork:
     def again(self) -> ArrayWork:
         """The same for another thread."""
         return copy(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
-    """A program bound to arrays that are used again.
-
-    Attributes:
-        values: What it fills; they are kept, so that no others can take their places.
-        ids: Which arrays these are.
-        inputs: What it is given. Shape (n, m) each.
-        run: Says whether no sample is in doubt.
-    """
-
-    values: Mapping[str, Array]
-    ids: list[int]
-    inputs: tuple[Array, ...]
-    run: Callable[[], bool]
-
-    def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Whether these are its arrays, and such inputs."""
-        if [*map(id, values.values())] != self.ids[: len(values)]:
-            return False
-        for x, place in zip(inputs, self.inputs, strict=True):
-            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
-                return False
-        return True
-
-    def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs."""
-        for x, place in zip(inputs, self.inputs, strict=True):
-            place[...] = x
-        return self.run()
 
 
 class TracedWork:
@@ -238,7 +204,9 @@ class TracedWork:
             n = len(inputs[0])
             given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
             ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
-            run = self.runner.bind([given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights)
+            run = self.runner.bind(
+                [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
+            )
             self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
