@@ -99,7 +99,7 @@ class Bounds:
             forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
             forces["actuator_force"] = ratio.drive * out["drive"]
-        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
+        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load, out["closing"])
 
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
@@ -118,7 +118,7 @@ class Bounds:
                 whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
                 sums += [x, whole]
             whole = (
-                (ROUNDED * linear.EPS)
+                (ROUNDED * linear.EPS + trust.open)
                 * estimate.amplified(name, trust)
                 * (apply("sqrt", whole) + estimate.summand(each[0], trust))
             )

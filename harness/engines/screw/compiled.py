@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.programs import Bound, columns
 from screwgauge.engines.screw.traced import ArrayWork, TracedWork
 from screwgauge.problem import GivenMotion
@@ -127,13 +126,19 @@ class Solver:
         works = self._works(mode)
         for work in works:
             work.by_array.clear()
-        found, error = self._errors(works[0], n) if estimates else ({}, {})
+        found = dict[str, Array]()
+        arrays = dict(values)
+        if estimates:
+            counts = [len({*each}) for each in works[0].units.values()]
+            arrays["error"] = columns(n, sum(counts))
+            each = np.split(arrays["error"], np.cumsum(counts)[:-1], axis=1)
+            found = dict(zip(works[0].units, each, strict=True))
         shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            self._fill(*shares[0], inputs, values, error)
+            self._fill(*shares[0], inputs, arrays)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                [*pool.map(lambda share: self._fill(*share, inputs, values, error), shares)]
+                [*pool.map(lambda share: self._fill(*share, inputs, arrays), shares)]
         answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
         if works[0].bound is not None and works[0].bound.fits(inputs, values):
             self.last[mode] = works[0].bound, answer
@@ -152,36 +157,22 @@ class Solver:
                 out = self.buffers(len(y))
             yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
-    def _errors(self, work: TracedWork | ArrayWork, n: int) -> tuple[dict[str, Array], dict[str, Array]]:
-        """An array for errors by quantity, and as a whole."""
-        counts = [len({*each}) for each in work.units.values()]
-        error = columns(n, sum(counts))
-        return dict(zip(work.units, np.split(error, np.cumsum(counts)[:-1], axis=1), strict=True)), {"error": error}
-
     def _fill(
         self,
         work: TracedWork | ArrayWork,
         rows: slice,
         inputs: Sequence[Array],
-        values: Mapping[str, Array],
-        error: Mapping[str, Array],
+        arrays: Mapping[str, Array],
     ) -> None:
         """Fills in the values of some samples part after part."""
-        flat = all(array.strides[0] == array.itemsize for array in values.values())
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
-            if some == slice(0, len(inputs[0])):
-                given, into = inputs, {**values, **error}
-            else:
-                given, into = [x[some] for x in inputs], {name: x[some] for name, x in {**values, **error}.items()}
-            bound = work.bind(given, into) if flat else None
-            if bound is not None and bound.fill(given):
-                continue
-            part = work.part(*_motion(given), into if flat else None)
-            for name in () if flat else values:
-                into[name][:] = part.values[name]
-            if error:
-                into["error"][:] = examined(part, work.units, work.length)
+            given, into = inputs, arrays
+            if some != slice(0, len(inputs[0])):
+                given, into = [x[some] for x in inputs], {name: x[some] for name, x in arrays.items()}
+            bound = work.bind(given, into)
+            if bound is None or not bound.fill(given):
+                work.part(*_motion(given), into)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)

@@ -132,3 +132,8 @@ def columns(n: int, m: int) -> Array:
     room = np.empty(m * wide + LINE)
     first = -(room.ctypes.data // room.itemsize) % LINE
     return room[first : first + m * wide].reshape(m, wide)[:, :n].T
+
+
+def flat(arrays: Mapping[str, Array]) -> bool:
+    """Whether the numbers of each column lie side by side."""
+    return all(array.strides[0] == array.itemsize for array in arrays.values())

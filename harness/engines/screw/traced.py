@@ -13,12 +13,12 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust
 from screwgauge.engines.parts import assemble
-from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
+from screwgauge.engines.screw.bounds import Bounds, Numbers, examined, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import Bound, check_traceable, columns, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
 from screwgauge.models.layout import lay_out
-from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
@@ -45,6 +45,12 @@ def under(problem: Problem, loads: Array | None) -> Problem:
     return replace(problem, applied=replace(problem.applied, loads=some))
 
 
+def filled(into: Mapping[str, Array], part: Part, units: Mapping[str, Sequence[str]], length: float) -> None:
+    """Fills arrays with the values of the array solver, and with their errors if these are wanted."""
+    for name, array in into.items():
+        array[:] = examined(part, units, length) if name == "error" else part.values[name]
+
+
 class ArrayWork:
     """The array solver in the place of a program."""
 
@@ -60,8 +66,7 @@ class ArrayWork:
         found = work.part(slice(None))
         self.names, self.units = work.names, {name: work.names()[name][1] for name in found.values}
         self.by_array[self.reason] += len(motion)
-        for name, array in found.values.items() if into is not None else ():
-            into[name][:] = array  # type: ignore[index]
+        filled(into or {}, found, self.units, self.length)
         return found
 
     bound = None
@@ -196,9 +201,9 @@ class TracedWork:
         """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
-            Nothing, if the program needs predictions: then `part` is to be asked.
+            Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
         """
-        if self.predictor is not None:
+        if self.predictor is not None or not flat(values):
             return None
         if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
@@ -218,30 +223,34 @@ class TracedWork:
             into: Where the values are written, see `arrays`.
         """
         n = len(motion)
-        into = self.arrays(n) if into is None else into
-        values = {name: into[name] for name in self.wanted}
+        arrays = self.arrays(n) if into is None or not flat(into) else into
+        values = {name: arrays[name] for name in self.wanted}
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, into)
+            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
             trust = self.bounds.trust(out)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
-        return self._completed(motion, loads, values, trust, left)
+        found = self._completed(motion, loads, arrays, Part(values, trust, left, {}))
+        for name, array in arrays.items() if into is not None and arrays is not into else ():
+            into[name][:] = array  # type: ignore[index]
+        return found
 
-    def _completed(
-        self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
-    ) -> Part:
-        """The same with some samples answered by the array solver."""
+    def _completed(self, motion: GivenMotion, loads: Array | None, arrays: Mapping[str, Array], part: Part) -> Part:
+        """The same with some samples, those named doubtful, answered by the array solver."""
+        rows = part.doubtful
         if not rows.size:
-            return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+            return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
         work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
-        part = work.part(slice(None))
-        for name, array in part.values.items():
-            values[name][rows] = array
-        return Part(values, trust.with_rows(rows, part.trust), rows[part.doubtful], part.moved)
+        other = work.part(slice(None))
+        some = {name: array[rows] for name, array in arrays.items()}
+        filled(some, other, self.units, self.length)
+        for name, array in some.items():
+            arrays[name][rows] = array
+        return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
