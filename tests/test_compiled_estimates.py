@@ -84,6 +84,9 @@ def test_a_doubtful_sample_changes_no_estimate_but_its_own():
     others = np.delete(np.arange(50), 7)
     assert np.allclose(mixed.estimate["actuator_force"][others], estimate[others], rtol=0.1)
     assert mixed.estimate["actuator_force"][7] > 1e3 * estimate[7]
+    again = solver(0.1 * motion.y, motion.yd, motion.ydd, out=mixed.values, estimates=True)
+    assert not again.by_array
+    assert np.array_equal(again.estimate["actuator_force"], estimate)
 
 
 @pytest.mark.parametrize("estimates", [False, True])

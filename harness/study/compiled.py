@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.engines.screw.array_work import ArrayWork
 from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.compiled import Solver
-from screwgauge.engines.screw.traced import ArrayWork
 from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.problem import GivenMotion

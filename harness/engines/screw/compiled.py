@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from screwgauge.engines.screw.array_work import ArrayWork
 from screwgauge.engines.screw.programs import Bound, columns
-from screwgauge.engines.screw.traced import ArrayWork, TracedWork
+from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -135,13 +136,13 @@ class Solver:
             found = dict(zip(works[0].units, each, strict=True))
         shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            self._fill(*shares[0], inputs, arrays)
+            self._fill(shares[0], inputs, arrays)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                [*pool.map(lambda share: self._fill(*share, inputs, arrays), shares)]
+                [*pool.map(lambda share: self._fill(share, inputs, arrays), shares)]
         answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
         if works[0].bound is not None and works[0].bound.fits(inputs, values):
-            self.last[mode] = works[0].bound, answer
+            self.last[mode] = works[0].bound, replace(answer, by_array={})
         return answer
 
     def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[Answer]:
@@ -158,13 +159,10 @@ class Solver:
             yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
     def _fill(
-        self,
-        work: TracedWork | ArrayWork,
-        rows: slice,
-        inputs: Sequence[Array],
-        arrays: Mapping[str, Array],
+        self, share: tuple[TracedWork | ArrayWork, slice], inputs: Sequence[Array], arrays: Mapping[str, Array]
     ) -> None:
-        """Fills in the values of some samples part after part."""
+        """Fills in the values of some samples part after part. `share`: what works on them, and which they are."""
+        work, rows = share
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
             given, into = inputs, arrays
