@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust
 from screwgauge.engines.parts import assemble
-from screwgauge.engines.screw.bounds import Bounds, Numbers
+from screwgauge.engines.screw.array_work import filled, under
+from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
 from screwgauge.models.layout import lay_out
-from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
@@ -26,87 +27,38 @@ from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, traced
-from screwgauge.reference.traced.vectors import vector
+from screwgauge.reference.traced.vectors import Scalar, vector
 from screwgauge.solution import Clock, Solution
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
 
 
-def under(problem: Problem, loads: Array | None) -> Problem:
-    """A problem under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
-    if loads is None:
-        return problem
-    each = np.split(loads.T, len(loads) // 3, axis=1)
-    some = tuple(
-        replace(load, force=force, torque=torque)
-        for load, force, torque in zip(problem.applied.loads, each[::2], each[1::2], strict=True)
-    )
-    return replace(problem, applied=replace(problem.applied, loads=some))
-
-
-class ArrayWork:
-    """The array solver in the place of a program."""
-
-    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
-        self.lay, self.problem, self.reason, self.said = (
-            lay,
-            problem,
-            reason,
-            f"all samples by the array solver: {reason}",
-        )
-        self.length, self.by_array = home_equations(lay).length, Counter[str]()
-        self.part(motion.part(slice(0, 1)))
-
-    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
-        """As `TracedWork.part`."""
-        work = Work(under(self.problem, loads), motion, self.lay)
-        found = work.part(slice(None))
-        self.names = work.names
-        self.by_array[self.reason] += len(motion)
-        for name, array in (into or {}).items():
-            array[:] = found.values[name]
-        return found
-
-    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """As `TracedWork.fill`."""
-        return False
-
-    def again(self) -> ArrayWork:
-        """The same for another thread."""
-        return copy(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
-    """A program bound to arrays that are used again.
-
-    Attributes:
-        key, values: Which arrays these are; they are kept, so that no others can take their place.
-    """
-
-    key: tuple[int, ...]
-    values: Mapping[str, Array]
-    inputs: Array
-    checks: Array
-    run: Callable[[], None]
-
-
 class TracedWork:
     """A program for a problem, and the array solver beside it.
 
     Attributes:
+        outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
+        units: Quantity -> units of its components.
         said: What is to be said about it.
         by_array: Reason -> how many samples the array solver answered.
     """
 
     def __init__(
-        self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str, *, loaded: bool = False
+        self,
+        lay: Layout,
+        problem: Problem,
+        motion: GivenMotion,
+        backend: str,
+        *,
+        loaded: bool = False,
+        estimates: bool = False,
     ) -> None:
         """Traces the program; pivots are chosen at samples of the motion.
 
         Args:
             loaded: Whether every sample has its own loads, in place of those of the problem.
+            estimates: Whether the program says what its errors are, see `Bounds.estimated`.
 
         Raises:
             NotTraceableError: There is no such program.
@@ -115,21 +67,29 @@ class TracedWork:
         check_traceable(lay, problem)
         self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
         self.wanted = [name for name in GIVEN if name in problem.wanted]
-        system = home_equations(lay)
+        self.outputs = [*self.wanted, *(["error"] if estimates else [])]
+        system, self.bounds = home_equations(lay), Bounds(lay, problem, self.length)
         with self.clock.stage("tracing"):
             some, trust, q = self._anchors(motion)
             applied, size = problem.applied, [*map(float, system.size)]
             question = Question(lay, system.fixed, size, self.length, vector(applied.g), applied.loads, open_links(lay))
-            self.traced = traced(question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
+            samples = (some.y, some.yd, some.ydd, q)
+            self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
-        self.bounds = Bounds(lay, problem, self.length)
-        constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
-        loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
-        self.bounds.compare(self._run(some, q.T, loads, self.arrays(len(some))), trust)
+
+    def _further(self, trust: Trust, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
+        """Compares the checks with what the array solver says, and estimates errors if they are wanted."""
+        said = [outputs[name][0] for name in CHECKS]
+        n = len(trust.gain)
+        self.bounds.compare(roots(np.broadcast_to(getattr(x, "value", x), n) for x in said), trust)
+        if "error" not in self.outputs:
+            return {}
+        sums, errors = self.bounds.estimated(roots(said), outputs, self.units)
+        return {"first": sums, "error": errors}
 
     def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
         """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
@@ -140,6 +100,7 @@ class TracedWork:
         some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
         work = Work(self.problem, some, self.lay)
         self.names, trust = work.names, work.part(slice(None)).trust
+        self.units = {name: self.names()[name][1] for name in self.wanted}
         clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
         if not clear.size:
             raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
@@ -154,60 +115,60 @@ class TracedWork:
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
-        """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
-        places = self.traced.places
-        return {name: columns(n, places[name].stop - places[name].start) for name in self.wanted}
+        """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
+        places = [self.traced.places[name] for name in self.outputs]
+        return {name: columns(n, place.stop - place.start) for name, place in zip(self.outputs, places, strict=True)}
 
-    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> Numbers:
+    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> tuple[Numbers, bool]:
         """Runs the program.
 
         Args:
             q: Predicted joint coordinates. Shape (n_q, n).
             loads: Of every sample, if each has its own. Shape (m, n).
             values: Filled; see `arrays`.
+
+        Returns:
+            What the program says, and whether no sample is in doubt.
         """
         predicted, n = list(self.traced.predicted), len(motion)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
         reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
-        self.runner.bind(inputs, [reached, *(values[name].T for name in self.wanted), checks])()
-        found = Numbers(checks)
-        if predicted and not self.bounds.clear(checks):  # once more from where Newton's method came to
+        outputs = [reached, *(values[name].T for name in self.outputs), checks]
+        clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
+        with np.errstate(all="ignore"):
+            found = roots(checks)
+            near = self.bounds.near(found)
+            rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
+        if predicted and rows.size:  # once more from where Newton's method came to
+            inputs[3] = reached
+            some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
+            again = np.empty((len(CHECKS), len(rows)))
+            self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
+            checks[:, rows] = again
+            for name, array in arrays.items():
+                values[name][rows] = array
             with np.errstate(all="ignore"):
-                near = self.bounds.near(found)
-                rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
-            if rows.size:
-                inputs[3] = reached
-                some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
-                again = np.empty((len(CHECKS), len(rows)))
-                self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
-                checks[:, rows] = again
-                for name, array in arrays.items():
-                    values[name][rows] = array
-        return found
+                found, clear = roots(checks), False
+        return found, clear
 
-    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Fills arrays with the values of some samples, if none of these is doubtful or has to be predicted.
-
-        Args:
-            inputs: y, yd, ydd and, if the samples have their own, loads. Shape (n, m) each.
+    def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
+        """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
-            Whether it did; if not, `part` is to be asked.
+            Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
         """
-        if self.predictor is not None:
-            return False
-        n, key = len(inputs[0]), tuple(map(id, values.values()))
-        if self.bound is None or self.bound.key != key:
-            given, checks = columns(n, self.traced.program.inputs).T, columns(n, len(CHECKS)).T
-            outputs = [given[:0], *(values[name].T for name in self.wanted), checks]
-            self.bound = Bound(key, values, given, checks, self.runner.bind([given], outputs))
-        row = 0
-        for array in inputs:
-            self.bound.inputs[row : row + array.shape[1]] = array.T
-            row += array.shape[1]
-        self.bound.run()
-        return self.bounds.clear(self.bound.checks)
+        if self.predictor is not None or not flat(values):
+            return None
+        if self.bound is None or not self.bound.fits(inputs, values):
+            n = len(inputs[0])
+            given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
+            ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
+            run = self.runner.bind(
+                [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
+            )
+            self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
+        return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
         """Some samples that follow those before.
@@ -216,30 +177,35 @@ class TracedWork:
             loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
             into: Where the values are written, see `arrays`.
         """
-        n, values = len(motion), dict(self.arrays(len(motion)) if into is None else into)
+        n = len(motion)
+        arrays = self.arrays(n) if into is None or not flat(into) else into
+        values = {name: arrays[name] for name in self.wanted}
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out = self._run(motion, near, np.empty((0, n)) if loads is None else loads, values)
+            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
             trust = self.bounds.trust(out)
-            clear = self.bounds.clear(out.checks)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
-        return self._completed(motion, loads, values, trust, left)
+        found = self._completed(motion, loads, arrays, Part(values, trust, left, {}))
+        for name, array in arrays.items() if into is not None and arrays is not into else ():
+            into[name][:] = array  # type: ignore[index]
+        return found
 
-    def _completed(
-        self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
-    ) -> Part:
-        """The same with some samples answered by the array solver."""
+    def _completed(self, motion: GivenMotion, loads: Array | None, arrays: Mapping[str, Array], part: Part) -> Part:
+        """The same with some samples, those named doubtful, answered by the array solver."""
+        rows = part.doubtful
         if not rows.size:
-            return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+            return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
         work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
-        part = work.part(slice(None))
-        for name, array in part.values.items():
-            values[name][rows] = array
-        return Part(values, trust.with_rows(rows, part.trust), rows[part.doubtful], part.moved)
+        other = work.part(slice(None))
+        some = {name: array[rows] for name, array in arrays.items()}
+        filled(some, other, self.units, self.length)
+        for name, array in some.items():
+            arrays[name][rows] = array
+        return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""

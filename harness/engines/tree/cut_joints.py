@@ -91,7 +91,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
-    angles = rotations.triad_angles(M, axes)
+    angles = rotations.triad_angles(M, axes, few=len(joint.axes) < 3)
     turned, first = np.empty((len(R), 3, 3)), angles[:, :1]
     turned[:, 0], turned[:, 2] = axes[0], M @ axes[2]  # the last angle turns about the last axis
     turned[:, 1] = np.cos(first) * axes[1] + np.sin(first) * cross(axes[0], axes[1])
