@@ -35,12 +35,12 @@ from screwgauge.reference.traced.vectors import vector as numbers
 
 @dataclass(frozen=True, slots=True)
 class Forward:
-    """Two programs and what their numbers mean. Inputs begin with y and the dependent coordinates.
+    """Two programs and what their numbers mean. Inputs begin with the dependent coordinates and y.
 
     Attributes:
         close: One step of Newton's method: dependent coordinates, then what `CLOSING` names.
         respond: Further inputs are yd and the force of each motor. Outputs: ydd, power of all that stores no energy,
-            velocity map of the dependent coordinates row by row, then what `RESPONSE` names.
+            what `RESPONSE` names, then the velocity map of the dependent coordinates row by row.
         dependent: Columns of the dependent coordinates.
     """
 
@@ -67,7 +67,7 @@ def forward_programs(question: Question, applied: Applied, q: Array) -> Forward:
         NotTraceableError: The mechanism, or what acts on it, is beyond this.
     """
     lay, dependent = question.lay, tuple(question.dependent)
-    places = (*lay.mechanism.independent_columns, *dependent)
+    places = (*dependent, *lay.mechanism.independent_columns)
     close, respond = Trace(), Trace()
     x = {c: close.input(q[:, c]) for c in places} | rest(question)
     at = Closed(question, TreeAt(lay, coordinates(lay, x), closed=False))
@@ -88,7 +88,7 @@ def forward_programs(question: Question, applied: Applied, q: Array) -> Forward:
         acting.load(load)
     ydd, inertia = _response(dynamics, acting.tau)
     K = dynamics.pose.map
-    answer = [*ydd, acting.power, *(k for c in dependent for k in K[c]), _condition(dynamics.pose), inertia]
+    answer = [*ydd, acting.power, _condition(dynamics.pose), inertia, *(k for c in dependent for k in K[c])]
     return Forward(program(len(close.inputs), closed), program(len(respond.inputs), answer), dependent)
 
 

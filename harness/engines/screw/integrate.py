@@ -106,6 +106,10 @@ class _Run:
         found = None if self.traced is None else self.traced.slope(t, states)
         return self._by_arrays(t, states) if found is None else found
 
+    def one(self, t: float, state: Array) -> Array:
+        """The same of one state, without scipy's way around. Shape (2 k + 1,)."""
+        return self.slope(t, state[:, None])[:, 0]
+
     def _by_arrays(self, t: float, states: Array) -> Array:
         """The same by the array solver, on the same branch."""
         if self.traced is not None:
@@ -147,18 +151,26 @@ class _Run:
                 self.traced.recall(self.branch)
         self.passed.append((t, q, state[k:-1]))
 
-    def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
-        """Steps through all times and keeps the motion there; returns why it stopped."""
+    def solver(self, method: type[OdeSolver], t: float, state: Array, options: dict[str, Any]) -> OdeSolver:
+        """One of scipy's, at a state."""
+        solver = method(self.slope, t, state, self.times[-1], **options)
+        solver.fun = self.one
+        return solver
+
+    def steps(
+        self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
+    ) -> str:
+        """Steps through all times and keeps the motion there, beside the clock; returns why it stopped."""
         times, tries = self.times, 0
         size: float | None = None
         try:
-            solver = method(self.slope, times[0], state, times[-1], **options)
+            solver = self.solver(method, times[0], state, options)
         except (_Near, ScrewgaugeError) as error:
             return f"the start cannot be: {error}"
         while len(self.work) < len(times):
             try:
                 if size is not None:
-                    solver = method(self.slope, solver.t, solver.y, times[-1], first_step=size, **options)
+                    solver = self.solver(method, solver.t, solver.y, {**options, "first_step": size})
                     size = None
                 message = solver.step()
             except (_Near, ClosureError, SingularPoseError) as error:
@@ -172,9 +184,10 @@ class _Run:
             self.taken, tries = self.taken + 1, 0
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
-                if times[len(self.work)] <= solver.t:
-                    keep_passed(solver, solver.dense_output(), times, self.work, self.keep)
-                self.reach(float(solver.t), solver.y)
+                with clock.aside():
+                    if times[len(self.work)] <= solver.t:
+                        keep_passed(solver, solver.dense_output(), times, self.work, self.keep)
+                    self.reach(float(solver.t), solver.y)
             except (_Near, ScrewgaugeError) as error:
                 return f"t = {solver.t:.6g} s: {error}"
         return ""
@@ -207,7 +220,7 @@ def integrate(
     options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol, "vectorized": True}
     if method is not DOP853:
         options["jac"] = run.jacobian
-    stopped = run.steps(method, state, options, progress)
+    stopped = run.steps(method, state, options, progress, clock)
     cost = clock.cost(run.taken, run.evaluations)
     whole = _whole(lay, run, begin)
     return Trajectory(

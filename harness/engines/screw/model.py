@@ -119,7 +119,7 @@ class ScrewModel:
         if self.settings.backend == "array":
             return None, ()
         try:
-            return TracedForward(self.lay, problem, task.start, self.settings.backend or "llvm"), ()
+            return TracedForward(self.lay, problem, task, self.settings.backend or "llvm"), ()
         except NotTraceableError as error:
             return None, (f"accelerations by the array solver: {error.what}",)
 
