@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import along
@@ -29,7 +29,20 @@ from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import NotTraceableError, Trace
 from screwgauge.reference.traced.tracing import rest
 from screwgauge.reference.traced.tree import TreeAt
-from screwgauge.reference.traced.vectors import ZERO, Scalar, Vector, add, cross, dot, scale, sqrt, sub, turn, turn_back
+from screwgauge.reference.traced.vectors import (
+    ZERO,
+    Scalar,
+    Vector,
+    add,
+    apply,
+    cross,
+    dot,
+    scale,
+    sqrt,
+    sub,
+    turn,
+    turn_back,
+)
 from screwgauge.reference.traced.vectors import vector as numbers
 
 
@@ -39,7 +52,7 @@ class Forward:
 
     Attributes:
         close: One step of Newton's method: dependent coordinates, then what `CLOSING` names.
-        respond: Further inputs are yd and the force of each motor. Outputs: ydd, power of all that stores no energy,
+        respond: Further inputs are yd and time. Outputs: ydd, power of all that stores no energy,
             what `RESPONSE` names, then the velocity map of the dependent coordinates row by row.
         dependent: Columns of the dependent coordinates.
     """
@@ -51,7 +64,7 @@ class Forward:
 
 #: Squares of what a step of Newton's method moved, and of the closure residual before it, without dimension.
 CLOSING = ("moved", "residual")
-#: Squares of an estimate of the condition number of the closed loops, and of that of the inertia matrix.
+#: Square of an estimate of the condition number of the closed loops, and what the inertia matrix was divided by.
 RESPONSE = ("condition", "inertia")
 
 
@@ -60,7 +73,7 @@ def forward_programs(question: Question, applied: Applied, q: Array) -> Forward:
 
     Args:
         question: Of the mechanism under its gravity, without loads.
-        applied: What acts besides gravity. Forces of motors are inputs.
+        applied: What acts besides gravity.
         q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
 
     Raises:
@@ -77,11 +90,11 @@ def forward_programs(question: Question, applied: Applied, q: Array) -> Forward:
 
     x = {c: respond.input(q[:, c]) for c in places} | rest(question)
     yd = [respond.input(0.0 * q[:, c] + 1.0) for c in lay.mechanism.independent_columns]
-    motors = [respond.input(0.0 * q[:, 0] + 1.0) for _ in applied.motors]
+    t = respond.input(0.0 * q[:, 0])
     dynamics = Dynamics(question, coordinates(lay, x), yd, [0.0] * len(yd))
     acting = Acting(dynamics, x)
-    for motor, force in zip(applied.motors, motors, strict=True):
-        acting.motor(motor.coordinate, force)
+    for motor in applied.motors:
+        acting.motor(motor, t)
     for spring in applied.springs:
         acting.spring(spring)
     for load in applied.loads:
@@ -119,9 +132,9 @@ class Acting:
     def _rate(self, per_rate: Mapping[int, Scalar]) -> Scalar:
         return sum((x * self.v[i] for i, x in per_rate.items()), start=0.0)
 
-    def motor(self, coordinate: str, force: Scalar) -> None:
+    def motor(self, motor: Motor, t: Scalar) -> None:
         """A force along a joint coordinate."""
-        column = self.lay.mechanism.coordinates.index(coordinate)
+        column, force = self.lay.mechanism.coordinates.index(motor.coordinate), _at_time(motor, t)
         if column not in self.lay.cut_columns:
             self._act(force, {column: 1.0})
             return
@@ -129,7 +142,7 @@ class Acting:
         cut = self.at.cuts[c]
         if cut.joint.kind not in "RP":
             what = "a motor acts on a joint of several freedoms that closes a loop"
-            raise NotTraceableError(what, coordinate, "use backend array")
+            raise NotTraceableError(what, motor.coordinate, "use backend array")
         self._act(force, self.at.row(cut, *along(cut)))
 
     def spring(self, spring: JointSpring | PointSpring) -> None:
@@ -161,6 +174,15 @@ class Acting:
             self._act(1.0, self.at.work(load.body, wrench, GROUND))
 
 
+def _at_time(motor: Motor, t: Scalar) -> Scalar:
+    force: Scalar = 0.0
+    for coefficient in motor.polynomial[::-1].tolist():
+        force = force * t + coefficient
+    for omega, c, s in motor.harmonics.tolist():
+        force = force + c * apply("cos", omega * t) + s * apply("sin", omega * t)
+    return force
+
+
 def _at_point(force: Vector, point: Vector) -> Wrench:
     return force, cross(point, force)
 
@@ -173,8 +195,10 @@ def _response(dynamics: Dynamics, tau: Mapping[int, Scalar]) -> tuple[list[Scala
     M = [[_along(K, columns[max(i, j)], min(i, j)) for j in range(k)] for i in range(k)]
     left = {i: tau.get(i, 0.0) - x for i, x in dynamics.torques.items()}
     Q = [_along(K, left, j) for j in range(k)]
-    if k == 1:  # no condition: a coordinate that moves no mass gives no number
-        return [Q[0] / M[0][0]], 1.0
+    if k == 1:  # against all mass at the mechanism's length
+        question, column = dynamics.question, dynamics.columns[0]
+        mass = sum(float(body.mass) for body in dynamics.lay.mechanism.bodies)
+        return [Q[0] / M[0][0]], mass * (question.length / question.size[column]) ** 2 / M[0][0]
     d = [1.0 / sqrt(M[j][j]) for j in range(k)]  # coordinates may be in rad and m
     scaled = [[M[i][j] * d[i] * d[j] if i != j else 1.0 for j in range(k)] for i in range(k)]
     divisor, found = solve(scaled, [x * y for x, y in zip(Q, d, strict=True)])
