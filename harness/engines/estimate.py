@@ -21,6 +21,7 @@ from screwgauge.quantities import FLOOR, QUANTITIES, arm
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.vectors import Scalar, apply
 from screwgauge.solution import Clock, Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
@@ -181,36 +182,33 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float) -> tupl
     for unit in dict.fromkeys(has.units):
         columns = [i for i, u in enumerate(has.units) if u == unit]
         size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
-        beside = np.concatenate([_summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
+        beside = np.concatenate([summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
         # of the unit's own numbers, and of those of the other unit, which are summands, too
         local = [size + beside * arm(unit, length), (whole + beside) * arm(unit, length)]
         error, most = (
             np.concatenate(
-                [_absolute(name, part, x, columns) for part, x in zip(parts, np.split(each, starts), strict=True)]
+                [absolute(name, part, x, columns) for part, x in zip(parts, np.split(each, starts), strict=True)]
             )
             for each in local
         )
-        summand = float(local[1][~lost].max(initial=0.0))
-        largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * summand
+        most_of_all = float(local[1][~lost].max(initial=0.0))
+        largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * most_of_all
         rounding[unit] = min(bound, largest)
         meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
         scale = float(size[meant].max(initial=0.0))
-        if scale <= FLOOR * summand and largest <= bound:
-            error, scale = most, summand
+        if scale <= FLOOR * most_of_all and largest <= bound:
+            error, scale = most, most_of_all
         scale = scale or float(size.max(initial=0.0))
         if scale > 0.0:
             found = np.maximum(found, error / scale)
     return np.where(lost | ~(found < DIGIT), np.inf, found), rounding
 
 
-def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Array:
+def absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Array:
     """Estimated error of the worst of some components, in their unit. `local`: size of their summands, (n,)."""
     trust, again = part.trust, part.doubtful
     with np.errstate(over="ignore", invalid="ignore"):
-        # by what rounding is multiplied in a well-conditioned sample
-        g = np.maximum(np.maximum(trust.gain, 1.0), trust.charts if name in _JOINTS else 1.0)
-        power: Array = np.maximum(g ** _POWER.get(name, 3), trust.forces.get(name, 1.0))
-        error = ROUNDED * linear.EPS * power * local
+        error = ROUNDED * linear.EPS * amplified(name, trust) * local
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
         if name != "joint_position":  # what stands on partial rates without a digit has none either
@@ -218,7 +216,18 @@ def _absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Ar
     return np.asarray(error)
 
 
-def _summand(unit: str, trust: Trust) -> Array | float:
+def amplified(name: str, trust: Trust) -> Scalar:
+    """By what rounding is multiplied in a well-conditioned sample."""
+    g = apply("max", trust.gain, 1.0)
+    if name in _JOINTS:
+        g = apply("max", g, trust.charts)
+    power = g
+    for _ in range(_POWER.get(name, 3) - 1):
+        power = power * g
+    return apply("max", power, trust.forces.get(name, 1.0))
+
+
+def summand(unit: str, trust: Trust) -> Scalar:
     """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
     if unit in ("rad", "m"):
         return 1.0

@@ -1,9 +1,9 @@
-"""Runs a program with NumPy: part after part of the samples, in buffers that fit the cache and are used again."""
+"""Runs a program with NumPy: part after part of the samples, in buffers that are used again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -12,67 +12,68 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.trace import OPERATIONS
 
-#: Samples worked on at a time.
-CHUNK = 1024
+#: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
+CHUNK = 4096
 
 
 class Lanes:
-    """A program with its buffers. Not for two threads at once."""
+    """A program with its buffers. Not for two threads at once.
+
+    Attributes:
+        code: Functions, and what picks their operands, the result last, from all rows: inputs, outputs, buffers and
+            constants.
+    """
 
     def __init__(self, program: Program, chunk: int = CHUNK) -> None:
         self.program, self.chunk = program, chunk
-        self.inputs, self.outputs = (_rows(n, chunk) for n in (program.inputs, len(program.outputs)))
-        self.code: list[tuple[Callable[..., Any], tuple[Array, ...]]] = []
-        self._plan(program)
+        self.code: list[tuple[Callable[..., Any], itemgetter[Any]]] = []
+        operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
+        known = dict.fromkeys(x for x in operands if isinstance(x, float))
+        self.constants = {x: i - len(known) for i, x in enumerate(known)}  # the last rows
+        # rows that are not a whole number of pages apart: these would share the same few lines of the cache
+        self.buffers = np.empty((self._plan(program), chunk + 8))
 
-    def _plan(self, program: Program) -> None:
-        """Gives every value a buffer that is free, last used first: it is still in the cache."""
-        last = {x: i for i, (_, args) in enumerate(program.code) for x in args if isinstance(x, int)}
-        kept = {x: row for x, row in zip(program.outputs, self.outputs, strict=True) if isinstance(x, int)}
-        at: dict[Operand, Array] = dict(enumerate(self.inputs))
-        free = list[Array]()
-        for i, (op, args) in enumerate(program.code):
-            value = program.inputs + i
-            operands = tuple(at[x] if isinstance(x, int) else np.array(x) for x in args)
-            free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == i and x not in kept]
-            own = kept.get(value)
-            at[value] = (free.pop() if free else _rows(1, self.chunk)[0]) if own is None else own
-            self.code.append((OPERATIONS[op], (*operands, at[value])))
-        for x, row in zip(program.outputs, self.outputs, strict=True):
-            if isinstance(x, float):
-                row[:] = x
-            elif at[x] is not row:
-                self.code.append((np.copyto, (row, at[x])))
+    def _plan(self, program: Program) -> int:
+        """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""
+        last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
+        first = count = program.inputs + len(program.outputs)
+        at, free = [*range(program.inputs)], list[int]()
+        own = {x: row for row, x in enumerate(program.outputs, program.inputs) if isinstance(x, int)}
 
-    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-        """What runs all samples of some arrays, again and again.
+        def place(x: Operand) -> int:
+            return at[x] if isinstance(x, int) else self.constants[x]
 
-        Args:
-            inputs, outputs: Shapes (m, n) each, in the order of the program.
-        """
-        return partial(self._run, inputs, outputs)
+        for value, (op, args) in enumerate(program.code, program.inputs):
+            rows = [place(x) for x in args]
+            free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == value and at[x] >= first]
+            if value not in own and not free:
+                free, count = [count], count + 1
+            at.append(own[value] if value in own else free.pop())
+            self.code.append((OPERATIONS[op], itemgetter(*rows, at[value])))
+        pairs = [(row, place(x)) for row, x in enumerate(program.outputs, program.inputs)]
+        self.code += [(np.copyto, itemgetter(row, source)) for row, source in pairs if source != row]
+        return count - first
 
-    def _run(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-        with np.errstate(all="ignore"):
-            for start in range(0, inputs[0].shape[1], self.chunk):
-                rows = slice(start, start + self.chunk)
-                n, row = inputs[0][:, rows].shape[1], 0
-                for block in inputs:
-                    self.inputs[row : row + len(block), :n] = block[:, rows]
-                    row += len(block)
-                self.inputs[:, n:] = self.inputs[:, n - 1 : n]
-                for function, operands in self.code:
-                    function(*operands)
-                row = 0
-                for block in outputs:
-                    block[:, rows] = self.outputs[row : row + len(block), :n]
-                    row += len(block)
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """As `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        codes, constants = [], [np.array(x) for x in self.constants]
+        checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
+        for start in range(0, inputs[0].shape[1], self.chunk):
+            given, found = ([row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs))
+            rows = [*given, *found, *self.buffers[:, : len(given[0])], *constants]
+            codes.append([(function, pick(rows)) for function, pick in self.code])
+
+        def run() -> bool:
+            with np.errstate(all="ignore"):
+                for code in codes:
+                    for function, operands in code:
+                        function(*operands)
+                return weights is None or bool((weights @ checks).max(initial=0.0) <= 1.0)
+
+        return run
 
     def again(self) -> Lanes:
         """One that may run at the same time."""
         return Lanes(self.program, self.chunk)
-
-
-def _rows(count: int, chunk: int) -> Array:
-    """Buffers whose rows are not a whole number of pages apart: these would share the same few lines of the cache."""
-    return np.empty((count, chunk + 8))[:, :chunk]

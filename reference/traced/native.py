@@ -15,6 +15,8 @@ from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.vectormath import VectorMath
 
 ENTRY = "samples"
+#: Programs of fewer operations hold sines and angles in line; a call costs all registers.
+SMALL = 6000
 
 
 @cache
@@ -40,24 +42,23 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int) -> str:
-    """The program for LLVM: ``samples(inputs, outputs, count)``, the first two being pointers to rows of numbers."""
+    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
+
+    One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
+    its stack keeps to whole lines of the cache.
+    """
     import llvmlite.ir as ir
 
     module = ir.Module("screwgauge")
     number, i64 = ir.DoubleType(), ir.IntType(64)
-    vector = ir.VectorType(number, width)
-    pointer = number.as_pointer()
+    vector, pointer = ir.VectorType(number, width), number.as_pointer()
     table = pointer.as_pointer()
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [table, table, i64]), ENTRY)
-    begin = ir.IRBuilder(function.append_basic_block())
-    body, end = function.append_basic_block(), function.append_basic_block()
-    source, target, blocks = function.args
-    begin.branch(body)
-    b = ir.IRBuilder(body)
-    count = b.phi(i64)
-    count.add_incoming(ir.Constant(i64, 0), begin.block)
-    offset = b.mul(count, ir.Constant(i64, width))
-    maths = VectorMath(module, b, width)
+    block = ir.Function(module, ir.FunctionType(i64, [table, table, pointer, i64]), "block")
+    block.linkage, block.attributes.alignstack = "internal", 64
+    block.attributes.add("noinline")
+    source, target, weights, offset = block.args
+    b = ir.IRBuilder(block.append_basic_block())
+    maths = VectorMath(module, b, width, inline=len(program.code) < SMALL)
 
     def place(rows: Any, row: int) -> Any:
         start = b.load(b.gep(rows, [ir.Constant(i64, row)]))
@@ -68,21 +69,44 @@ def _ir(program: Program, width: int) -> str:
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
 
-    stored: dict[int, list[int]] = {}
+    stored: dict[Operand, list[int]] = {}
     for row, x in enumerate(program.outputs):
-        if isinstance(x, int) and x >= program.inputs:
-            stored.setdefault(x, []).append(row)
-        else:
-            b.store(operand(x), place(target, row), align=8)
+        stored.setdefault(x if isinstance(x, int) and x >= program.inputs else -1, []).append(row)
+    for row in stored.get(-1, ()):
+        b.store(operand(program.outputs[row]), place(target, row), align=8)
     for i, (op, args) in enumerate(program.code, program.inputs):
         values[i] = maths.operation(op, [operand(x) for x in args])
         for row in stored.get(i, ()):
             b.store(values[i], place(target, row), align=8)
-    following = b.add(count, ir.Constant(i64, 1))
-    count.add_incoming(following, b.block)
-    b.cbranch(b.icmp_unsigned("<", following, blocks), body, end)
-    ir.IRBuilder(end).ret_void()
+    total = maths.constant(0.0)
+    for i, x in enumerate(program.outputs[len(program.outputs) - program.checks :]):
+        total = maths.fma(operand(x), maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
+    doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
+    b.ret(b.zext(doubt, i64))
+    _loop(ir, module, block, width)
     return str(module)
+
+
+def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
+    """All blocks one after the other; the last ends with the last sample and may repeat some of those before."""
+    i64 = block.ftype.return_type
+    function = ir.Function(module, block.ftype, ENTRY)
+    *tables, count = function.args
+    begin = ir.IRBuilder(function.append_basic_block())
+    body, end = function.append_basic_block(), function.append_basic_block()
+    last = begin.sub(count, ir.Constant(i64, width))
+    begin.branch(body)
+    b = ir.IRBuilder(body)
+    start, doubts = b.phi(i64), b.phi(i64)
+    for value in (start, doubts):
+        value.add_incoming(ir.Constant(i64, 0), begin.block)
+    offset = b.select(b.icmp_signed("<", start, last), start, last)
+    doubt = b.or_(doubts, b.call(block, [*tables, offset]))
+    following = b.add(start, ir.Constant(i64, width))
+    start.add_incoming(following, body)
+    doubts.add_incoming(doubt, body)
+    b.cbranch(b.icmp_signed("<", following, count), body, end)
+    ir.IRBuilder(end).ret(doubt)
 
 
 def machine_code(program: Program) -> bytes:
@@ -119,36 +143,44 @@ class Native:
         address = self.engine.get_function_address(ENTRY)
         if not address:
             raise RuntimeError("the code has no entry")
-        self.function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(address)
+        self.function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3, ctypes.c_int64)(address)
 
-    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-        """What runs all samples of some arrays, again and again: the arrays have to stay.
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """What runs all samples of some arrays, again and again, and says whether none of them is in doubt.
 
         Args:
             inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
+            weights: A sample is in doubt whose checks, times these, add up to more than 1; none is by default.
         """
         n = inputs[0].shape[1]
-        whole = n - n % self.width
-        source, target = _rows(inputs), _rows(outputs)
-        arguments = source.ctypes.data, target.ctypes.data, whole // self.width
-        last = [np.empty((len(block), self.width)) for block in inputs]
-        found = [np.empty((len(block), self.width)) for block in outputs]
-        last_rows, found_rows = _rows(last), _rows(found)
-        rest = last_rows.ctypes.data, found_rows.ctypes.data, 1
+        if n < self.width:
+            return self._padded(inputs, outputs, weights)
+        limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
+        tables = _rows(inputs), _rows(outputs), limits
+        function, arguments = self.function, (*(table.ctypes.data for table in tables), n)
 
-        def run() -> None:
-            if whole:
-                self.function(*arguments)
-            if whole < n:
-                for block, padded in zip(inputs, last, strict=True):
-                    padded[:] = block[:, -1:]
-                    padded[:, : n - whole] = block[:, whole:]
-                self.function(*rest)
-                for block, padded in zip(outputs, found, strict=True):
-                    block[:, whole:] = padded[:, : n - whole]
+        def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
+            return not function(*arguments)
 
-        # the tables of pointers live as long as what uses them
-        run.kept = source, target, last_rows, found_rows  # type: ignore[attr-defined]
+        return run
+
+    def _padded(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None
+    ) -> Callable[[], bool]:
+        """Fewer samples than a register holds: the last one fills it."""
+        given, found = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
+        inner = self.bind(given, found, weights)
+
+        def run() -> bool:
+            for block, padded in zip(inputs, given, strict=True):
+                padded[:, : block.shape[1]], padded[:, block.shape[1] :] = block, block[:, -1:]
+            clear = inner()
+            for block, padded in zip(outputs, found, strict=True):
+                block[:] = padded[:, : block.shape[1]]
+            return clear
+
         return run
 
     def again(self) -> Native:

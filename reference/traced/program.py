@@ -20,11 +20,13 @@ class Program:
         inputs: How many numbers a sample has.
         code: (operation, operands); instruction number i makes value ``inputs + i``.
         outputs: Values handed out.
+        checks: How many of them, the last, say whether the sample is in doubt.
     """
 
     inputs: int
     code: tuple[tuple[str, tuple[Operand, ...]], ...]
     outputs: tuple[Operand, ...]
+    checks: int = 0
 
     def as_c(self, name: str = "sample") -> str:
         """The program as C, for reading."""
@@ -47,14 +49,18 @@ class Program:
         return "\n".join([*lines, "}", ""])
 
 
-def program(inputs: int, outputs: Sequence[Scalar]) -> Program:
-    """What these outputs need of their trace; operands come shortly before they are used."""
+def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
+    """What these outputs need of their trace; operands come shortly before they are used.
+
+    Args:
+        first: What is computed before all others, in this order.
+    """
     number, code = dict[int, int](), list[tuple[str, tuple[Operand, ...]]]()
 
     def operand(x: Scalar) -> Operand:
         return number[x.index] if isinstance(x, Node) else float(x)
 
-    for output in outputs:
+    for output in (*first, *outputs):
         stack = [output] if isinstance(output, Node) else []
         while stack:
             node = stack[-1]
@@ -67,4 +73,4 @@ def program(inputs: int, outputs: Sequence[Scalar]) -> Program:
             else:
                 number[node.index] = inputs + len(code)
                 code.append((node.op, tuple(operand(x) for x in node.args)))
-    return Program(inputs, tuple(code), tuple(operand(x) for x in outputs))
+    return Program(inputs, tuple(code), tuple(operand(x) for x in outputs), checks)

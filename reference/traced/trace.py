@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.vectors import Scalar
+from screwgauge.reference.traced.vectors import FUNCTIONS, Scalar
 
 #: Operation -> what computes it on arrays.
 OPERATIONS: dict[str, Callable[..., Any]] = {
@@ -22,10 +22,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "mul": np.multiply,
     "div": np.divide,
     "neg": np.negative,
-    "sqrt": np.sqrt,
-    "sin": np.sin,
-    "cos": np.cos,
-    "atan2": np.arctan2,
+    **FUNCTIONS,
 }
 
 #: More operations are not traced: every thousand takes some 20 ms, and a program of them is no faster than arrays.
@@ -121,7 +118,7 @@ class Trace:
         return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
-        """``sin``, ``cos``, ``sqrt`` or ``atan2``."""
+        """One of `FUNCTIONS`."""
         return self._make(name, *x)
 
     def neg(self, a: Scalar) -> Scalar:

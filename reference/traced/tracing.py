@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ from screwgauge.reference.traced.vectors import Scalar, apply
 #: bodies; worst orientation of a cut joint; rates; accelerations.
 CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
+Further = Callable[[Mapping[str, Sequence[Scalar]]], Mapping[str, list[Scalar]]]
+"""Quantities and checks of a trace -> other outputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,12 @@ class Traced:
 
 
 def traced(
-    question: Question, wanted: Collection[str], samples: tuple[Array, Array, Array, Array], *, loaded: bool = False
+    question: Question,
+    wanted: Collection[str],
+    samples: tuple[Array, Array, Array, Array],
+    *,
+    loaded: bool = False,
+    further: Further = lambda outputs: {},
 ) -> Traced:
     """Traces a question.
 
@@ -49,6 +56,8 @@ def traced(
         wanted: Names of quantities.
         loaded: Whether the loads are inputs, the last: force and torque of each.
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
+        further: What else is to be put out, from all of it: it stands before the checks; ``first`` is only computed,
+            in this order, before all others.
 
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
@@ -76,12 +85,15 @@ def traced(
     if "reaction" in wanted:
         constraints = Constraints(dynamics)
         outputs["reaction"], left = constraints.values, balance_left(dynamics, constraints)
-    outputs |= checks(dynamics, moved, left, residuals)
+    said = checks(dynamics, moved, left, residuals)
+    more = dict(further({**outputs, **said}))
+    first = more.pop("first", [])
+    outputs |= more | said
     places, flat = dict[str, slice](), list[Scalar]()
     for name, numbers in outputs.items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat), places, predicted)
+    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, predicted)
 
 
 def rest(question: Question) -> dict[int, float]:

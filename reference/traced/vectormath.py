@@ -41,12 +41,13 @@ class VectorMath:
     Args:
         module, builder: llvmlite's.
         width: Numbers in a vector.
+        inline: Whether sines and angles are written out wherever they occur; a call costs all registers.
     """
 
-    def __init__(self, module: Any, builder: Any, width: int) -> None:
+    def __init__(self, module: Any, builder: Any, width: int, *, inline: bool = True) -> None:
         from llvmlite import ir
 
-        self.ir, self.module, self.b, self.width = ir, module, builder, width
+        self.ir, self.module, self.b, self.width, self.inline = ir, module, builder, width, inline
         self.vector = ir.VectorType(ir.DoubleType(), width)
         self.mask = ir.VectorType(ir.IntType(64), width)
         self.pairs: dict[Any, tuple[Any, Any]] = {}
@@ -54,6 +55,12 @@ class VectorMath:
 
     def constant(self, x: float) -> Any:
         return self.ir.Constant(self.vector, [x] * self.width)
+
+    def spread(self, x: Any) -> Any:
+        """A number in all places."""
+        one = self.b.insert_element(self.ir.Constant(self.vector, self.ir.Undefined), x, self.ir.IntType(32)(0))
+        places = self.ir.Constant(self.ir.VectorType(self.ir.IntType(32), self.width), [0] * self.width)
+        return self.b.shuffle_vector(one, one, places)
 
     def intrinsic(self, name: str, *x: Any) -> Any:
         kind = self.ir.FunctionType(self.vector, [self.vector] * len(x))
@@ -70,11 +77,16 @@ class VectorMath:
             return self.b.fneg(*x)
         if op == "sqrt":
             return self.intrinsic("sqrt", *x)
+        if op == "max":
+            return self.b.select(self.b.fcmp_unordered("<=", *x), x[1], x[0])
         if op == "atan2":
-            return self.called("atan2", x, self._angle)
+            return self._angle(*x) if self.inline else self.called("atan2", x, self._angle)
         if x[0] not in self.pairs:
-            both = self.called("sincos", x, self._sine_and_cosine)
-            self.pairs[x[0]] = (self.b.extract_value(both, 0), self.b.extract_value(both, 1))
+            if self.inline:
+                self.pairs[x[0]] = self._sine_and_cosine(*x)
+            else:
+                both = self.called("sincos", x, self._sine_and_cosine)
+                self.pairs[x[0]] = (self.b.extract_value(both, 0), self.b.extract_value(both, 1))
         return self.pairs[x[0]][op == "cos"]
 
     def called(self, name: str, x: list[Any], emit: Any) -> Any:

@@ -5,8 +5,7 @@ Zeros and ones of a description are floats, and fold where numbers are nodes; no
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,23 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 EYE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
+#: Function -> what computes it on arrays.
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan2": np.arctan2,
+    "max": np.maximum,
+}
+
+
 def apply(name: str, *x: Scalar) -> Scalar:
-    """A function by its name: ``sin``, ``cos``, ``sqrt`` or ``atan2``."""
+    """A function by its name, see `FUNCTIONS`."""
     for value in x:
-        if hasattr(value, "trace"):
+        if hasattr(value, "op"):  # a node
             return value.trace.function(name, *x)
-    if all(isinstance(value, float) for value in x):
-        return getattr(math, name)(*x)
-    return {"atan2": np.arctan2}.get(name, getattr(np, name, None))(*x)  # type: ignore[misc]
+    found = FUNCTIONS[name](*x)
+    return found if np.ndim(found) else float(found)
 
 
 def sqrt(x: Scalar) -> Scalar:

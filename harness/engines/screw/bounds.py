@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Trust
+from screwgauge.engines import estimate
+from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
 from screwgauge.problem import Problem, Rows
+from screwgauge.quantities import arm
 from screwgauge.reference import linear
+from screwgauge.reference.linear import ROUNDED
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.tracing import CHECKS
+from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Worst case over these samples.
 SAFETY = 1.5
@@ -23,14 +28,13 @@ ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
 NEAR = 0.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Numbers:
-    """What a program says of its samples, see `CHECKS`: roots of the squares that it emits. Shape (n_check, n)."""
+Numbers = Mapping[str, Scalar]
+"""What a program says of its samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
 
-    checks: Array
 
-    def __getitem__(self, name: str) -> Array:
-        return np.asarray(np.sqrt(self.checks[CHECKS.index(name)]))
+def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
+    """Name -> root of the square that a program emits, see `CHECKS`."""
+    return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +53,7 @@ class Bounds:
 
     Attributes:
         ratio: See `compare`.
+        weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
     """
 
     def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
@@ -84,22 +89,35 @@ class Bounds:
     def trust(self, out: Numbers) -> Trust:
         """What the numbers of a program rest on."""
         ratio = self.ratio
-        gain = ratio.gain * np.maximum(out["gain"], 1e-300)
+        gain = ratio.gain * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
-        rush = np.maximum(speed**2, out["rush"])
-        load = self.weight + self.mass * rush * self.length
-        charts = np.sqrt(np.maximum(out["charts"] ** 2 - self.spare_charts, 1.0))
-        forces = dict[str, Array]()
+        rush = apply("max", speed * speed, out["rush"])
+        load = self.weight + self.mass * self.length * rush
+        charts = apply("sqrt", apply("max", out["charts"] * out["charts"] - float(self.spare_charts), 1.0))
+        forces = dict[str, Scalar]()
         if "reaction" in self.wanted:
-            forces["reaction"] = ratio.reaction * out["whole_gain"] ** 2
+            forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
             forces["actuator_force"] = ratio.drive * out["drive"]
         return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
 
-    def clear(self, checks: Array) -> bool:
-        """Whether no sample can be doubtful: one sum of all checks over their limits tells. Shape (n_check, n)."""
-        worst = (self.weights @ checks).max(initial=0.0)  # NaN where any is
-        return bool(worst <= 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2)
+    def estimated(
+        self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
+    ) -> tuple[list[Scalar], list[Scalar]]:
+        """Errors of quantities at samples that are clear, of each of their units.
+
+        Returns:
+            Sums of squares as they grow, with the numbers they are made of, and the errors.
+        """
+        trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
+        for name, each in units.items():
+            whole: Scalar = 0.0
+            for x, unit in zip(values[name], each, strict=True):
+                whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
+                sums += [x, whole]
+            whole = (ROUNDED * linear.EPS) * estimate.amplified(name, trust) * (apply("sqrt", whole) + estimate.summand(each[0], trust))
+            errors += [arm(unit, self.length) * whole for unit in dict.fromkeys(each)]
+        return sums, errors
 
     def _weights(self) -> Array:
         ratio, most = self.ratio, SAFETY * CLEAR
@@ -112,7 +130,8 @@ class Bounds:
             "balance": (BALANCED * ratio.load * self.weight) ** 2,
             "charts": most**2,
         }
-        return np.array([1.0 / limits.get(name, np.inf) for name in CHECKS])
+        free = 1.0 - self.spare_charts / most**2
+        return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
         """Whether Newton's method stayed on its assembly. Shape (n,)."""
@@ -133,3 +152,15 @@ class Bounds:
             left |= doubt
         rows: Rows = np.flatnonzero(left)
         return rows
+
+
+def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
+    """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
+    errors = []
+    for name, each in units.items():
+        arms = np.array([arm(unit, length) for unit in each])
+        whole = np.linalg.norm(part.values[name] / arms, axis=1) + estimate.summand(each[0], part.trust)
+        for unit in dict.fromkeys(each):
+            columns = [i for i, u in enumerate(each) if u == unit]
+            errors.append(estimate.absolute(name, part, whole * arm(unit, length), columns))
+    return np.stack(errors, axis=1)

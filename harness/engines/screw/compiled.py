@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, errors
+from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.programs import columns
-from screwgauge.engines.screw.traced import ArrayWork, TracedWork
+from screwgauge.engines.screw.traced import ArrayWork, Bound, TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -19,8 +19,9 @@ from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Values
 
+Mode = tuple[bool, bool]
+"""Whether samples have their own loads, and whether errors are estimated."""
 #: Samples worked on at a time, whatever is given: memory stays constant.
 PART = 4096
 
@@ -32,7 +33,8 @@ class Answer:
     Attributes:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
-        estimate: Quantity -> estimated error at each sample, see `Solution.estimate`; empty if it was not asked for.
+        estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
+            among its components, shape (n, n_unit); empty if it was not asked for. With `out` in use again, filled again.
     """
 
     values: Mapping[str, Array]
@@ -55,26 +57,27 @@ class Solver:
     def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
         """Traces and compiles; pivots are chosen at samples of the scene's motion."""
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
-        self.works: dict[bool, list[TracedWork | ArrayWork]] = {}
-        work = self._works(loaded=False)[0]
+        self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
+        self.last: dict[Mode, tuple[Bound, Answer]] = {}
+        work = self._works((False, False))[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
 
-    def _works(self, *, loaded: bool) -> list[TracedWork | ArrayWork]:
+    def _works(self, mode: Mode) -> list[TracedWork | ArrayWork]:
         """One a thread."""
-        if loaded not in self.works:
+        if mode not in self.works:
             lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
             first: TracedWork | ArrayWork
             try:
-                first = TracedWork(lay, problem, motion, self.backend, loaded=loaded)
+                first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])
             except NotTraceableError as error:
                 first = ArrayWork(lay, problem, motion, error.what)
-            self.works[loaded] = [first, *(first.again() for _ in range(self.threads - 1))]
-        return self.works[loaded]
+            self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
+        return self.works[mode]
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        work = self.works[False][0]
+        work = self._works((False, False))[0]
         return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
 
     def buffers(self, n: int) -> dict[str, Array]:
@@ -103,58 +106,62 @@ class Solver:
         Raises:
             ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
         """
+        given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
+        mode = load is not None, estimates
+        if out is not None and mode in self.last:  # the buffers of the last call: nothing to prepare
+            bound, answer = self.last[mode]
+            if bound.fits(given, out) and bound.fill(given):
+                return answer
         n = len(y)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
         inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
         values = self.buffers(n) if out is None else self._checked(out, n)
-        works = self._works(loaded=load is not None)
-        bounds = [n * i // self.threads for i in range(self.threads + 1)]
+        works = self._works(mode)
         for work in works:
             work.by_array.clear()
-
-        def run(i: int) -> list[Part]:
-            return self._run(works[i], slice(bounds[i], bounds[i + 1]), inputs, values, estimates)
-
+        found, error = self._errors(works[0], n) if estimates else ({}, {})
+        shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            parts = run(0)
+            self._fill(*shares[0], inputs, values, error)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                parts = [part for found in pool.map(run, range(self.threads)) for part in found]
-        estimate = self._estimates(works[0], parts, values) if estimates else {}
-        return Answer(values, sum((work.by_array for work in works), start=Counter[str]()), estimate)
+                [*pool.map(lambda share: self._fill(*share, inputs, values, error), shares)]
+        answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
+        if works[0].bound is not None and works[0].bound.fits(inputs, values):
+            self.last[mode] = works[0].bound, answer
+        return answer
 
-    def _estimates(
-        self, work: TracedWork | ArrayWork, parts: list[Part], values: Mapping[str, Array]
-    ) -> dict[str, Array]:
-        table = work.names()
-        return {name: errors(name, parts, Values(*table[name], x.view()), work.length)[0] for name, x in values.items()}
+    def _errors(self, work: TracedWork | ArrayWork, n: int) -> tuple[dict[str, Array], dict[str, Array]]:
+        """An array for errors by quantity, and as a whole."""
+        counts = [len({*each}) for each in work.units.values()]
+        error = columns(n, sum(counts))
+        return dict(zip(work.units, np.split(error, np.cumsum(counts)[:-1], axis=1), strict=True)), {"error": error}
 
-    def _run(
+    def _fill(
         self,
         work: TracedWork | ArrayWork,
         rows: slice,
         inputs: Sequence[Array],
         values: Mapping[str, Array],
-        estimates: bool,
-    ) -> list[Part]:
-        """Solves some samples part after part, and fills in their values."""
-        parts, n = [], len(inputs[0])
+        error: Mapping[str, Array],
+    ) -> None:
+        """Fills in the values of some samples part after part."""
         flat = all(array.strides[0] == array.itemsize for array in values.values())
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
-            whole = some == slice(0, n)
-            given = inputs if whole else [array[some] for array in inputs]
-            into = values if whole else {name: array[some] for name, array in values.items()}
-            if flat and not estimates and work.fill(given, into):
+            if some == slice(0, len(inputs[0])):
+                given, into = inputs, {**values, **error}
+            else:
+                given, into = [x[some] for x in inputs], {name: x[some] for name, x in {**values, **error}.items()}
+            bound = work.bind(given, into) if flat else None
+            if bound is not None and bound.fill(given):
                 continue
-            motion = GivenMotion(np.arange(some.start, some.stop, dtype=float), *(x.copy() for x in given[:3]))
-            loads = np.ascontiguousarray(given[3].T) if len(given) > 3 else None
-            parts.append(work.part(motion, loads, into if flat else None))
-            if not flat:
-                for name, array in parts[-1].values.items():
-                    into[name][:] = array
-        return parts
+            part = work.part(*_motion(given), into if flat else None)
+            for name in () if flat else values:
+                into[name][:] = part.values[name]
+            if error:
+                into["error"][:] = examined(part, work.units, work.length)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -172,7 +179,13 @@ class Solver:
             _check_array(array, (n, len(self.components[name])), f"out, {name}")
             if not array.flags.writeable:
                 raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
-        return out
+        return {name: out[name] for name in self.quantities}
+
+
+def _motion(inputs: Sequence[Array]) -> tuple[GivenMotion, Array | None]:
+    """Samples as a motion, and their loads."""
+    y, yd, ydd, *loads = (array.copy() for array in inputs)
+    return GivenMotion(np.arange(len(y), dtype=float), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
 
 
 def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:

@@ -20,12 +20,17 @@ from screwgauge.reference.traced.program import Program
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.truth import cache
 
+#: Numbers in a line of the cache.
+LINE = 8
+
 
 class Runner(Protocol):
     """What runs a program."""
 
-    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-        """What runs the samples of some arrays. Shapes (m, n) each, in the order of the program."""
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """See `screwgauge.reference.traced.native.Native.bind`."""
 
     def again(self) -> Runner:
         """One that may run at the same time."""
@@ -92,6 +97,9 @@ def open_links(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
 def columns(n: int, m: int) -> Array:
     """An array of shape (n, m) in which the numbers of one column lie side by side.
 
-    Columns are not a whole number of pages apart: these would share the same few lines of the cache.
+    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
     """
-    return np.empty((m, n + 8))[:, :n].T
+    wide = n + LINE - n % LINE
+    room = np.empty(m * wide + LINE)
+    first = -(room.ctypes.data // room.itemsize) % LINE
+    return room[first : first + m * wide].reshape(m, wide)[:, :n].T

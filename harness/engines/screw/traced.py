@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import is_not
 
 import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust
 from screwgauge.engines.parts import assemble
-from screwgauge.engines.screw.bounds import Bounds, Numbers
+from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
 from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
@@ -26,9 +27,10 @@ from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, traced
-from screwgauge.reference.traced.vectors import vector
+from screwgauge.reference.traced.vectors import Scalar, vector
 from screwgauge.solution import Clock, Solution
 
+FLOAT = np.dtype(float)
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
 
@@ -49,12 +51,8 @@ class ArrayWork:
     """The array solver in the place of a program."""
 
     def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
-        self.lay, self.problem, self.reason, self.said = (
-            lay,
-            problem,
-            reason,
-            f"all samples by the array solver: {reason}",
-        )
+        self.lay, self.problem, self.reason = lay, problem, reason
+        self.said = f"all samples by the array solver: {reason}"
         self.length, self.by_array = home_equations(lay).length, Counter[str]()
         self.part(motion.part(slice(0, 1)))
 
@@ -62,15 +60,16 @@ class ArrayWork:
         """As `TracedWork.part`."""
         work = Work(under(self.problem, loads), motion, self.lay)
         found = work.part(slice(None))
-        self.names = work.names
+        self.names, self.units = work.names, {name: work.names()[name][1] for name in found.values}
         self.by_array[self.reason] += len(motion)
-        for name, array in (into or {}).items():
-            array[:] = found.values[name]
+        for name, array in found.values.items() if into is not None else ():
+            into[name][:] = array  # type: ignore[index]
         return found
 
-    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """As `TracedWork.fill`."""
-        return False
+    bound = None
+
+    def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> None:
+        """There is nothing to bind: `part` is to be asked."""
 
     def again(self) -> ArrayWork:
         """The same for another thread."""
@@ -82,31 +81,58 @@ class Bound:
     """A program bound to arrays that are used again.
 
     Attributes:
-        key, values: Which arrays these are; they are kept, so that no others can take their place.
+        values: What it fills; they are kept, so that no others can take their places.
+        ids: Which arrays these are.
+        inputs: What it is given. Shape (n, m) each.
+        run: Says whether no sample is in doubt.
     """
 
-    key: tuple[int, ...]
     values: Mapping[str, Array]
-    inputs: Array
-    checks: Array
-    run: Callable[[], None]
+    ids: list[int]
+    inputs: tuple[Array, ...]
+    run: Callable[[], bool]
+
+    def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """Whether these are its arrays, and such inputs."""
+        if [*map(id, values.values())] != self.ids[: len(values)]:
+            return False
+        for x, place in zip(inputs, self.inputs, strict=True):
+            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
+                return False
+        return True
+
+    def fill(self, inputs: Sequence[Array]) -> bool:
+        """Fills its arrays with what follows from some inputs."""
+        for x, place in zip(inputs, self.inputs, strict=True):
+            place[...] = x
+        return self.run()
 
 
 class TracedWork:
     """A program for a problem, and the array solver beside it.
 
     Attributes:
+        outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
+        units: Quantity -> units of its components.
         said: What is to be said about it.
         by_array: Reason -> how many samples the array solver answered.
     """
 
     def __init__(
-        self, lay: Layout, problem: Problem, motion: GivenMotion, backend: str, *, loaded: bool = False
+        self,
+        lay: Layout,
+        problem: Problem,
+        motion: GivenMotion,
+        backend: str,
+        *,
+        loaded: bool = False,
+        estimates: bool = False,
     ) -> None:
         """Traces the program; pivots are chosen at samples of the motion.
 
         Args:
             loaded: Whether every sample has its own loads, in place of those of the problem.
+            estimates: Whether the program says what its errors are, see `Bounds.estimated`.
 
         Raises:
             NotTraceableError: There is no such program.
@@ -115,21 +141,29 @@ class TracedWork:
         check_traceable(lay, problem)
         self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
         self.wanted = [name for name in GIVEN if name in problem.wanted]
-        system = home_equations(lay)
+        self.outputs = [*self.wanted, *(["error"] if estimates else [])]
+        system, self.bounds = home_equations(lay), Bounds(lay, problem, self.length)
         with self.clock.stage("tracing"):
             some, trust, q = self._anchors(motion)
             applied, size = problem.applied, [*map(float, system.size)]
             question = Question(lay, system.fixed, size, self.length, vector(applied.g), applied.loads, open_links(lay))
-            self.traced = traced(question, self.wanted, (some.y, some.yd, some.ydd, q), loaded=loaded)
+            samples = (some.y, some.yd, some.ydd, q)
+            self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.predictor = Predictor(lay) if self.traced.predicted else None
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
-        self.bounds = Bounds(lay, problem, self.length)
-        constant = [x for load in problem.applied.loads for x in (*load.force, *load.torque)] if loaded else []
-        loads = np.repeat(np.array(constant)[:, None], len(some), axis=1)
-        self.bounds.compare(self._run(some, q.T, loads, self.arrays(len(some))), trust)
+
+    def _further(self, trust: Trust, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
+        """Compares the checks with what the array solver says, and estimates errors if they are wanted."""
+        said = [outputs[name][0] for name in CHECKS]
+        n = len(trust.gain)
+        self.bounds.compare(roots(np.broadcast_to(getattr(x, "value", x), n) for x in said), trust)
+        if "error" not in self.outputs:
+            return {}
+        sums, errors = self.bounds.estimated(roots(said), outputs, self.units)
+        return {"first": sums, "error": errors}
 
     def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
         """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
@@ -140,6 +174,7 @@ class TracedWork:
         some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
         work = Work(self.problem, some, self.lay)
         self.names, trust = work.names, work.part(slice(None)).trust
+        self.units = {name: self.names()[name][1] for name in self.wanted}
         clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
         if not clear.size:
             raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
@@ -154,60 +189,58 @@ class TracedWork:
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
-        """Arrays for the values of n samples, (n, m) each; numbers of one component lie side by side."""
-        places = self.traced.places
-        return {name: columns(n, places[name].stop - places[name].start) for name in self.wanted}
+        """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
+        places = [self.traced.places[name] for name in self.outputs]
+        return {name: columns(n, place.stop - place.start) for name, place in zip(self.outputs, places, strict=True)}
 
-    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> Numbers:
+    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> tuple[Numbers, bool]:
         """Runs the program.
 
         Args:
             q: Predicted joint coordinates. Shape (n_q, n).
             loads: Of every sample, if each has its own. Shape (m, n).
             values: Filled; see `arrays`.
+
+        Returns:
+            What the program says, and whether no sample is in doubt.
         """
         predicted, n = list(self.traced.predicted), len(motion)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
         reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
-        self.runner.bind(inputs, [reached, *(values[name].T for name in self.wanted), checks])()
-        found = Numbers(checks)
-        if predicted and not self.bounds.clear(checks):  # once more from where Newton's method came to
+        outputs = [reached, *(values[name].T for name in self.outputs), checks]
+        clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
+        with np.errstate(all="ignore"):
+            found = roots(checks)
+            near = self.bounds.near(found)
+            rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
+        if predicted and rows.size:  # once more from where Newton's method came to
+            inputs[3] = reached
+            some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
+            again = np.empty((len(CHECKS), len(rows)))
+            self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
+            checks[:, rows] = again
+            for name, array in arrays.items():
+                values[name][rows] = array
             with np.errstate(all="ignore"):
-                near = self.bounds.near(found)
-                rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
-            if rows.size:
-                inputs[3] = reached
-                some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
-                again = np.empty((len(CHECKS), len(rows)))
-                self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
-                checks[:, rows] = again
-                for name, array in arrays.items():
-                    values[name][rows] = array
-        return found
+                found, clear = roots(checks), False
+        return found, clear
 
-    def fill(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Fills arrays with the values of some samples, if none of these is doubtful or has to be predicted.
-
-        Args:
-            inputs: y, yd, ydd and, if the samples have their own, loads. Shape (n, m) each.
+    def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
+        """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
-            Whether it did; if not, `part` is to be asked.
+            Nothing, if the program needs predictions: then `part` is to be asked.
         """
         if self.predictor is not None:
-            return False
-        n, key = len(inputs[0]), tuple(map(id, values.values()))
-        if self.bound is None or self.bound.key != key:
-            given, checks = columns(n, self.traced.program.inputs).T, columns(n, len(CHECKS)).T
-            outputs = [given[:0], *(values[name].T for name in self.wanted), checks]
-            self.bound = Bound(key, values, given, checks, self.runner.bind([given], outputs))
-        row = 0
-        for array in inputs:
-            self.bound.inputs[row : row + array.shape[1]] = array.T
-            row += array.shape[1]
-        self.bound.run()
-        return self.bounds.clear(self.bound.checks)
+            return None
+        if self.bound is None or not self.bound.fits(inputs, values):
+            n = len(inputs[0])
+            given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
+            ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
+            run = self.runner.bind([given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights)
+            self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
+        return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
         """Some samples that follow those before.
@@ -216,16 +249,17 @@ class TracedWork:
             loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
             into: Where the values are written, see `arrays`.
         """
-        n, values = len(motion), dict(self.arrays(len(motion)) if into is None else into)
+        n = len(motion)
+        into = self.arrays(n) if into is None else into
+        values = {name: into[name] for name in self.wanted}
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out = self._run(motion, near, np.empty((0, n)) if loads is None else loads, values)
+            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, into)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
             trust = self.bounds.trust(out)
-            clear = self.bounds.clear(out.checks)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
         return self._completed(motion, loads, values, trust, left)
 
