@@ -79,7 +79,8 @@ class Stages:
         self.kept = [close, respond, buffers]
         calls = [self._call(close, [first], [q, buffers.checks]), self._call(respond, [buffers.given], [buffers.answer])]
         code = _Code(buffers, limits, *calls)
-        llvm = native.llvm()
+        import llvmlite.binding as llvm
+
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(code.module)), native.machine())
         self.engine.finalize_object()
         number, count = ctypes.c_double, ctypes.c_int64

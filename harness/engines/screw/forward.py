@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from math import isfinite
 
 import numpy as np
+from scipy.integrate import DOP853
 
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
@@ -19,6 +18,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.forward import forward_programs
 from screwgauge.reference.traced.scalars import Scalars
+from screwgauge.reference.traced.stages import Buffers, Limits, Stages
 from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Stopwatch
 
@@ -36,9 +36,9 @@ class TracedForward:
     """Slopes of states (y, yd, work) by programs, each pose predicted from the one before.
 
     Attributes:
-        by_array: States that were left to the array solver.
+        stages: The same for all stages of a step, where there is machine code.
+        by_array: Evaluations that were left to the array solver.
         setup: What tracing and compiling took [s of processor time].
-        said: What is to be said about the programs.
     """
 
     def __init__(self, lay: Layout, problem: Problem, task: InitialValue, backend: str) -> None:
@@ -50,12 +50,12 @@ class TracedForward:
         """
         check_traceable(lay, replace(problem, wanted=frozenset()))
         near = task.integration.near
-        self.lay, self.applied, self.backend = lay, problem.applied, backend
-        self.near, self.by_array, self.setup = near, 0, 0.0
-        self.clear = (near / MARGIN) ** 2
+        self.lay, self.applied, self.backend, self.near = lay, problem.applied, backend, near
+        self.limits = Limits(MOST, SETTLED, OPEN**2, BEND, 1e-9, FARTHEST, (near / MARGIN) ** 2, SINGULAR)
+        self.by_array, self.made, self.setup, self.missed = 0, 0, 0.0, list[Array]()
         branch = Branch(lay, lay.mechanism.home)
         branch.move(task.start)
-        self.poses, self.missed, self.made = [branch.q.copy()], list[Array](), 0
+        self.poses = [branch.q.copy()]
         self._make(branch)
 
     def _make(self, branch: Branch) -> None:
@@ -67,33 +67,41 @@ class TracedForward:
         (close, said), (respond, _) = (runner(p, self.backend, Scalars) for p in (programs.close, programs.respond))
         self.said = f"{said}; " if said else ""
         self.operations = len(programs.close.code) + len(programs.respond.code)
-        self.dependent, k, d = [*programs.dependent], len(lay.mechanism.independent), len(programs.dependent)
-        self.columns, self.k, self.width = lay.mechanism.independent_columns, k, getattr(respond, "width", 1)
-        given = np.zeros((programs.respond.inputs, self.width))
-        self.q, self.y, self.yd, self.motors = np.split(given, [d, d + k, d + 2 * k])
-        self.state = given[d : d + 2 * k]
-        for row, motor in zip(self.motors, self.applied.motors, strict=True):
-            row[:] = motor.force(0.0)
-        self.changing = [(i, motor) for i, motor in enumerate(self.applied.motors) if not motor.constant]
-        self.checks, self.answer = np.empty((2, self.width)), np.empty((len(programs.respond.outputs), self.width))
-        self.map = self.answer[k + 3 :, 0].reshape(d, k)
-        self.close = close.bind([given[: d + k]], [self.q, self.checks])
-        self.respond = respond.bind([given], [self.answer])
-        self.size = system.size[self.dependent][:, None]
+        self.dependent, d = [*programs.dependent], len(programs.dependent)
+        self.columns, k = lay.mechanism.independent_columns, len(lay.mechanism.independent)
+        self.width, s = getattr(respond, "width", 1), len(DOP853.C) + 1
+        A = np.zeros((s, s))
+        A[:-1, :-1], A[-1, :-1] = DOP853.A, DOP853.B
+        self.at = at = Buffers(
+            given=np.zeros((programs.respond.inputs, self.width)),
+            checks=np.zeros((2, self.width)),
+            answer=np.zeros((len(programs.respond.outputs), self.width)),
+            y=np.zeros(k),
+            q=np.zeros(d),
+            K=np.zeros((d, k)),
+            size=system.size[self.dependent],
+            state=np.zeros(2 * k + 1),
+            A=A,
+            c=np.append(DOP853.C, 1.0),
+            slopes=np.zeros((s, 2 * k + 1)),
+        )
+        self.close = close.bind([at.given[: d + k]], [at.given[:d], at.checks])
+        self.respond = respond.bind([at.given], [at.answer])
+        self.stages = None if isinstance(respond, Scalars) else Stages(close, respond, at, self.limits)
         self.made += 1
         self.recall(branch)
         self.setup += clock.cost().cpu_s
 
     def recall(self, branch: Branch) -> None:
         """Predicts from the pose of a branch from now on."""
-        size = branch.size
-        self.y0, self.q0 = branch.y[:, None].copy(), branch.q[self.dependent][:, None]
-        self.K = branch.K[self.dependent] * size[self.dependent][:, None] / size[self.columns]
+        at = self.at
+        at.y[:], at.q[:] = branch.y, branch.q[self.dependent]
+        at.K[:] = branch.K[self.dependent] * at.size[:, None] / branch.size[self.columns]
 
     def lend(self, branch: Branch) -> None:
-        """Puts a branch to the last closed pose."""
+        """Puts a branch to the pose that is predicted from."""
         q = branch.q.copy()
-        q[self.columns], q[self.dependent] = self.y0[:, 0], self.q0[:, 0]
+        q[self.columns], q[self.dependent] = self.at.y, self.at.q
         branch.put(q)
 
     def learn(self, branch: Branch, condition: float) -> None:
@@ -110,56 +118,65 @@ class TracedForward:
 
     def place(self, y: Array) -> bool:
         """Closes the loops at some independent coordinates; whether that is beyond doubt. Shape (k, m)."""
-        m = y.shape[1]
-        self.y[:, :m] = y
-        if not self.dependent:
+        at, limits, m = self.at, self.limits, y.shape[1]
+        d, k = at.K.shape
+        at.given[d : d + k, :m] = y
+        if not d:
             return True
-        way = self.K @ (y - self.y0)
-        self.q[:, :m] = self.q0 + way
+        way = at.K @ (y - at.y[:, None])
+        at.given[:d, :m] = at.q[:, None] + way
         off = 0.0
-        for _ in range(MOST):
+        for _ in range(limits.most):
             self.close()
-            moved, residual = self.checks[:, 0] if m == 1 else self.checks[:, :m].max(axis=1)
+            moved, residual = at.checks[:, 0] if m == 1 else at.checks[:, :m].max(axis=1)
             off += moved**0.5
-            if not moved > SETTLED:
+            if not moved > limits.settled:
                 break
-        far = float(np.abs(way / self.size).max())
-        return moved <= SETTLED and residual <= OPEN**2 and off <= BEND * far + 1e-9 and far <= FARTHEST
+        far = float(np.linalg.norm(way / at.size[:, None], axis=0).max())
+        settled = moved <= limits.settled and residual <= limits.residual
+        return bool(settled and off <= limits.bend * far + limits.slack and far <= limits.farthest)
 
     def pose(self, y: Array) -> Array | None:
         """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""
         if not self.place(y[:, None]):
             return None
         q = self.lay.mechanism.home.copy()
-        q[self.columns], q[self.dependent] = y, self.q[:, 0]
+        q[self.columns], q[self.dependent] = y, self.at.given[: len(self.at.q), 0]
         return q
+
+    def one(self, t: float, state: Array) -> Array | None:
+        """Derivative of a state, None where it is doubtful. Shape (2 k + 1,)."""
+        if self.stages is None:
+            found = self.slope(t, state[:, None])
+            return None if found is None else found[:, 0]
+        self.at.state[:] = state
+        return self.at.slopes[0].copy() if self.stages.run(t, 0.0, 0, 0) else None
 
     def slope(self, t: float, states: Array) -> Array | None:
         """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""
-        k, out = self.k, np.empty_like(states)
+        at, (d, k), out = self.at, self.at.K.shape, np.empty_like(states)
         out[:k] = states[k:-1]
-        for i, motor in self.changing:
-            self.motors[i] = motor.force(t)
+        at.given[-1] = t
         for first in range(0, states.shape[1], self.width):
             some = states[:-1, first : first + self.width]
             m = some.shape[1]
             if not self.place(some[:k]):
                 return None
-            self.state[:, :m] = some
+            at.given[d:-1, :m] = some
             self.respond()
-            found = self.answer[: k + 3, :m]
+            found = at.answer[: k + 3, :m]
             condition, inertia = found[-2:, 0] if m == 1 else found[-2:].max(axis=1)
-            if not (condition <= self.clear and inertia <= SINGULAR):
+            if not (condition <= self.limits.condition and inertia <= self.limits.inertia):
                 return None
             out[k:, first : first + m] = found[:-2]
-            if self.dependent and not first:
-                self.y0, self.q0, self.K = self.y[:, :1].copy(), self.q[:, :1].copy(), self.map.copy()
-        return out if isfinite(out.sum()) else None
+            if d and not first:
+                at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
+        return out
 
-    def notes(self) -> Sequence[str]:
-        how = "machine code" if self.width > 1 else "Python code"
-        left = f", {self.by_array} evaluations by the array solver" if self.by_array else ""
+    def notes(self) -> tuple[str, ...]:
+        how = "machine code" if self.stages else "Python code"
+        left = f"; {self.by_array} evaluations by the array solver" if self.by_array else ""
         return (
             f"{self.said}accelerations by a program of {self.operations} operations as {how}, "
-            f"made in {self.setup:.2g} s of processor time before and beside the steps{left}",
+            f"made in {self.setup:.2g} s of processor time that does not count as integration{left}",
         )
