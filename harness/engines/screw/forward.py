@@ -27,7 +27,7 @@ MOST, SETTLED = 10, 1e-20
 #: Longest way to a predicted pose [rad or lengths of the mechanism]; the array solver walks farther step by step.
 FARTHEST = 1.0
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
-MARGIN = 30.0
+MARGIN = 4.0
 #: So many states of good condition that a program could not answer make new pivots worth while, so often.
 MISSED, AGAIN = 8, 3
 
@@ -151,6 +151,14 @@ class TracedForward:
             return None if found is None else found[:, 0]
         self.at.state[:] = state
         return self.at.slopes[0].copy() if self.stages.run(t, 0.0, 0, 0) else None
+
+    def step(self, t: float, state: Array, slope: Array, h: float) -> Array | None:
+        """Slopes at all stages of a step of DOP853, None where one is doubtful. Shape (s, 2 k + 1)."""
+        at = self.at
+        at.state[:], at.slopes[0] = state, slope
+        if self.stages is None or not self.stages.run(t, h, 1, len(at.slopes) - 1):
+            return None
+        return at.slopes
 
     def slope(self, t: float, states: Array) -> Array | None:
         """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""

@@ -27,6 +27,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
 
+#: How a step of DOP853 follows its error: Hairer, Norsett and Wanner, section II.4.
+SHRINK, GROW, SAFETY = 0.2, 10.0, 0.9
 #: Relative step of differences: the root of the rounding error.
 DIFFERENCE = 2.0**-26
 
@@ -52,6 +54,38 @@ class Trajectory:
     cost: Cost
     stepped_over: int
     stopped: str
+
+
+class StagedDOP853(DOP853):
+    """scipy's method with all stages of a step computed at once.
+
+    Attributes:
+        stages: (t, state, its slope, size) -> slopes at all stages, the last at the end; None to go one by one.
+    """
+
+    stages: Callable[[float, Array, Array, float], Array | None]
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        t, y = self.t, self.y
+        smallest, rejected = 10.0 * (np.nextafter(t, np.inf) - t), False
+        self.h_abs = max(self.h_abs, smallest)
+        while self.h_abs >= smallest:
+            t_new = min(t + self.h_abs, self.t_bound)
+            h = t_new - t
+            slopes = self.stages(t, y, self.f, h)
+            if slopes is None:
+                return super()._step_impl()  # type: ignore[no-any-return]
+            y_new = y + h * (self.B @ slopes[:-1])
+            scale = self.atol + np.maximum(np.abs(y), np.abs(y_new)) * self.rtol
+            error = self._estimate_error_norm(slopes, h, scale)
+            factor = SAFETY * error**self.error_exponent if error else GROW
+            if error < 1.0:
+                self.h_abs = h * min(factor, 1.0 if rejected else GROW)
+                self.K[:], self.f = slopes, slopes[-1].copy()
+                self.h_previous, self.y_old, self.t, self.y = h, y, t_new, y_new
+                return True, None
+            self.h_abs, rejected = h * max(SHRINK, factor), True
+        return False, self.TOO_SMALL_STEP
 
 
 class _Near(Exception):
@@ -157,9 +191,16 @@ class _Run:
 
     def solver(self, method: type[OdeSolver], t: float, state: Array, options: dict[str, Any]) -> OdeSolver:
         """One of scipy's, at a state."""
-        solver = method(self.slope, t, state, self.times[-1], **options)
-        solver.fun = self.one
+        staged = method is DOP853 and self.traced is not None and self.traced.stages is not None
+        solver = (StagedDOP853 if staged else method)(self.slope, t, state, self.times[-1], **options)
+        solver.fun, solver.stages = self.one, self.stages
         return solver
+
+    def stages(self, t: float, state: Array, slope: Array, h: float) -> Array | None:
+        """Slopes at all stages of a step, if none of them is doubtful. Shape (s, 2 k + 1)."""
+        found = None if self.traced is None else self.traced.step(t, state, slope, h)
+        self.evaluations += 0 if found is None else len(found) - 1
+        return found
 
     def steps(
         self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
