@@ -51,7 +51,7 @@ class Forward:
     """Two programs and what their numbers mean. Inputs begin with the dependent coordinates and y.
 
     Attributes:
-        close: One step of Newton's method: dependent coordinates, then what `CLOSING` names.
+        close: One step of Newton's method along the dependent coordinates, then what `CLOSING` names.
         respond: Further inputs are yd and time. Outputs: ydd, power of all that stores no energy,
             what `RESPONSE` names, then the velocity map of the dependent coordinates row by row.
         dependent: Columns of the dependent coordinates.
@@ -62,7 +62,7 @@ class Forward:
     dependent: tuple[int, ...]
 
 
-#: Squares of what a step of Newton's method moved, and of the closure residual before it, without dimension.
+#: Squares of the length of a step of Newton's method and of the mean closure residual before it, without dimension.
 CLOSING = ("moved", "residual")
 #: Square of an estimate of the condition number of the closed loops, and what the inertia matrix was divided by.
 RESPONSE = ("condition", "inertia")
@@ -86,7 +86,7 @@ def forward_programs(question: Question, applied: Applied, q: Array) -> Forward:
     at = Closed(question, TreeAt(lay, coordinates(lay, x), closed=False))
     step = at.follow([-row.residual for row in at.rows]) if lay.tree.cuts else {}
     residual = measured({i: row.residual for i, row in enumerate(at.rows)}, at.unit)
-    closed = [*(x[c] + step[c] for c in dependent), measured(step, question.size), residual]
+    closed = [*(step[c] for c in dependent), measured(step, question.size), residual * (1.0 / max(1, len(at.rows)))]
 
     x = {c: respond.input(q[:, c]) for c in places} | rest(question)
     yd = [respond.input(0.0 * q[:, c] + 1.0) for c in lay.mechanism.independent_columns]

@@ -27,7 +27,9 @@ class Limits:
     Attributes:
         most: Steps of Newton's method.
         settled: Square of one after which the next would be rounding.
-        residual: Square of the largest closure residual.
+        rounding: Square of a closure residual that no step makes smaller: next to a singular pose it would only move
+            the pose by that, magnified.
+        residual: Square of the largest closure residual before the last step.
         bend, slack: A pose may lie as far from its prediction as this share of the way predicted, and this.
         farthest: Longest way predicted.
         condition, inertia: Largest numbers of the response, see `forward.RESPONSE`.
@@ -35,6 +37,7 @@ class Limits:
 
     most: int
     settled: float
+    rounding: float
     residual: float
     bend: float
     slack: float
@@ -49,7 +52,7 @@ class Buffers:
 
     Attributes:
         given: Inputs of the response: dependent coordinates, y, yd, time. Shape (d + 2 k + 1, width).
-        checks, answer: Outputs of closing after the coordinates, and of the response. Shapes (2, width), (m, width).
+        step, answer: Outputs of the programs. Shapes (d + 2, width), (m, width).
         y, q, K: Where poses are predicted from: y, dependent coordinates and velocity map. Shapes (k,), (d,), (d, k).
         size: Unit of each dependent coordinate. Shape (d,).
         state: From which a step starts: y, yd and work. Shape (2 k + 1,).
@@ -58,7 +61,7 @@ class Buffers:
     """
 
     given: Array
-    checks: Array
+    step: Array
     answer: Array
     y: Array
     q: Array
@@ -75,9 +78,8 @@ class Stages:
 
     def __init__(self, close: native.Native, respond: native.Native, buffers: Buffers, limits: Limits) -> None:
         d, k = buffers.K.shape
-        q, first = buffers.given[:d], buffers.given[: d + k]
         self.kept = [close, respond, buffers]
-        calls = [self._call(close, [first], [q, buffers.checks]), self._call(respond, [buffers.given], [buffers.answer])]
+        calls = [self._call(close, [buffers.given[: d + k]], [buffers.step]), self._call(respond, [buffers.given], [buffers.answer])]
         code = _Code(buffers, limits, *calls)
         import llvmlite.binding as llvm
 
@@ -204,21 +206,26 @@ class _Code:
     def _close(self, close: Sequence[int]) -> None:
         """Newton's method, and whether it stayed where it was predicted."""
         b, buffers, limits = self.b, self.buffers, self.limits
-        body, after = self.function.append_basic_block(), self.function.append_basic_block()
-        before = b.block
+        d = len(buffers.q)
+        body, before = self.function.append_basic_block(), b.block
         b.branch(body)
         b.position_at_end(body)
         count = b.phi(self.i64)
         count.add_incoming(self.whole(1), before)
         self.call(close)
-        moved = self.lane(buffers.checks, 0)
-        self.increase("off", self.root(moved))
-        on = b.fcmp_ordered(">", moved, self.real(limits.settled))
-        count.add_incoming(b.add(count, self.whole(1)), body)
-        b.cbranch(b.and_(on, b.icmp_signed("<", count, self.whole(limits.most))), body, after)
+        moved, residual = self.lane(buffers.step, d), self.lane(buffers.step, d + 1)
+        there = b.fcmp_ordered("<=", residual, self.real(limits.rounding))
+        with self.loop(self.whole(0), self.whole(d)) as r:
+            place, change = self.at(buffers.given, self.row(buffers.given, r)), self.lane(buffers.step, r)
+            b.store(b.fadd(b.load(place), b.select(there, self.real(0.0), change)), place)
+        self.increase("off", b.select(there, self.real(0.0), self.root(moved)))
+        there = b.or_(there, b.fcmp_ordered("<=", moved, self.real(limits.settled)))
+        count.add_incoming(b.add(count, self.whole(1)), b.block)
+        after = self.function.append_basic_block()
+        b.cbranch(b.or_(there, b.icmp_signed(">=", count, self.whole(limits.most))), after, body)
         b.position_at_end(after)
-        self.unless(b.fcmp_ordered("<=", moved, self.real(limits.settled)))
-        self.unless(b.fcmp_ordered("<=", self.lane(buffers.checks, 1), self.real(limits.residual)))
+        self.unless(there)
+        self.unless(b.fcmp_ordered("<=", residual, self.real(limits.residual)))
         far = self.root(b.load(self.place["far"]))
         allowed = b.fadd(b.fmul(self.real(limits.bend), far), self.real(limits.slack))
         self.unless(b.fcmp_ordered("<=", b.load(self.place["off"]), allowed))

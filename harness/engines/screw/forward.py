@@ -10,7 +10,7 @@ from scipy.integrate import DOP853
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.branch import BEND, Branch
-from screwgauge.reference.continuation import OPEN
+from screwgauge.reference.continuation import OPEN, ROUNDING
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
@@ -24,7 +24,8 @@ from screwgauge.solution import Stopwatch
 
 #: Steps of Newton's method, and the square of one, without dimension, after which the next would be rounding.
 MOST, SETTLED = 10, 1e-20
-#: Longest way to a predicted pose [rad or lengths of the mechanism]; the array solver walks farther step by step.
+#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; the array solver
+#: walks farther step by step.
 FARTHEST = 1.0
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 4.0
@@ -51,14 +52,14 @@ class TracedForward:
         check_traceable(lay, replace(problem, wanted=frozenset()))
         near = task.integration.near
         self.lay, self.applied, self.backend, self.near = lay, problem.applied, backend, near
-        self.limits = Limits(MOST, SETTLED, OPEN**2, BEND, 1e-9, FARTHEST, (near / MARGIN) ** 2, SINGULAR)
         self.by_array, self.made, self.setup, self.missed = 0, 0, 0.0, list[Array]()
         branch = Branch(lay, lay.mechanism.home)
         branch.move(task.start)
         self.poses = [branch.q.copy()]
-        self._make(branch)
+        self._make()
+        self.recall(branch.q, branch.K * branch.size[:, None] / branch.size[self.columns])
 
-    def _make(self, branch: Branch) -> None:
+    def _make(self) -> None:
         """Makes the programs, pivots being chosen at the poses that are known to matter."""
         clock, lay, system = Stopwatch(), self.lay, home_equations(self.lay)
         sizes = [*map(float, system.size)]
@@ -70,11 +71,13 @@ class TracedForward:
         self.dependent, d = [*programs.dependent], len(programs.dependent)
         self.columns, k = lay.mechanism.independent_columns, len(lay.mechanism.independent)
         self.width, s = getattr(respond, "width", 1), len(DOP853.C) + 1
+        farthest, condition = FARTHEST * d**0.5, (self.near / MARGIN) ** 2
+        self.limits = Limits(MOST, SETTLED, ROUNDING**2, OPEN**2, BEND, 1e-9, farthest, condition, SINGULAR)
         A = np.zeros((s, s))
         A[:-1, :-1], A[-1, :-1] = DOP853.A, DOP853.B
         self.at = at = Buffers(
             given=np.zeros((programs.respond.inputs, self.width)),
-            checks=np.zeros((2, self.width)),
+            step=np.zeros((d + 2, self.width)),
             answer=np.zeros((len(programs.respond.outputs), self.width)),
             y=np.zeros(k),
             q=np.zeros(d),
@@ -85,18 +88,15 @@ class TracedForward:
             c=np.append(DOP853.C, 1.0),
             slopes=np.zeros((s, 2 * k + 1)),
         )
-        self.close = close.bind([at.given[: d + k]], [at.given[:d], at.checks])
+        self.close = close.bind([at.given[: d + k]], [at.step])
         self.respond = respond.bind([at.given], [at.answer])
         self.stages = None if isinstance(respond, Scalars) else Stages(close, respond, at, self.limits)
         self.made += 1
-        self.recall(branch)
         self.setup += clock.cost().cpu_s
 
-    def recall(self, branch: Branch) -> None:
-        """Predicts from the pose of a branch from now on."""
-        at = self.at
-        at.y[:], at.q[:] = branch.y, branch.q[self.dependent]
-        at.K[:] = branch.K[self.dependent] * at.size[:, None] / branch.size[self.columns]
+    def recall(self, q: Array, K: Array) -> None:
+        """Predicts from a closed pose with its velocity map from now on. Shapes (n_q,), (n_q, k)."""
+        self.at.y[:], self.at.q[:], self.at.K[:] = q[self.columns], q[self.dependent], K[self.dependent]
 
     def lend(self, branch: Branch) -> None:
         """Puts a branch to the pose that is predicted from."""
@@ -104,17 +104,17 @@ class TracedForward:
         q[self.columns], q[self.dependent] = self.at.y, self.at.q
         branch.put(q)
 
-    def learn(self, branch: Branch, condition: float) -> None:
-        """Goes on from a pose that no program answered; if its condition is good, it may ask for other pivots."""
-        self.recall(branch)
+    def learn(self, q: Array, K: Array, condition: float) -> None:
+        """Goes on from a pose that no program answered; if it closed it and its condition is good, it may ask for
+        other pivots. `condition`: infinite where it did not."""
         self.by_array += 1
-        if condition > self.near / MARGIN**2:
-            return
-        self.missed.append(branch.q.copy())
+        if condition < self.near / MARGIN**2:
+            self.missed.append(q)
         if len(self.missed) >= MISSED and self.made <= AGAIN:
             self.poses += self.missed
             self.missed = []
-            self._make(branch)
+            self._make()
+        self.recall(q, K)
 
     def place(self, y: Array) -> bool:
         """Closes the loops at some independent coordinates; whether that is beyond doubt. Shape (k, m)."""
@@ -125,16 +125,19 @@ class TracedForward:
             return True
         way = at.K @ (y - at.y[:, None])
         at.given[:d, :m] = at.q[:, None] + way
-        off = 0.0
+        off, there = 0.0, False
         for _ in range(limits.most):
             self.close()
-            moved, residual = at.checks[:, 0] if m == 1 else at.checks[:, :m].max(axis=1)
+            moved, residual = at.step[d:, 0] if m == 1 else at.step[d:, :m].max(axis=1)
+            if there := bool(residual <= limits.rounding):
+                break
+            at.given[:d, :m] += at.step[:d, :m]
             off += moved**0.5
-            if not moved > limits.settled:
+            if there := bool(moved <= limits.settled):
                 break
         far = float(np.linalg.norm(way / at.size[:, None], axis=0).max())
-        settled = moved <= limits.settled and residual <= limits.residual
-        return bool(settled and off <= limits.bend * far + limits.slack and far <= limits.farthest)
+        near = off <= limits.bend * far + limits.slack and far <= limits.farthest
+        return bool(there and near and residual <= limits.residual)
 
     def pose(self, y: Array) -> Array | None:
         """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""

@@ -129,10 +129,17 @@ class _Run:
         self.wanted: list[int] = []
         self.work: list[float] = []
 
-    def rates(self, states: Array) -> Velocities:
-        """Closed poses and rates of states, shape (n, 2 k + 1)."""
+    def rates(self, states: Array, q: Array | None) -> Velocities:
+        """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
         k = states.shape[1] // 2
-        return velocities(self.lay, self.branch.poses(states[:, :k]), states[:, k:-1])
+        if q is not None:
+            system = home_equations(self.lay)
+            at = system.fill((q / system.size)[None, system.unknown], q[None])
+        else:
+            if self.traced is not None:
+                self.traced.lend(self.branch)
+            at = self.branch.poses(states[:, :k])
+        return velocities(self.lay, at, states[:, k:-1])
 
     def slope(self, t: float, states: Array) -> Array:
         """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
@@ -150,16 +157,15 @@ class _Run:
 
     def _by_arrays(self, t: float, states: Array) -> Array:
         """The same by the array solver, on the same branch."""
-        if self.traced is not None:
-            self.traced.lend(self.branch)
-        k = len(states) // 2
-        forces, rate = self.forces(t), self.rates(states.T)
+        k, alone = len(states) // 2, states.shape[1] == 1
+        q = self.traced.pose(states[:k, 0]) if self.traced is not None and alone else None
+        forces, rate = self.forces(t), self.rates(states.T, q)
         found = forward(self.lay, rate, forces)
         worst = int(np.argmax(found.condition))
         if found.condition[worst] > self.near:
             raise _Near(self.lay, rate.pose.rows([worst]), float(found.condition[worst]))
         if self.traced is not None:
-            self.traced.learn(self.branch, float(found.condition[worst]))
+            self.traced.learn(rate.pose.q[0], rate.K[0], float(found.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], found.ydd.T, power(self.lay, rate, forces)[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
@@ -185,8 +191,6 @@ class _Run:
                 self.traced.lend(self.branch)
             self.branch.move(state[:k])
             q = self.branch.q.copy()
-            if self.traced is not None:
-                self.traced.recall(self.branch)
         self.passed.append((t, q, state[k:-1]))
 
     def solver(self, method: type[OdeSolver], t: float, state: Array, options: dict[str, Any]) -> OdeSolver:
