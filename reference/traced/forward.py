@@ -151,7 +151,9 @@ class Acting:
             return
         column = self.lay.mechanism.coordinates.index(spring.coordinate)
         if column in self.lay.cut_columns:
-            raise NotTraceableError("a spring acts on a joint that closes a loop", spring.coordinate, "use backend array")
+            raise NotTraceableError(
+                "a spring acts on a joint that closes a loop", spring.coordinate, "use backend array"
+            )
         damper = -(spring.damping * self.v[column])
         self._act(damper - spring.stiffness * (self.x[column] - spring.rest), {column: 1.0}, damper)
 

@@ -167,9 +167,7 @@ class Native:
 
         return run
 
-    def _padded(
-        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None
-    ) -> Callable[[], bool]:
+    def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
         """Fewer samples than a register holds: the last one fills it."""
         given, found = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
         inner = self.bind(given, found, weights)

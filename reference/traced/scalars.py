@@ -20,13 +20,17 @@ class Scalars:
     def __init__(self, program: Program) -> None:
         self.program = program
         names: dict[str, Any] = {name: getattr(math, name) for name in ("sin", "cos", "sqrt", "atan2")}
-        exec(compile(_source(program), "<program>", "exec"), names)  # noqa: S102  of numbers and names of ours
+        exec(compile(_source(program), "<program>", "exec"), names)  # numbers and names of ours
         self.function: Callable[..., tuple[float, ...]] = names["sample"]
 
-    def bind(self, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-        """What runs all samples of some arrays, again and again. Shapes (m, n) each, in the order of the program."""
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """As `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        limits = [] if weights is None else weights.tolist()
 
-        def run() -> None:
+        def run() -> bool:
+            clear = True
             for i in range(inputs[0].shape[1]):
                 given = [x for block in inputs for x in block[:, i].tolist()]
                 try:
@@ -37,6 +41,9 @@ class Scalars:
                 for block in outputs:
                     block[:, i] = found[row : row + len(block)]
                     row += len(block)
+                checks = found[len(found) - len(limits) :]
+                clear &= not limits or sum(x * y for x, y in zip(limits, checks, strict=True)) <= 1.0
+            return clear
 
         return run
 

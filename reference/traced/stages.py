@@ -77,12 +77,12 @@ class Stages:
     """The compiled loop over stages."""
 
     def __init__(self, close: native.Native, respond: native.Native, buffers: Buffers, limits: Limits) -> None:
-        d, k = buffers.K.shape
-        self.kept = [close, respond, buffers]
-        calls = [self._call(close, [buffers.given[: d + k]], [buffers.step]), self._call(respond, [buffers.given], [buffers.answer])]
-        code = _Code(buffers, limits, *calls)
         import llvmlite.binding as llvm
 
+        d, k = buffers.K.shape
+        self.kept = [close, respond, buffers]
+        closing = self._call(close, [buffers.given[: d + k]], [buffers.step])
+        code = _Code(buffers, limits, closing, self._call(respond, [buffers.given], [buffers.answer]))
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(code.module)), native.machine())
         self.engine.finalize_object()
         number, count = ctypes.c_double, ctypes.c_int64

@@ -17,6 +17,7 @@ from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.forward import forward_programs
+from screwgauge.reference.traced.native import Native
 from screwgauge.reference.traced.scalars import Scalars
 from screwgauge.reference.traced.stages import Buffers, Limits, Stages
 from screwgauge.reference.traced.vectors import vector
@@ -90,7 +91,9 @@ class TracedForward:
         )
         self.close = close.bind([at.given[: d + k]], [at.step])
         self.respond = respond.bind([at.given], [at.answer])
-        self.stages = None if isinstance(respond, Scalars) else Stages(close, respond, at, self.limits)
+        self.stages: Stages | None = None
+        if isinstance(close, Native) and isinstance(respond, Native):
+            self.stages = Stages(close, respond, at, self.limits)
         self.made += 1
         self.setup += clock.cost().cpu_s
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
-from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
+from screwgauge.engines.methods import MOST, SIZES, StagedDOP853, check_method, keep_passed
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
@@ -27,8 +27,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
 
-#: How a step of DOP853 follows its error: Hairer, Norsett and Wanner, section II.4.
-SHRINK, GROW, SAFETY = 0.2, 10.0, 0.9
 #: Relative step of differences: the root of the rounding error.
 DIFFERENCE = 2.0**-26
 
@@ -54,38 +52,6 @@ class Trajectory:
     cost: Cost
     stepped_over: int
     stopped: str
-
-
-class StagedDOP853(DOP853):
-    """scipy's method with all stages of a step computed at once.
-
-    Attributes:
-        stages: (t, state, its slope, size) -> slopes at all stages, the last at the end; None to go one by one.
-    """
-
-    stages: Callable[[float, Array, Array, float], Array | None]
-
-    def _step_impl(self) -> tuple[bool, str | None]:
-        t, y = self.t, self.y
-        smallest, rejected = 10.0 * (np.nextafter(t, np.inf) - t), False
-        self.h_abs = max(self.h_abs, smallest)
-        while self.h_abs >= smallest:
-            t_new = min(t + self.h_abs, self.t_bound)
-            h = t_new - t
-            slopes = self.stages(t, y, self.f, h)
-            if slopes is None:
-                return super()._step_impl()  # type: ignore[no-any-return]
-            y_new = y + h * (self.B @ slopes[:-1])
-            scale = self.atol + np.maximum(np.abs(y), np.abs(y_new)) * self.rtol
-            error = self._estimate_error_norm(slopes, h, scale)
-            factor = SAFETY * error**self.error_exponent if error else GROW
-            if error < 1.0:
-                self.h_abs = h * min(factor, 1.0 if rejected else GROW)
-                self.K[:], self.f = slopes, slopes[-1].copy()
-                self.h_previous, self.y_old, self.t, self.y = h, y, t_new, y_new
-                return True, None
-            self.h_abs, rejected = h * max(SHRINK, factor), True
-        return False, self.TOO_SMALL_STEP
 
 
 class _Near(Exception):

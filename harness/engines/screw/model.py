@@ -18,6 +18,7 @@ from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ModelFileError, check_choice
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
@@ -127,17 +128,21 @@ class ScrewModel:
         """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
         condition = linear.condition(path.rates.A)
         ydd = np.full((len(path.t), path.rates.K.shape[2]), np.nan)
-        for i in np.flatnonzero(condition < linear.SINGULAR):
-            forces = forces_at(self.lay.mechanism, problem.applied, float(path.t[i]))
-            ydd[i] = forward(self.lay, path.rates.sample(int(i)), forces).ydd[0]
+        rows = np.flatnonzero(condition < linear.SINGULAR)
+        if rows.size:
+            forces = self._forces(problem.applied, path.t[rows])
+            ydd[rows] = forward(self.lay, path.rates.rows(rows), forces).ydd
         return accelerations(self.lay, path.rates, ydd)[0], condition
+
+    def _forces(self, applied: Applied, t: Array) -> Forces:
+        """All that acts at some times, shape (n,)."""
+        joints = [np.asarray(forces_at(self.lay.mechanism, applied, float(x)).joints) for x in t]
+        return replace(forces_at(self.lay.mechanism, applied, 0.0), joints=np.stack(joints))
 
     def _reactions(self, problem: Problem, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
         """Names, units and values of all constraint forces, from the whole Newton-Euler system."""
-        at, applied, mechanism = path.rates, problem.applied, self.lay.mechanism
-        joints = np.stack([np.asarray(forces_at(mechanism, applied, float(t)).joints) for t in path.t])
-        whole = forward_dense(self.lay, at, replace(forces_at(mechanism, applied, 0.0), joints=joints))
-        return whole.names, joint_reactions(self.lay, at.pose).units, whole.reactions
+        whole = forward_dense(self.lay, path.rates, self._forces(problem.applied, path.t))
+        return whole.names, joint_reactions(self.lay, path.rates.pose).units, whole.reactions
 
     def _accelerate(self, problem: Problem, task: States) -> Solution:
         """Accelerations of closed states for given forces, from the whole Newton-Euler system."""
