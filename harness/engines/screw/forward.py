@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from screwgauge.reference.traced.forward import forward_programs
 from screwgauge.reference.traced.native import Native
 from screwgauge.reference.traced.scalars import Scalars
 from screwgauge.reference.traced.stages import Buffers, Limits, Stages
+from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Stopwatch
 
@@ -114,9 +116,9 @@ class TracedForward:
         if condition < self.near / MARGIN**2:
             self.missed.append(q)
         if len(self.missed) >= MISSED and self.made <= AGAIN:
-            self.poses += self.missed
-            self.missed = []
-            self._make()
+            self.poses, self.missed = [*self.poses, *self.missed], []
+            with suppress(NotTraceableError):  # no pivots keep their size at all these poses
+                self._make()
         self.recall(q, K)
 
     def place(self, y: Array) -> bool:

@@ -144,9 +144,9 @@ class _Run:
 
     def keep(self, t: float, state: Array) -> None:
         """Keeps a wanted state."""
-        self.wanted.append(len(self.passed))
-        self.work.append(float(state[-1]))
         self.reach(t, state)
+        self.wanted.append(len(self.passed) - 1)
+        self.work.append(float(state[-1]))
 
     def reach(self, t: float, state: Array) -> None:
         """Moves to a state and remembers its closed pose."""
@@ -182,27 +182,29 @@ class _Run:
             solver = self.solver(method, times[0], state, options)
         except (_Near, ScrewgaugeError) as error:
             return f"the start cannot be: {error}"
+        safe = solver.t, solver.y
         while len(self.work) < len(times):
             try:
                 if size is not None:
-                    solver = self.solver(method, solver.t, solver.y, {**options, "first_step": size})
-                    size = None
+                    solver, size = self.solver(method, *safe, {**options, "first_step": size}), None
                 message = solver.step()
+                with clock.aside():  # it may look at further states
+                    between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
-                    return f"t = {solver.t:.6g} s: no step leads on; {error}"
-                size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - solver.t)
+                    return f"t = {safe[0]:.6g} s: no step leads on; {error}"
+                size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - safe[0])
                 tries, self.stepped_over = tries + 1, self.stepped_over + 1
                 continue
             if solver.status == "failed":
                 return f"t = {solver.t:.6g} s: {message}"
-            self.taken, tries = self.taken + 1, 0
+            self.taken, tries, safe = self.taken + 1, 0, (solver.t, solver.y)
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
                 with clock.aside():
-                    if times[len(self.work)] <= solver.t:
-                        keep_passed(solver, solver.dense_output(), times, self.work, self.keep)
-                    self.reach(float(solver.t), solver.y)
+                    if between is not None:
+                        keep_passed(solver, between, times, self.work, self.keep)
+                    self.reach(*safe)
             except (_Near, ScrewgaugeError) as error:
                 return f"t = {solver.t:.6g} s: {error}"
         return ""
