@@ -52,6 +52,11 @@ class Branch:
         self.q, self.y, self.K = q * self.size, goal.copy(), K
         return True
 
+    def put(self, q: Array) -> None:
+        """Puts the pose where joint coordinates `q`, shape (n_q,), close the loops already."""
+        if self.is_tree or not self._try(q, q[self.columns]):
+            self.q, self.y = q, q[self.columns]
+
     def move(self, y: Array) -> None:
         """Moves the pose to independent coordinates `y`, shape (k,), in steps of at most `STEP`.
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.chains import closed_form
@@ -47,11 +48,10 @@ class Velocities:
     system: LoopEquations
     orientation: Array
 
-    def sample(self, i: int) -> Velocities:
-        """The same for one of the samples."""
-        at = slice(i, i + 1)
-        arrays = self.K[at], self.A[at], self.w[at], self.V[at]
-        return Velocities(self.pose.rows([i]), *arrays, self.system, self.orientation[at])
+    def rows(self, rows: NDArray[np.intp]) -> Velocities:
+        """The same for some of the samples."""
+        arrays = self.K[rows], self.A[rows], self.w[rows], self.V[rows]
+        return Velocities(self.pose.rows(rows), *arrays, self.system, self.orientation[rows])
 
 
 def closure_system(lay: Layout, at: Pose) -> Array:

@@ -115,10 +115,11 @@ def machine_code(program: Program) -> bytes:
     The program is simplified already: LLVM's own passes would double the time and gain nothing.
     """
     llvm, _, width = _host()
-    return bytes(_machine().emit_object(llvm.parse_assembly(_ir(program, width))))
+    return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width))))
 
 
-def _machine() -> Any:
+def machine() -> Any:
+    """What compiles for this CPU."""
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()
@@ -137,13 +138,13 @@ class Native:
         llvm, _, self.width = _host()
         self.program = program
         empty = llvm.parse_assembly("")
-        self.engine = llvm.create_mcjit_compiler(empty, _machine())
+        self.engine = llvm.create_mcjit_compiler(empty, machine())
         self.engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self.engine.finalize_object()
-        address = self.engine.get_function_address(ENTRY)
-        if not address:
+        self.address = self.engine.get_function_address(ENTRY)
+        if not self.address:
             raise RuntimeError("the code has no entry")
-        self.function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3, ctypes.c_int64)(address)
+        self.function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3, ctypes.c_int64)(self.address)
 
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
@@ -158,7 +159,7 @@ class Native:
         if n < self.width:
             return self._padded(inputs, outputs, weights)
         limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
-        tables = _rows(inputs), _rows(outputs), limits
+        tables = rows(inputs), rows(outputs), limits
         function, arguments = self.function, (*(table.ctypes.data for table in tables), n)
 
         def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
@@ -186,6 +187,6 @@ class Native:
         return self
 
 
-def _rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
+def rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
     """Where each row begins."""
     return np.concatenate([block.ctypes.data + block.strides[0] * np.arange(len(block)) for block in blocks])

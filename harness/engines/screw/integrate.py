@@ -1,4 +1,7 @@
-"""Time integration on the independent coordinates: scipy's methods on accelerations of `reference.forward`."""
+"""Time integration on the independent coordinates: scipy's methods on accelerations of `reference.forward`.
+
+Traced programs of the same equations answer most states; those that they leave are answered by arrays.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,20 @@ from typing import Any
 import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
-from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
+from screwgauge.engines.methods import MOST, SIZES, StagedDOP853, check_method, keep_passed
+from screwgauge.engines.screw.forward import TracedForward
+from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.branch import Branch
+from screwgauge.reference.cut_coordinates import read
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
-from screwgauge.reference.pose import Layout, Pose, pose
+from screwgauge.reference.pose import Layout, Pose, pose, tree_pose
+from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
+from screwgauge.solution import Cost, Stopwatch
 
 #: Relative step of differences: the root of the rounding error.
 DIFFERENCE = 2.0**-26
@@ -32,7 +40,7 @@ class Trajectory:
         rates: Closed poses and rates there.
         energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
         work: What actuators, motors, loads and dampers have put in since the start [J]. Shape (n,).
-        steps, evaluations: How many steps were taken, and accelerations computed.
+        cost: Of the steps; the output at the times asked for comes after them.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
         stopped: Why it ended early, empty if it did not.
     """
@@ -41,8 +49,7 @@ class Trajectory:
     rates: Velocities
     energy: Array
     work: Array
-    steps: int
-    evaluations: int
+    cost: Cost
     stepped_over: int
     stopped: str
 
@@ -68,31 +75,63 @@ class _Run:
     """The motion while it is integrated; the state is (y, yd, work).
 
     Attributes:
-        kept, work: Closed poses with rates at the times wanted, as far as it came, and the work until then [J].
+        passed: Time, joint coordinates of the closed pose, and yd, of all states wanted and at the ends of steps.
+        wanted, work: Which of them are wanted, and the work until then [J].
         taken, stepped_over: Steps taken, and those whose size was changed.
     """
 
-    def __init__(self, lay: Layout, forces: Callable[[float], Forces], times: Array, near: float) -> None:
-        self.lay, self.forces, self.times, self.near = lay, forces, times, near
+    def __init__(
+        self,
+        lay: Layout,
+        forces: Callable[[float], Forces],
+        times: Array,
+        near: float,
+        traced: TracedForward | None = None,
+    ) -> None:
+        self.lay, self.forces, self.times, self.near, self.traced = lay, forces, times, near, traced
         self.branch = Branch(lay, lay.mechanism.home)
         self.evaluations = self.taken = self.stepped_over = 0
-        self.kept: list[Velocities] = []
+        self.passed: list[tuple[float, Array, Array]] = []
+        self.wanted: list[int] = []
         self.work: list[float] = []
 
-    def rates(self, states: Array) -> Velocities:
-        """Closed poses and rates of states, shape (n, 2 k + 1)."""
+    def rates(self, states: Array, q: Array | None) -> Velocities:
+        """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
         k = states.shape[1] // 2
-        return velocities(self.lay, self.branch.poses(states[:, :k]), states[:, k:-1])
+        if q is not None:
+            system = home_equations(self.lay)
+            at = system.fill((q / system.size)[None, system.unknown], q[None])
+        else:
+            if self.traced is not None:
+                self.traced.lend(self.branch)
+            at = self.branch.poses(states[:, :k])
+        return velocities(self.lay, at, states[:, k:-1])
 
     def slope(self, t: float, states: Array) -> Array:
         """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
         self.evaluations += 1
-        k = len(states) // 2
-        forces, rate = self.forces(t), self.rates(states.T)
+        found = None if self.traced is None else self.traced.slope(t, states)
+        return self._by_arrays(t, states) if found is None else found
+
+    def one(self, t: float, state: Array) -> Array:
+        """The same of one state, without scipy's way around. Shape (2 k + 1,)."""
+        found = None if self.traced is None else self.traced.one(t, state)
+        if found is None:
+            return self.slope(t, state[:, None])[:, 0]
+        self.evaluations += 1
+        return found
+
+    def _by_arrays(self, t: float, states: Array) -> Array:
+        """The same by the array solver, on the same branch."""
+        k, alone = len(states) // 2, states.shape[1] == 1
+        q = self.traced.pose(states[:k, 0]) if self.traced is not None and alone else None
+        forces, rate = self.forces(t), self.rates(states.T, q)
         found = forward(self.lay, rate, forces)
-        if (found.condition > self.near).any():
-            worst = int(np.argmax(found.condition))
+        worst = int(np.argmax(found.condition))
+        if found.condition[worst] > self.near:
             raise _Near(self.lay, rate.pose.rows([worst]), float(found.condition[worst]))
+        if self.traced is not None:
+            self.traced.learn(rate.pose.q[0], rate.K[0], float(found.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], found.ydd.T, power(self.lay, rate, forces)[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
@@ -105,50 +144,85 @@ class _Run:
 
     def keep(self, t: float, state: Array) -> None:
         """Keeps a wanted state."""
-        self.kept.append(self.rates(state[None]))
+        self.reach(t, state)
+        self.wanted.append(len(self.passed) - 1)
         self.work.append(float(state[-1]))
 
-    def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
-        """Steps through all times and keeps the motion there; returns why it stopped."""
+    def reach(self, t: float, state: Array) -> None:
+        """Moves to a state and remembers its closed pose."""
+        k = len(state) // 2
+        q = None if self.traced is None else self.traced.pose(state[:k])
+        if q is None:
+            if self.traced is not None:
+                self.traced.lend(self.branch)
+            self.branch.move(state[:k])
+            q = self.branch.q.copy()
+        self.passed.append((t, q, state[k:-1]))
+
+    def solver(self, method: type[OdeSolver], t: float, state: Array, options: dict[str, Any]) -> OdeSolver:
+        """One of scipy's, at a state."""
+        staged = method is DOP853 and self.traced is not None and self.traced.stages is not None
+        solver = (StagedDOP853 if staged else method)(self.slope, t, state, self.times[-1], **options)
+        solver.fun, solver.stages = self.one, self.stages
+        return solver
+
+    def stages(self, t: float, state: Array, slope: Array, h: float) -> Array | None:
+        """Slopes at all stages of a step, if none of them is doubtful. Shape (s, 2 k + 1)."""
+        found = None if self.traced is None else self.traced.step(t, state, slope, h)
+        self.evaluations += 0 if found is None else len(found) - 1
+        return found
+
+    def steps(
+        self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
+    ) -> str:
+        """Steps through all times and keeps the motion there, beside the clock; returns why it stopped."""
         times, tries = self.times, 0
         size: float | None = None
         try:
-            solver = method(self.slope, times[0], state, times[-1], **options)
+            solver = self.solver(method, times[0], state, options)
         except (_Near, ScrewgaugeError) as error:
             return f"the start cannot be: {error}"
+        safe = solver.t, solver.y
         while len(self.work) < len(times):
             try:
                 if size is not None:
-                    solver = method(self.slope, solver.t, solver.y, times[-1], first_step=size, **options)
-                    size = None
+                    solver, size = self.solver(method, *safe, {**options, "first_step": size}), None
                 message = solver.step()
+                with clock.aside():  # it may look at further states
+                    between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
-                    return f"t = {solver.t:.6g} s: no step leads on; {error}"
-                size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - solver.t)
+                    return f"t = {safe[0]:.6g} s: no step leads on; {error}"
+                size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - safe[0])
                 tries, self.stepped_over = tries + 1, self.stepped_over + 1
                 continue
             if solver.status == "failed":
                 return f"t = {solver.t:.6g} s: {message}"
-            self.taken, tries = self.taken + 1, 0
+            self.taken, tries, safe = self.taken + 1, 0, (solver.t, solver.y)
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
-                if times[len(self.work)] <= solver.t:
-                    keep_passed(solver, solver.dense_output(), times, self.work, self.keep)
-                    self.branch.move(solver.y[: len(solver.y) // 2])
+                with clock.aside():
+                    if between is not None:
+                        keep_passed(solver, between, times, self.work, self.keep)
+                    self.reach(*safe)
             except (_Near, ScrewgaugeError) as error:
                 return f"t = {solver.t:.6g} s: {error}"
         return ""
 
 
 def integrate(
-    lay: Layout, task: InitialValue, forces: Forces | Callable[[float], Forces], progress: Progress = quiet
+    lay: Layout,
+    task: InitialValue,
+    forces: Forces | Callable[[float], Forces],
+    progress: Progress = quiet,
+    traced: TracedForward | None = None,
 ) -> Trajectory:
     """Integrates a mechanism under given forces; the start is reached from home on one branch.
 
     Args:
         lay: The mechanism.
         forces: What acts on it, constant or a function of time.
+        traced: Programs for the same forces; without them all states are answered by arrays.
 
     Raises:
         ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
@@ -156,24 +230,44 @@ def integrate(
     method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
     at_any_time = forces if callable(forces) else lambda _: forces
-    run = _Run(lay, at_any_time, times, settings.near)
+    clock, run = Stopwatch(), _Run(lay, at_any_time, times, settings.near, traced)
+    run.branch.move(task.start)
+    begin = run.branch.q.copy()
     run.keep(float(times[0]), state)
     options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol, "vectorized": True}
     if method is not DOP853:
         options["jac"] = run.jacobian
-    stopped = run.steps(method, state, options, progress)
-    q, w = np.concatenate([r.pose.q for r in run.kept]), np.concatenate([r.w for r in run.kept])
-    whole = velocities(lay, pose(lay, q), w[:, lay.mechanism.independent_columns])
+    stopped = run.steps(method, state, options, progress, clock)
+    cost = clock.cost(run.taken, run.evaluations)
+    whole = _whole(lay, run, begin)
     return Trajectory(
         t=times[: len(run.work)],
         rates=whole,
         energy=energy(lay, whole, at_any_time(float(times[0]))),
         work=np.array(run.work),
-        steps=run.taken,
-        evaluations=run.evaluations,
+        cost=cost,
         stepped_over=run.stepped_over,
         stopped=stopped,
     )
+
+
+def _whole(lay: Layout, run: _Run, begin: Array) -> Velocities:
+    """Closed poses and rates at the wanted times.
+
+    Args:
+        begin: Joint coordinates at the start, from which angles of cut joints are followed. Shape (n_q,).
+    """
+    t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
+    if run.traced is not None and lay.tree.cuts:
+        cut = home_equations(lay).cut
+        q = read(lay, cut, *tree_pose(lay, q)[:2], q)
+        rate = velocities(lay, pose(lay, q), yd)
+        for c, joint in enumerate(lay.tree.cuts):
+            columns = [i for i in lay.columns[joint.name] if lay.turns[i]]
+            sure = rate.orientation[:, c] < SURE
+            q[:, columns] = follow(begin[columns], q[:, columns], sure, t, rate.w[:, columns])
+    rows = np.array(run.wanted)
+    return velocities(lay, pose(lay, q[rows]), yd[rows])
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:

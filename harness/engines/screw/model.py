@@ -10,6 +10,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
+from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
 from screwgauge.engines.screw.traced import solve_traced
@@ -17,6 +18,7 @@ from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ModelFileError, check_choice
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
@@ -34,14 +36,15 @@ class Settings:
     """How given motions, and accelerations of states, are solved.
 
     Attributes:
-        backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``.
+        backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
+            simulations, in which ``numpy`` is Python. By default ``array`` for the first, for these ``llvm``.
         whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
         refined: That system is refined once, its residual in wider numbers.
         projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
         variant: Name and settings of one of `screwgauge.engines.screw.variants`, which solves given motions instead.
     """
 
-    backend: str = "array"
+    backend: str | None = None
     whole_system: bool = False
     refined: bool = False
     projected: bool = False
@@ -51,7 +54,7 @@ class Settings:
 def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
     """Loads a description; see `Settings`."""
     lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
-    check_choice("backend", [chosen.backend], BACKENDS, "settings of screw")
+    check_choice("backend", [chosen.backend or BACKENDS[0]], BACKENDS, "settings of screw")
     return ScrewModel(lay, str(files.model), chosen) if chosen.variant is None else load_variant(lay, **chosen.variant)
 
 
@@ -82,46 +85,64 @@ class ScrewModel:
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
         """A given motion, by the array solver where there is no program."""
-        if self.settings.backend == "array":
+        if self.settings.backend in (None, "array"):
             return solve_motion(self.lay, problem, task, progress)
         try:
-            return solve_traced(self.lay, problem, task, progress, self.settings.backend)
+            return solve_traced(self.lay, problem, task, progress, str(self.settings.backend))
         except NotTraceableError as error:
             solution = solve_motion(self.lay, problem, task, progress)
             return replace(solution, notes=(*solution.notes, f"all samples by the array solver: {error.what}"))
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
-        mechanism, method, clock = self.lay.mechanism, task.integration, Stopwatch()
-        path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress)
-        cost = clock.cost(path.steps, path.evaluations)
+        mechanism, method = self.lay.mechanism, task.integration
+        traced, notes = self._traced(problem, task)
+        path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress, traced)
         reactions = self._reactions(problem, path) if "reaction" in problem.wanted else None
         over = f", {path.stepped_over} steps resized near singular poses" if path.stepped_over else ""
+        notes = (
+            f"independent coordinates integrated, poses followed on one branch{over}",
+            *notes,
+            *(traced.notes() if traced else ()),
+        )
         simulated = Simulated(
             Reading(path.rates.pose.q, path.rates.w, *self._joint_accelerations(problem, path)),
             path.work,
-            cost,
+            path.cost,
             path.stopped,
-            (f"independent coordinates integrated, poses followed on one branch{over}",),
+            notes,
             reactions,
         )
         setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
         return simulated.solution(("screw", __version__, setting), mechanism.joints, task)
 
+    def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
+        """Programs of the accelerations, or why there are none."""
+        if self.settings.backend == "array":
+            return None, ()
+        try:
+            return TracedForward(self.lay, problem, task, self.settings.backend or "llvm"), ()
+        except NotTraceableError as error:
+            return None, (f"accelerations by the array solver: {error.what}",)
+
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
         """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
         condition = linear.condition(path.rates.A)
         ydd = np.full((len(path.t), path.rates.K.shape[2]), np.nan)
-        for i in np.flatnonzero(condition < linear.SINGULAR):
-            forces = forces_at(self.lay.mechanism, problem.applied, float(path.t[i]))
-            ydd[i] = forward(self.lay, path.rates.sample(int(i)), forces).ydd[0]
+        rows = np.flatnonzero(condition < linear.SINGULAR)
+        if rows.size:
+            forces = self._forces(problem.applied, path.t[rows])
+            ydd[rows] = forward(self.lay, path.rates.rows(rows), forces).ydd
         return accelerations(self.lay, path.rates, ydd)[0], condition
+
+    def _forces(self, applied: Applied, t: Array) -> Forces:
+        """All that acts at some times, shape (n,)."""
+        joints = [np.asarray(forces_at(self.lay.mechanism, applied, float(x)).joints) for x in t]
+        return replace(forces_at(self.lay.mechanism, applied, 0.0), joints=np.stack(joints))
 
     def _reactions(self, problem: Problem, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
         """Names, units and values of all constraint forces, from the whole Newton-Euler system."""
-        at, applied, mechanism = path.rates, problem.applied, self.lay.mechanism
-        joints = np.stack([np.asarray(forces_at(mechanism, applied, float(t)).joints) for t in path.t])
-        whole = forward_dense(self.lay, at, replace(forces_at(mechanism, applied, 0.0), joints=joints))
-        return whole.names, joint_reactions(self.lay, at.pose).units, whole.reactions
+        whole = forward_dense(self.lay, path.rates, self._forces(problem.applied, path.t))
+        return whole.names, joint_reactions(self.lay, path.rates.pose).units, whole.reactions
 
     def _accelerate(self, problem: Problem, task: States) -> Solution:
         """Accelerations of closed states for given forces, from the whole Newton-Euler system."""

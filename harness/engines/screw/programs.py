@@ -70,16 +70,21 @@ class Bound:
         return self.run()
 
 
-def runner(program: Program, backend: str) -> tuple[Runner, str]:
-    """A program ready to run, and what is to be said about that."""
-    if backend == "numpy":
-        return Lanes(program), ""
+def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:
+    """A program ready to run, and what is to be said about that.
+
+    Args:
+        plain: What runs it without a compiler.
+    """
+    if backend != "llvm":
+        return plain(program), ""
     try:
         from screwgauge.reference.traced import native
 
         version = cache.code_version(Path(native.__file__).parent, extra=f"{__version__} {native.cpu()}")
     except ImportError:
-        return Lanes(program), "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
+        how = "NumPy" if plain is Lanes else "Python"
+        return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
     key = cache.digest("program", program.inputs, program.code, program.outputs, version)
     stored, said = cache.read(key, version)
     if stored is not None and "code" in stored:

@@ -1,0 +1,156 @@
+"""Traced forward dynamics are those of the arrays, and simulations by them those of the array solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tolerances import LINEAR
+
+import screwgauge
+from screwgauge.engines.screw.forward import TracedForward
+from screwgauge.engines.screw.model import ScrewModel, Settings
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import InitialValue, Integration, Problem
+from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
+from screwgauge.reference.forward import forces_at, forward, power
+from screwgauge.reference.kinematics import positions, velocities
+from screwgauge.reference.pose import layout
+from screwgauge.reference.traced.trace import NotTraceableError
+
+MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
+
+
+def backends():
+    try:
+        import llvmlite  # noqa: F401
+    except ImportError:
+        return ["numpy"]
+    return ["numpy", "llvm"]
+
+
+def everything(lay):
+    """All kinds of forces on a mechanism."""
+    mechanism, n = lay.mechanism, len(lay.mechanism.bodies)
+    first, last = mechanism.bodies[0].name, mechanism.bodies[n - 1].name
+    tree = mechanism.coordinates[mechanism.independent_columns[0]]
+    return Applied(
+        gravity=np.array([1.0, -2.0, -9.0]),
+        loads=(
+            Load(last, None, np.array([3.0, -4.0, 5.0]), np.array([0.3, 0.2, -0.1])),
+            Load(first, np.array([0.1, 0.2, 0.3]), np.array([-2.0, 1.0, 0.5]), np.zeros(3)),
+        ),
+        springs=(
+            JointSpring(tree, 3.0, 0.2, 0.7),
+            PointSpring("ground", np.array([2.0, 1.0, 3.0]), last, np.array([0.1, 0.0, 0.2]), 50.0, 1.0, 4.0),
+        ),
+        motors=(Motor(tree, np.array([1.0, -2.0, 0.5]), np.array([[3.0, 0.4, -0.7]])),),
+    )
+
+
+def traced(lay, applied, start, backend, near=1e5):
+    task = InitialValue(start, np.zeros_like(start), 0.0, np.array([0.0, 1.0]), Integration(near=near))
+    return TracedForward(lay, Problem(applied, task, MOTION), task, backend)
+
+
+@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize(
+    "name", ["3ups-upu-s", "a02-fourbar-2", "a03-andrews", "a04-bricard-box", "arm7", "3-rrr", "rccc"]
+)
+def test_slopes_are_those_of_the_arrays(name, backend):
+    lay = layout(load_mechanism(name))
+    columns, applied = lay.mechanism.independent_columns, everything(lay)
+    y = lay.mechanism.home[columns] + 0.05 * np.cos(np.arange(len(columns)))
+    programs, t = traced(lay, applied, y, backend), 0.3
+    yd = np.sin(1.0 + np.arange(len(y)))
+    near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
+    states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
+    found, one = programs.slope(t, states), programs.one(t, states[:, 0])
+    rate = velocities(lay, positions(lay, near.T, np.zeros(11)), states[len(y) : -1].T)
+    forces = forces_at(lay.mechanism, applied, t)
+    right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
+    assert np.abs(found / right - 1.0).max() < 1e-10
+    assert np.abs(one / right[:, 0] - 1.0).max() < 1e-10
+
+
+@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize(
+    ("name", "until"), [("a03-andrews-ivp", 0.004), ("a02-fourbar-2", 0.5), ("a05-governor", 0.02)]
+)
+def test_simulations_are_those_of_the_array_solver(name, until, backend):
+    scene = screwgauge.load_scene(name)
+    task = replace(scene.start, t=np.linspace(0.0, until, 5))
+    asked = Problem(scene.applied, task, MOTION)
+    mine, other = (
+        ScrewModel(layout(scene.mechanism), settings=Settings(backend=b)).solve(asked) for b in (backend, "array")
+    )
+    assert any("program" in note for note in mine.notes)
+    assert not any("program" in note for note in other.notes)
+    for quantity in MOTION:
+        a, b = mine.values[quantity].array, other.values[quantity].array
+        assert np.abs(a - b).max() < 1e-7 * np.abs(b).max()
+    assert np.abs(mine.work - other.work).max() < 1e-8
+
+
+@pytest.mark.parametrize("backend", backends())
+def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
+    """Parallelograms are one pendulum, phi'' = kappa sin phi. A step of Newton's method from a pose that is closed to
+    rounding moves it by rounding times the condition, and its accelerations by that twice: 2e-3 where 3e-6 is right."""
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay, kappa = layout(scene.mechanism), 9.81 * (1.5 + 2.0) / (1.0 + 2.0)
+    distance = 1e-4 * np.linspace(1.0, 1.2, 6)
+    for y in np.pi / 2.0 - distance:
+        programs = traced(lay, scene.applied, np.array([y - 1e-8]), backend, near=1e9)
+        found = programs.one(0.0, np.array([y, 3.0, 0.0]))
+        assert abs(found[1] - kappa * np.sin(y)) < 1e-5
+
+
+@pytest.mark.parametrize("backend", backends())
+def test_a_doubtful_state_is_left_to_the_array_solver(backend):
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay, y = layout(scene.mechanism), np.array([0.3])
+    programs = traced(lay, scene.applied, y, backend)
+    state = np.array([0.31, 1.0, 0.0])
+    assert programs.one(0.0, state) is not None
+    assert programs.one(0.0, np.array([np.pi / 2.0 - 1e-6, 1.0, 0.0])) is None  # nearly singular, and far
+    assert programs.one(0.0, np.array([np.nan, 1.0, 0.0])) is None
+    assert programs.slope(0.0, np.array([[0.31, 9.0], [1.0, 1.0], [0.0, 0.0]])) is None
+    strict = traced(lay, scene.applied, y, backend, near=20.0)
+    assert strict.one(0.0, state) is None
+    programs.at.q[0] += 0.2  # another branch is no place to predict from
+    assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None
+
+
+def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():
+    scene = screwgauge.load_scene("a02-fourbar-2").under(gravity=np.zeros(3))
+    lay = layout(scene.mechanism)
+    task = replace(scene.start, rates=np.array([20.0]), t=np.array([0.0, 1.0]))
+    found = ScrewModel(lay).solve(Problem(scene.applied, task, MOTION))
+    q = dict(zip(lay.mechanism.coordinates, found.values["joint_position"].array[-1], strict=True))
+    assert q["a0"] == pytest.approx(20.0, abs=1e-6)
+    for cut in lay.tree.cuts:
+        assert abs(q[cut.name]) == pytest.approx(20.0, abs=1e-5)
+
+
+def test_what_has_no_program_is_said():
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay = layout(scene.mechanism)
+    applied = replace(scene.applied, springs=(JointSpring(lay.tree.cuts[0].name, 1.0),))
+    with pytest.raises(NotTraceableError, match="a spring acts on a joint that closes a loop"):
+        traced(lay, applied, np.zeros(1), "numpy")
+    task = replace(scene.start, t=np.linspace(0.0, 0.02, 3))
+    found = ScrewModel(lay).solve(Problem(applied, task, MOTION))
+    assert "accelerations by the array solver: a spring acts on a joint that closes a loop" in found.notes
+
+
+def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay = layout(scene.mechanism)
+    motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
+    applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
+    found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
+    rate = velocities(lay, positions(lay, y[None], np.zeros(1)), np.array([[1.5]]))
+    forces = forces_at(lay.mechanism, applied, 0.0)
+    assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
+    assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR
