@@ -31,8 +31,8 @@ from screwgauge.study.run import run
 
 #: Samples of an exciting motion, out of 101, that a smoke test looks at: within half a slow and several fast periods.
 SMOKE = np.arange(7, 29, 7)
-#: Share of its duration that a smoke test integrates a simulation.
-BEGINNING = 1e-3
+#: Share of its duration that a smoke test integrates a simulation of so many bodies at most; others take too long.
+BEGINNING, MOST = 1e-2, 40
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
 
@@ -65,6 +65,8 @@ def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
     scene, note = load_scene(item.files[0]), ""
     given = {**dict.fromkeys(settings.tolerances or {}, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     if settings.smoke:
+        if scene.simulated and (n := len(scene.mechanism.bodies)) > MOST:
+            return Row(item.name, "skipped", f"left out, as a simulation of {n} bodies is no matter of seconds")
         scene, note = smoked(scene)
     scene = replace(scene, tolerances={**(settings.tolerances or {}), **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share))

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Status = Literal["agree", "differ", "failed", "refused"]
+Status = Literal["agree", "skipped", "differ", "failed", "refused"]
 #: Exit status of the command by what became of a row; the highest of all rows counts.
-EXIT: dict[Status, int] = {"agree": 0, "differ": 1, "refused": 2, "failed": 3}
+EXIT: dict[Status, int] = {"agree": 0, "skipped": 0, "differ": 1, "refused": 2, "failed": 3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Row:
 
     Attributes:
         scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: ``agree``, ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
+        status: ``agree``, ``skipped`` (nothing was looked at), ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
         sentence: What was found, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
@@ -76,7 +76,7 @@ class Row:
     @property
     def ok(self) -> bool:
         """Whether it passes."""
-        return self.status == "agree"
+        return EXIT[self.status] == 0
 
     @property
     def worst(self) -> Error | None:
