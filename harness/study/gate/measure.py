@@ -29,8 +29,9 @@ from screwgauge.study.gate.row import Error, Row
 from screwgauge.study.otherwise import physical
 from screwgauge.study.run import run
 
-#: Samples of an exciting motion, out of 101, that a smoke test looks at: within half a slow and several fast periods.
-SMOKE = np.arange(7, 29, 7)
+#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
+#: takes time is the way there.
+SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
 #: Share of its duration that a smoke test integrates a simulation of so many bodies at most; others take too long.
 BEGINNING, MOST = 1e-2, 40
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
@@ -104,7 +105,7 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         end = since + BEGINNING * (float(scene.t[-1]) - since)
         return scene.at([since, end]), f"The first {end - since:.3g} s. "
     try:
-        moving = exciting(scene, samples=int(SMOKE[-1]) + 1)
+        moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
         return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
     except DescriptionError as error:
         rows = np.unique(np.linspace(0, len(scene.t) - 1, len(SMOKE)).astype(np.intp))
