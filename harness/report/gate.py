@@ -90,7 +90,16 @@ class Check:
         covered = tuple(f"{row.scene}: {row.coverage or row.sentence}" for row in self.rows if row.ok)
         tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
         faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
-        return [banner, *said, table, *faults, *tested]
+        return [banner, *said, table, *faults, *self._tolerances(), *tested]
+
+    def _tolerances(self) -> list[Block]:
+        """The largest of each quantity by where they come from."""
+        by: dict[str, dict[str, float]] = {}
+        for one in (error for row in self.rows for error in row.errors):
+            sizes = by.setdefault(one.reason, {})
+            sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
+        texts = (f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items())
+        return [Folded("Largest tolerances", (Items(tuple(texts)),))] if by else []
 
     def __repr__(self) -> str:
         return terminal(self.blocks())

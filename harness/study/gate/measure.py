@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.problem import Progress
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.scene.exciting import exciting
@@ -25,7 +27,7 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.row import Error, Row
+from screwgauge.study.gate.row import JUDGE, Error, Row, Status
 from screwgauge.study.otherwise import physical
 from screwgauge.study.run import run
 
@@ -72,8 +74,11 @@ def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
     scene = replace(scene, tolerances={**(settings.tolerances or {}), **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share))
     errors = tuple(_errors(results, given))
-    agree = all(one.ok for one in errors) and (results.ok or not results.failures and not results.refusals)
-    status, sentence = "agree" if agree and errors else "failed" if results.failures else "differ", settings.tell(results)
+    agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
+    status: Status = "agree" if agree else "failed" if results.failures else "differ"
+    sentence = settings.tell(results)
+    if agree and not results.ok:
+        sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or item.files[0]), 0
     for name, own in scene.models.items():
         found = [] if agree else physical(scene, name, own)
@@ -118,41 +123,42 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
     Args:
         given: Quantity -> who gave its tolerance.
     """
-    for pair in results.pairs.to_dict("records"):
-        said = [str(pair[key]) for key in ("quantity", "unit", "a", "b")]
-        tolerance, reason = derived(results, pair, given)
-        ok = bool(pair["ok"]) or pair["max_scaled"] <= tolerance
-        values = tuple(_value(results, pair, side) for side in "ab") if not ok else (float("nan"),) * 2
-        where = str(pair["worst_component"]), float(pair["worst_t"])
-        yield Error(*said, float(pair["max_scaled"]), tolerance, str(pair["reason"]) or reason, ok, *where, values)
-    for one in results.judge.to_dict("records"):
-        said = [str(one[key]) for key in ("residual", "unit", "engine")]
-        size, tolerance, where = float(one["max_scaled"]), float(one["tolerance"]), str(one["worst_component"])
-        ok, reason = bool(one["ok"]), str(one["reason"]) or "rounding times the usual condition"
-        yield Error(*said, "judge", size, tolerance, reason, ok, where, float(one["worst_t"]))
+    pairs = [{**row, "of": (row["a"], row["b"])} for row in results.pairs.to_dict("records")]
+    judged = [
+        {**row, "quantity": row["residual"], "a": row["engine"], "b": JUDGE, "of": (row["engine"],)}
+        for row in results.judge.to_dict("records")
+    ]
+    for row in [*pairs, *judged]:
+        said = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
+        tolerance, reason = derived(results, row, given)
+        ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
+        first, second = (nan if ok else _value(results, row, side) for side in "ab")
+        where, t = str(row["worst_component"]), float(row["worst_t"])
+        yield Error(*said, float(row["max_scaled"]), tolerance, reason, ok, where, t, (first, second))
 
 
-def derived(results: Comparison, pair: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
-    """The tolerance of a pair, and where it comes from.
+def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
+    """The tolerance of a pair or residual, and where it comes from.
 
     What the scene or a file gives, or else rounding of a well-conditioned mechanism, and what adds to that: what an
     engine admits (softness, rounding of summands that cancel), what it estimates by its condition, up to `LIMIT`, and
     the digits that a model file is cut to where it says nothing else otherwise than the description.
     """
-    quantity, tolerance = pair["quantity"], float(pair["tolerance"])
+    quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     reason = f"from {given[quantity]}" if quantity in given else "rounding times the usual condition"
-    if tolerance > results.scene.tolerance(quantity):
+    if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
         soft = quantity == "tree_force_soft"
         reason += f", {'softness of constraints' if soft else 'rounding of its largest summands'}"
-    if quantity in given or pair["max_scaled"] <= tolerance:
+    if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
-    scene, pairs = results.scene, [results.solutions[pair[side]] for side in "ab" if pair[side] in results.solutions]
-    for solution in pairs:
-        estimate = largest(solution.estimate.get(quantity, np.zeros(1)))
+    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
+    for solution in solutions:
+        # a residual is of all that an engine gives
+        of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
+        estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
         if tolerance < estimate <= LIMIT:
-            condition = largest(solution.conditions.get(quantity, np.zeros(1)))
             tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
-    for solution in pairs:
+    for solution in solutions:
         own = scene.models.get(solution.engine)
         found = physical(scene, solution.engine, own) if own else []
         if own and found and all(each.kind == "digits" for each in found):
@@ -166,7 +172,7 @@ def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
     solution = results.solutions.get(pair[side])
     values = solution.values.get(pair["quantity"]) if solution is not None else None
     if values is None or pair["worst_component"] not in values.components or not np.isfinite(pair["worst_t"]):
-        return float("nan")
+        return nan
     row = int(np.argmin(np.abs(results.times - pair["worst_t"])))
     return float(values.array[row, values.components.index(pair["worst_component"])])
 
@@ -188,7 +194,7 @@ def _pair(item: Item, settings: Settings) -> Row:
         errors = [Error("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
     within = given is not None and all(each.size <= given for each in found.differences)
     agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
-    status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
+    status: Status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
     packages = {name: environment()["packages"][name] for name in ("pin", "mujoco")}
     hashes = {model.label: model.sha256 for model in (found.a, found.b)}
     where = _line(b, found.differences)

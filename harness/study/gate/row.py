@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+#: Stands for the second engine where equations judge one alone.
+JUDGE = "judge"
 Status = Literal["agree", "skipped", "differ", "failed", "refused"]
 #: Exit status of the command by what became of a row; the highest of all rows counts.
 EXIT: dict[Status, int] = {"agree": 0, "skipped": 0, "differ": 1, "refused": 2, "failed": 3}
@@ -80,8 +82,8 @@ class Row:
 
     @property
     def worst(self) -> Error | None:
-        """The error that is the largest share of its tolerance; those that are out of it first."""
-        return max(self.errors, key=lambda one: (not one.ok, one.share), default=None)
+        """The error that is the largest share of its tolerance; those that are out of it first, of two engines first."""
+        return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
 
 
 def row_from(record: Mapping[str, Any]) -> Row:
