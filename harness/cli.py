@@ -165,6 +165,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--junit", type=Path, metavar="FILE", help="write JUnit XML, too")
     add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
     add("--json", action="store_true", help="print all of it as JSON")
+    add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
+    add("--count", type=int, default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 

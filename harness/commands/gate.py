@@ -16,6 +16,8 @@ def check(options: argparse.Namespace) -> int:
     from screwgauge.report.pages import check as page
     from screwgauge.study.gate.run import NAME
 
+    if options.self_test:
+        return _self_test(options)
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
     if options.jobs < 1:
@@ -35,3 +37,22 @@ def check(options: argparse.Namespace) -> int:
     for line in found.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
         say(line)
     return int(found.exit_status)
+
+
+def _self_test(options: argparse.Namespace) -> int:
+    """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
+    from screwgauge.report.pages import alarms as page
+    from screwgauge.study.campaign import campaign
+    from screwgauge.study.gate.alarms import COLUMNS, measured
+
+    taken = ("self_test", "count", "jobs", "out", "command", "debug")
+    if given := [name for name, value in vars(options).items() if value and name not in taken]:
+        raise DescriptionError(f"a self-test takes no {', '.join(given)}", "check --self-test", "leave that out")
+    out, more = options.out or OUT / "check-self-test", {"work": measured, "columns": COLUMNS}
+    found = carry_out(
+        page,
+        out,
+        lambda show: campaign(options.count, out / page.NAME, workers=options.jobs, progress=show, **more),
+        again=page.NAME,
+    )
+    return 0 if page.passed(found) else 1

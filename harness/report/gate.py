@@ -1,4 +1,4 @@
-"""What `screwgauge.check` returns: rows that can be asserted, and shown as terminals, CI services and people read them."""
+"""What `screwgauge.check` returns: rows that can be asserted, and shown to people and services for CI."""
 
 from __future__ import annotations
 
