@@ -15,6 +15,7 @@ def check(options: argparse.Namespace) -> int:
     from screwgauge.report.gate import check
     from screwgauge.report.pages import check as page
     from screwgauge.study.gate.run import NAME
+    from screwgauge.study.gate.store import check_store, keep
 
     if options.self_test:
         return _self_test(options)
@@ -23,6 +24,8 @@ def check(options: argparse.Namespace) -> int:
     if options.jobs < 1:
         raise DescriptionError(f"{options.jobs} scenes at a time", "-j", "give a positive number")
     page.check_files(options)
+    if options.store is not None:
+        check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old, "jobs": options.jobs}
     found = carry_out(
@@ -34,9 +37,25 @@ def check(options: argparse.Namespace) -> int:
         junit=options.junit,
         baseline=options.baseline if options.update else None,
     )
+    if options.store is not None:
+        keep(options.store, found.rows, found.smoke)
     for line in found.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
         say(line)
     return int(found.exit_status)
+
+
+def history(options: argparse.Namespace) -> int:
+    """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
+    from screwgauge.report.pages import history as page
+    from screwgauge.study.gate.baseline import write_latest
+    from screwgauge.study.gate.store import check_store, history
+
+    store = options.store or OUT / "history"
+    check_store(store)
+    carry_out(page, options.out or OUT / "history-report", lambda progress: history(store, options.scene))
+    if options.baseline is not None:
+        write_latest(options.baseline, store, options.smoke)
+    return 0
 
 
 def _self_test(options: argparse.Namespace) -> int:

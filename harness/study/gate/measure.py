@@ -144,7 +144,8 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     the digits that a model file is cut to where it says nothing else otherwise than the description.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
-    reason = f"from {given[quantity]}" if quantity in given else "rounding times the usual condition"
+    usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
+    reason = f"from {given[quantity]}" if quantity in given else usual
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
         soft = quantity == "tree_force_soft"
         reason += f", {'softness of constraints' if soft else 'rounding of its largest summands'}"
