@@ -38,7 +38,7 @@ def store(tmp_path):
 def test_checks_are_told_in_their_order_by_their_worst_error(store):
     found = history(store, "a")
     assert found["status"].tolist() == ["agree", "agree", "failed"]
-    assert found["worst"].tolist() == ["reaction [N] screw - mujoco"] * 2 + ["a: crashed [] "]
+    assert found["worst"].tolist() == ["reaction [N] screw - mujoco"] * 2 + ["a: crashed"]
     assert found["error"].tolist()[:2] == [2e-14, 5e-12]
     assert found["digits"].tolist()[1] == pytest.approx(11.3, abs=0.01)
     assert len(history(store)) == 6

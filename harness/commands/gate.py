@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from functools import partial
 
 from screwgauge.commands import OUT, carry_out, limits
 from screwgauge.reference.errors import DescriptionError
@@ -62,16 +63,12 @@ def _self_test(options: argparse.Namespace) -> int:
     """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
     from screwgauge.report.pages import alarms as page
     from screwgauge.study.campaign import campaign
-    from screwgauge.study.gate.alarms import COLUMNS, measured
+    from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
 
     taken = ("self_test", "count", "jobs", "out", "command", "debug")
     if given := [name for name, value in vars(options).items() if value and name not in taken]:
         raise DescriptionError(f"a self-test takes no {', '.join(given)}", "check --self-test", "leave that out")
-    out, more = options.out or OUT / "check-self-test", {"work": measured, "columns": COLUMNS}
-    found = carry_out(
-        page,
-        out,
-        lambda show: campaign(options.count, out / page.NAME, workers=options.jobs, progress=show, **more),
-        again=page.NAME,
-    )
+    out = options.out or OUT / "check-self-test"
+    asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
     return 0 if page.passed(found) else 1

@@ -128,12 +128,13 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
         for row in results.judge.to_dict("records")
     ]
     for row in [*pairs, *judged]:
-        said = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
+        quantity, unit, a, b = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
         tolerance, reason = derived(results, row, given)
         ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
         first, second = (nan if ok else _value(results, row, side) for side in "ab")
         where, t = str(row["worst_component"]), float(row["worst_t"])
-        yield Error(*said, float(row["max_scaled"]), tolerance, reason, ok, where, t, (first, second))
+        size = float(row["max_scaled"])
+        yield Error(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:

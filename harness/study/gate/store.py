@@ -1,4 +1,4 @@
-"""The history of a gate: a Parquet file for each check, read by DuckDB. Files are never changed, so nothing is locked."""
+"""The history of a gate: a Parquet file for each check, which never changes, so that nothing is locked; for DuckDB."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.environment import environment
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
 from screwgauge.reference.files import replace_file
-from screwgauge.study.gate.row import Error, Row
+from screwgauge.study.gate.row import Row
 
 #: Of the columns.
 SCHEMA = 1
@@ -56,13 +56,14 @@ def keep(store: Path, rows: Sequence[Row], smoke: bool, date: datetime | None = 
             "seconds": row.seconds,
             "versions": json.dumps(dict(row.versions)),
             "files": json.dumps(dict(row.files)),
-            "key": one.key,
-            "error": one.error,
-            "tolerance": one.tolerance,
-            "ok": one.ok,
+            "key": key,
+            "error": error,
+            "tolerance": tolerance,
         }
         for row in rows
-        for one in row.errors or [Error(row.sentence, "", "", "", nan, nan, "", row.ok)]
+        for key, error, tolerance in (
+            [(one.key, one.error, one.tolerance) for one in row.errors] or [(row.sentence, nan, nan)]
+        )
     ]
     text = BytesIO()
     pd.DataFrame(entries).to_parquet(text, index=False)
