@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from screwgauge.report.results import Results, run
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
+    from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Diagnosis",
     "Limits",
+    "Recorded",
     "Results",
     "Scene",
     "ScrewgaugeError",
@@ -40,6 +42,7 @@ __all__ = [
 _HOMES = {
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "Limits": "screwgauge.study.apart",
+    "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
