@@ -7,7 +7,7 @@ import re
 import stat
 from pathlib import Path
 
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, OutputError
 
 #: The most that an input holds. Beyond, memory or time grow without bound: with the square of the bodies, with samples
 #: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
@@ -106,3 +106,24 @@ def read_model(path: Path) -> str:
     text = read_file(path)
     check_count(len(re.findall(r"<(?:link|body)[\s/>]", text)), "links", str(path))
     return text
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Writes a file in whole or not at all: beside its place, onto the disk, then by renaming.
+
+    Raises:
+        OutputError: It cannot be written; it is then as it was.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            with beside.open("w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise OutputError(f"cannot be written ({reason})", str(path), "name another file") from error

@@ -14,7 +14,7 @@ from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.pages.bench import terminal, write
 from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.journal import NAME
+from screwgauge.study.journal import NAME
 from screwgauge.study.bench.rows import COLUMNS, CUT, reach
 from screwgauge.study.bench.run import Plan, bench
 

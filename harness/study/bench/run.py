@@ -23,7 +23,7 @@ from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.bench.journal import Journal, stamp
+from screwgauge.study.journal import Journal, stamp
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose

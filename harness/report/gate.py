@@ -1,0 +1,197 @@
+"""What `screwgauge.check` returns: rows that can be asserted, and shown as terminals, CI services and people read them."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from screwgauge.environment import json_text
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Table
+from screwgauge.report.formatting import digits_text, number, size, unit_text
+from screwgauge.report.markdown import markdown
+from screwgauge.report.terminal import terminal
+from screwgauge.report.verdict import verdict
+from screwgauge.study.apart import Limits
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
+from screwgauge.study.gate.items import items, read_tolerances
+from screwgauge.study.gate.measure import Settings
+from screwgauge.study.gate.row import EXIT, Row
+from screwgauge.study.gate.run import check_items
+
+SCHEMA = 1  #: Of the JSON.
+WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Check:
+    """What a gate found.
+
+    Attributes:
+        rows: One for each scene or pair of models.
+        smoke: Whether a few samples were looked at only.
+        against: What has become of a known state; None without a baseline.
+    """
+
+    rows: Sequence[Row]
+    smoke: bool = False
+    against: Against | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is something, all of it passes, and no digits were lost."""
+        return self.exit_status == 0
+
+    @property
+    def exit_status(self) -> int:
+        """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
+        return max((EXIT[row.status] for row in self.rows), default=1) or int(bool(self.against and self.against.worse))
+
+    @property
+    def faults(self) -> list[str]:
+        """What does not pass, in sentences: scene, quantity, component, time, both values, tolerance and cause."""
+        lost = [f"Regression: {each}." for each in self.against.worse] if self.against else []
+        return [*(message(row) for row in self.rows if not row.ok), *lost]
+
+    def assert_ok(self) -> None:
+        """Raises:
+        AssertionError: Something does not pass; the message says what, where, when, by how much and why.
+        """
+        if not self.ok:
+            raise AssertionError("\n".join(self.faults) or "nothing was checked")
+
+    def write_baseline(self, file: str | Path) -> None:
+        """Makes this the known state.
+
+        Raises:
+            OutputError: Something could not be checked, or the file not be written; it is then as it was.
+        """
+        write_baseline(Path(file), self.rows, self.smoke)
+
+    def blocks(self) -> list[Block]:
+        """What is printed, and shown as the summary of a job."""
+        bad, said = sum(not row.ok for row in self.rows), list[Block]()
+        text = f"{len(self.rows) - bad} of {len(self.rows)} pass."
+        banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
+        if self.against is not None:
+            known = self.against
+            heads = ("Changed since the baseline:", "Improved:", "Of the baseline:")
+            for head, texts in zip(heads, (known.changed, known.improved, known.notes), strict=True):
+                said += [Folded(head.rstrip(":"), (Items(tuple(texts)),))] if texts else []
+        table = Table(
+            ("scene", "", "worst in", "scaled", "digits", "tolerance", "because"), tuple(map(_cells, self.rows))
+        )
+        covered = tuple(f"{row.scene}: {row.coverage}" for row in self.rows if row.coverage)
+        tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
+        faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
+        return [banner, *said, table, *faults, *tested]
+
+    def __repr__(self) -> str:
+        return terminal(self.blocks())
+
+    def markdown(self) -> str:
+        """The summary of a job."""
+        return markdown([Heading("Screwgauge"), *self.blocks()])
+
+    @property
+    def json(self) -> str:
+        """All of it."""
+        known = asdict(self.against) if self.against else None
+        rows = [asdict(row) for row in self.rows]
+        record = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        return json_text(record, escaped=True)
+
+    def junit(self) -> str:
+        """JUnit XML: a test case for each row, and one for the baseline."""
+        cases = [(row.scene, row.seconds, row.status, message(row)) for row in self.rows]
+        if self.against is not None:
+            lost = "; ".join(self.against.worse)
+            cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
+        counts = {kind: str(sum(EXIT[case[2]] in of for case in cases)) for kind, of in _KINDS.items()}
+        suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)), **counts)
+        for name, seconds, status, said in cases:
+            case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
+            for kind, of in _KINDS.items():
+                if EXIT[status] in of:
+                    ET.SubElement(case, kind.rstrip("s"), message=_shown(said))
+        return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
+
+    def annotations(self) -> Iterator[str]:
+        """Commands of GitHub that mark a line of a model or scene."""
+        for row in self.rows:
+            if not row.ok:
+                text = message(row).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+                place = row.file.replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
+                yield f"::error file={place},line={max(row.line, 1)}::{text}"
+
+
+#: Elements of JUnit by the exit status of what they are about.
+_KINDS = {"failures": (1,), "errors": (2, 3)}
+
+
+def _shown(text: str) -> str:
+    """Without what XML cannot hold."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    worst = row.worst
+    if worst is None:
+        return (row.scene, WORDS[row.status], *("",) * 5)
+    numbers = size(worst.error), digits_text(worst.error), number(worst.tolerance, 2)
+    return (row.scene, WORDS[row.status], worst.quantity, *numbers, worst.reason)
+
+
+def message(row: Row) -> str:
+    """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
+    worst = row.worst
+    if worst is None or worst.ok:
+        return f"{row.scene}: {row.sentence}"
+    at = f" at {worst.component}" if worst.component else ""
+    when = f", t = {number(worst.t)} s" if math.isfinite(worst.t) else ""
+    unit, pair = unit_text(worst.unit), zip((worst.a, worst.b), worst.values, strict=True)
+    both = ", ".join(f"{name} {number(value, 10)} {unit}" for name, value in pair if math.isfinite(value))
+    said = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
+    return f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {said}. {row.sentence}"
+
+
+def told(results: Comparison) -> str:
+    """The verdict of a comparison."""
+    found = verdict(results)
+    return f"{found.word}: {found.text}"
+
+
+def check(
+    *what: str | Path,
+    smoke: bool = False,
+    tolerances: str | Path | Mapping[str, float] | None = None,
+    baseline: str | Path | None = None,
+    jobs: int = 1,
+    limits: Limits | None = None,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    journal: Path | None = None,
+) -> Check:
+    """Compares engines on scenes, or pairs of model files, with tolerances.
+
+    Args:
+        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
+        smoke: A few samples of an exciting motion in place of a scene's own.
+        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
+        baseline: File of a known state, whose errors must not have grown.
+        jobs: Processes at a time, if there are limits.
+        limits: What each scene may take in a process of its own; by default all are checked in this process.
+        progress: Called as work goes on, with what is under way and the share of all that is done.
+        journal: File from which an interrupted check goes on.
+
+    Raises:
+        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
+    """
+    asked = items(what)
+    settings = Settings(told, smoke, read_tolerances(tolerances))
+    if baseline is not None:
+        read_baseline(Path(baseline), smoke)
+    rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
+    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke))
