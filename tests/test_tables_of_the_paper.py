@@ -56,3 +56,13 @@ def test_the_57_digits_are_those_of_the_truth(results):
     truth = screwgauge.run(scene, ["truth", "exact"], ["generalized_force", "actuator_force"])
     assert truth.ok
     assert {*truth.pairs["max_abs"]} == {0.0}
+
+
+def test_the_gate_judges_them():
+    found = screwgauge.check(FILE, smoke=True)
+    (row,) = found.rows
+    assert (row.status, row.file) == ("differ", str(FILE))
+    assert {error.b for error in row.errors if not error.ok} == {"equation-60"}
+    assert {"printed", "exact"} < {error.b for error in row.errors if error.ok}
+    with pytest.raises(AssertionError, match=r"printed: body_angular_acceleration at platform.x, t = .* s: screw"):
+        found.assert_ok()

@@ -20,6 +20,7 @@ from screwgauge.judging.conditioning import LIMIT
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
+from screwgauge.scene.columns import same_times
 from screwgauge.scene.exciting import exciting
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -105,7 +106,9 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         moving = exciting(scene, samples=int(SMOKE[-1]) + 1)
         return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
     except DescriptionError as error:
-        rows = np.unique(np.linspace(0, len(scene.t) - 1, len(SMOKE)).astype(np.intp))
+        # of the times that each table has
+        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
+        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
         return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
 
 
