@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge import __version__, commands
+from screwgauge.commands import gate
 from screwgauge.report.console import console, ended, say
 from screwgauge.study.bench.threads import fix_threads
 
@@ -150,6 +151,20 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=int, default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
+
+    add = command(
+        gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
+    )
+    add("what", nargs="*", metavar="SCENE|FOLDER|MODEL", help="default: all built-in scenes; two model files are a pair")
+    add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
+    add("--tolerances", type=Path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
+    add("--baseline", type=Path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
+    add("--update", action="store_true", help="make this the known state")
+    add("--junit", type=Path, metavar="FILE", help="write JUnit XML, too")
+    add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
+    add("--json", action="store_true", help="print all of it as JSON")
+    add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
+    add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser

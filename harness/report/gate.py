@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from screwgauge.environment import json_text
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Table
@@ -97,12 +98,16 @@ class Check:
         return markdown([Heading("Screwgauge"), *self.blocks()])
 
     @property
-    def json(self) -> str:
-        """All of it."""
+    def record(self) -> dict[str, Any]:
+        """All of it, as plain data."""
         known = asdict(self.against) if self.against else None
-        rows = [asdict(row) for row in self.rows]
-        record = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
-        return json_text(record, escaped=True)
+        rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
+        return {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+
+    @property
+    def json(self) -> str:
+        """The record as text."""
+        return json_text(self.record, escaped=True)
 
     def junit(self) -> str:
         """JUnit XML: a test case for each row, and one for the baseline."""
