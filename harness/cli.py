@@ -155,7 +155,9 @@ def _parser() -> argparse.ArgumentParser:
     add = command(
         gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
     )
-    add("what", nargs="*", metavar="SCENE|FOLDER|MODEL", help="default: all built-in scenes; two model files are a pair")
+    add(
+        "what", nargs="*", metavar="SCENE|FOLDER|MODEL", help="default: all built-in scenes; two model files are a pair"
+    )
     add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
     add("--tolerances", type=Path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
     add("--baseline", type=Path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-_SCENES = pytest.StashKey[frozenset[Path]]()
+_SCENES = pytest.StashKey[list[Path]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -20,18 +20,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Finds the scenes. They are collected whether or not the folder is one that pytest would look into."""
-    folders = config.option.screwgauge_folders = [str(Path(name).absolute()) for name in config.option.screwgauge_folders]
-    scenes = [path for folder in folders for path in _scenes(folder)]
-    config.stash[_SCENES] = frozenset(scenes)
-    config.args += [str(path) for path in scenes if str(path) not in config.args]
+    """Finds the scenes, before anything is tested. Workers may stand in another folder."""
+    names = config.option.screwgauge_folders
+    config.option.screwgauge_folders = folders = [Path(name).absolute() for name in names]
+    config.stash[_SCENES] = [path for folder in folders for path in _scenes(folder)]
 
 
-def _scenes(folder: str) -> list[Path]:
+def _scenes(folder: Path) -> list[Path]:
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.study.gate.items import items
 
-    if not Path(folder).is_dir():
+    if not folder.is_dir():
         raise pytest.UsageError(f"--screwgauge: {folder} is no folder")
     try:
         return [Path(item.files[0]) for item in items([folder])]
@@ -39,9 +38,11 @@ def _scenes(folder: str) -> list[Path]:
         raise pytest.UsageError(f"--screwgauge: {error}") from None
 
 
-def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """A scene as a file of one test."""
-    return SceneFile.from_parent(parent, path=file_path) if file_path in parent.config.stash[_SCENES] else None
+@pytest.hookimpl(tryfirst=True)  # so that they can be deselected
+def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
+    """Adds the scenes, whether or not their folder is one that pytest would look into."""
+    for path in session.config.stash[_SCENES]:
+        items += SceneFile.from_parent(session, path=path).collect()
 
 
 class SceneFile(pytest.File):

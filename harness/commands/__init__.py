@@ -220,7 +220,9 @@ def _self_test(options: argparse.Namespace) -> int:
         raise DescriptionError(f"a self-test takes no {', '.join(given)}", "diagnose --self-test", "leave that out")
     out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
     file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
-    found = carry_out(page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME)
+    found = carry_out(
+        page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME
+    )
     return 0 if page.passed(found) else 1
 
 

@@ -89,7 +89,10 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES) -> Scene:
             )
         }
         step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
-        drive, t = read_drive(tables, list(mechanism.independent), Path(), "motion")[0], step * np.arange(float(samples))
+        drive, t = (
+            read_drive(tables, list(mechanism.independent), Path(), "motion")[0],
+            step * np.arange(float(samples)),
+        )
         try:
             if stays_regular(lay, drive(t)):
                 return _moving(scene, seed, tables, drive, t)
