@@ -168,6 +168,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 
+    add = command(
+        gate.matrix, "the check in fresh environments, one for each pair of versions", out="matrix", epilog=EXIT_STATUS
+    )
+    add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
+    add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
+
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser
 
