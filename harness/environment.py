@@ -9,6 +9,7 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ def environment() -> dict[str, Any]:
         "cpu": _cpu(),
         "cores": _cores(),
         "python": platform.python_version(),
-        "packages": _packages(),
+        "packages": dict(_packages()),
         "blas": _blas(),
         "threads": {name: os.environ.get(name, "not set") for name in THREADS},
     }
@@ -52,6 +53,7 @@ def json_text(value: Any, *, escaped: bool = False) -> str:
     return json.dumps(plain(value), indent=2, ensure_ascii=escaped, allow_nan=False) + "\n"
 
 
+@cache
 def _packages() -> dict[str, str]:
     versions = dict.fromkeys(PACKAGES, "not installed")
     for name in PACKAGES:

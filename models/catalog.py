@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,15 @@ def load_mechanism(name: str | Path) -> Mechanism:
         ScrewgaugeError: It does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
+    return _built_in(path) if FOLDER in path.parents else _read(path)
+
+
+def _read(path: Path) -> Mechanism:
     return read_mechanism(path, partial(mechanism_path, folder=path.parent, where=str(path)))
+
+
+#: What comes with the package does not change; what is worked out once a mechanism is kept with it.
+_built_in = cache(_read)
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:

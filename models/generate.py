@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence, Set
+from functools import lru_cache
 from pathlib import Path
 
 from screwgauge.models.layout import CUTS
@@ -49,6 +50,11 @@ def model_texts(
     return texts
 
 
+@lru_cache(maxsize=4)  # a scene is often run again, or in part
+def _texts(mechanism: Mechanism, gravity: tuple[float, ...], include: frozenset[str]) -> dict[str, str]:
+    return model_texts(mechanism, gravity=gravity, include=include)
+
+
 def write_models(
     mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
@@ -57,7 +63,7 @@ def write_models(
     Raises:
         OutputError: The folder cannot be written.
     """
-    texts = model_texts(mechanism, gravity=gravity, include=include)
+    texts = _texts(mechanism, tuple(map(float, gravity)), frozenset(include))
     try:
         out.mkdir(parents=True, exist_ok=True)
         # Beside their destination, so that moving them is one rename each that cannot run out of space.

@@ -14,6 +14,8 @@ from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, rotation, vee
 
+AT_ONCE = 4096  # samples walked together: a walk over few takes as long as one over many
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
@@ -34,9 +36,13 @@ class Moving:
 
     def shifted(self, r: Array, R: Array | None = None) -> Moving:
         """A frame fixed in the same body, its origin displaced by `r` (world axes, shape (n, 3))."""
-        v = self.v + cross(self.w, r)
-        a = self.a + cross(self.b, r) + cross(self.w, cross(self.w, r))
-        return Moving(self.R if R is None else R, self.p + r, self.w, v, self.b, a)
+        v = cross(self.w, r)
+        a = self.a + cross(self.b, r) + cross(self.w, v)
+        return Moving(self.R if R is None else R, self.p + r, self.w, self.v + v, self.b, a)
+
+    def part(self, rows: slice) -> Moving:
+        """The same for some of the samples."""
+        return Moving(*(getattr(self, name)[rows] for name in "Rpwvba"))
 
     def one(self, index: int) -> Moving:
         """One of several frames that stand side by side, see `beside`."""
@@ -97,6 +103,12 @@ class Motions:
     com: Moving
     cuts: list[tuple[Moving, Moving]]
 
+    def part(self, rows: slice) -> Motions:
+        """The same for some of the samples."""
+        return Motions(
+            self.bodies.part(rows), self.com.part(rows), [(a.part(rows), b.part(rows)) for a, b in self.cuts]
+        )
+
     @property
     def velocities(self) -> Array:
         """Velocity of each centre of mass over the angular velocity. Shape (n, n_body, 6)."""
@@ -134,7 +146,11 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
 
 def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:
     """Motions at joint coordinates, shape (n, n_q), while each of some columns in turn has the velocity 1."""
-    for column in columns:
-        qd = np.zeros_like(q)
-        qd[:, column] = 1.0
-        yield walk(mechanism, tree, q, qd, np.zeros_like(q))
+    n, columns = len(q), [*columns]
+    most = max(1, AT_ONCE // n)
+    for some in (columns[i : i + most] for i in range(0, len(columns), most)):
+        qd = np.zeros((len(some), *q.shape))
+        qd[np.arange(len(some)), :, some] = 1.0
+        qd = qd.reshape(-1, q.shape[1])
+        all_of_them = walk(mechanism, tree, np.tile(q, (len(some), 1)), qd, np.zeros_like(qd))
+        yield from (all_of_them.part(slice(i, i + n)) for i in range(0, len(qd), n))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ from screwgauge.study.gate.row import EXIT, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
-WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
+WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused", "skipped": "skipped"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -49,7 +50,8 @@ class Check:
     @property
     def exit_status(self) -> int:
         """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
-        return max((EXIT[row.status] for row in self.rows), default=1) or int(bool(self.against and self.against.worse))
+        worst = max((EXIT[row.status] for row in self.rows if row.status != "skipped"), default=1)
+        return worst or int(bool(self.against and self.against.worse))
 
     @property
     def faults(self) -> list[str]:
@@ -75,8 +77,8 @@ class Check:
 
     def blocks(self) -> list[Block]:
         """What is printed, and shown as the summary of a job."""
-        bad, said = sum(not row.ok for row in self.rows), list[Block]()
-        text = f"{len(self.rows) - bad} of {len(self.rows)} pass."
+        good, left = (sum(row.status == status for row in self.rows) for status in ("agree", "skipped"))
+        text, said = f"{good} of {len(self.rows)} pass{f', {left} left out' if left else ''}.", list[Block]()
         banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
         if self.against is not None:
             known = self.against
@@ -86,10 +88,19 @@ class Check:
         table = Table(
             ("scene", "", "worst in", "scaled", "digits", "tolerance", "because"), tuple(map(_cells, self.rows))
         )
-        covered = tuple(f"{row.scene}: {row.coverage}" for row in self.rows if row.coverage)
+        covered = tuple(f"{row.scene}: {row.coverage or row.sentence}" for row in self.rows if row.ok)
         tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
         faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
-        return [banner, *said, table, *faults, *tested]
+        return [banner, *said, table, *faults, *self._tolerances(), *tested]
+
+    def _tolerances(self) -> list[Block]:
+        """The largest of each quantity by where they come from."""
+        by: dict[str, dict[str, float]] = {}
+        for one in (error for row in self.rows for error in row.errors):
+            sizes = by.setdefault(one.reason, {})
+            sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
+        texts = (f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items())
+        return [Folded("Largest tolerances", (Items(tuple(texts)),))] if by else []
 
     def __repr__(self) -> str:
         return terminal(self.blocks())
@@ -116,13 +127,13 @@ class Check:
         if self.against is not None:
             lost = "; ".join(self.against.worse)
             cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
-        counts = {kind: str(sum(EXIT[case[2]] in of for case in cases)) for kind, of in _KINDS.items()}
+        kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
+        counts = {"failures": str(kinds["failure"]), "errors": str(kinds["error"]), "skipped": str(kinds["skipped"])}
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)), **counts)
         for name, seconds, status, said in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
-            for kind, of in _KINDS.items():
-                if EXIT[status] in of:
-                    ET.SubElement(case, kind.rstrip("s"), message=_shown(said))
+            if status != "agree":
+                ET.SubElement(case, _KINDS[status], message=_shown(said))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
@@ -134,8 +145,8 @@ class Check:
                 yield f"::error file={place},line={max(row.line, 1)}::{text}"
 
 
-#: Elements of JUnit by the exit status of what they are about.
-_KINDS = {"failures": (1,), "errors": (2, 3)}
+#: Elements of JUnit by the status of what they are about.
+_KINDS = {"differ": "failure", "failed": "error", "refused": "error", "skipped": "skipped"}
 
 
 def _shown(text: str) -> str:

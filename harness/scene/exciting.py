@@ -55,12 +55,13 @@ def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
     return True
 
 
-def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES) -> Scene:
+def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
     """The same scene in a motion from home that excites all inertia that it can, at times of its own.
 
     Args:
         seed: Gives the same motion again; name and title say it.
         samples: So many, of `SAMPLES` that would show all of the motion.
+        largest: Amplitude that is tried first [rad or lengths of the mechanism].
 
     Raises:
         DescriptionError: Its motion is integrated, or it has no room to move about home.
@@ -80,7 +81,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES) -> Scene:
     heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
-    for amplitude in AMPLITUDES:
+    for amplitude in AMPLITUDES[AMPLITUDES <= largest]:
         omega = pace / np.sqrt(amplitude)
         tables = {
             label: {"offset": f"{home:.9g}", "harmonics": [[f"{x:.6g}" for x in row] for row in rows]}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.rotations import Array, vee
+from screwgauge.reference.rotations import Array, cross, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,14 +59,25 @@ class Loops:
 
     def jacobian(self, at: BodyPoses) -> Array:
         """Derivative of the gaps. Shape (n, 3 n_anchor, n_v)."""
+        n, n_v, turning = len(at.p), at.J.shape[3], np.array([a.angular for a in self.anchors], dtype=bool)
+        out = np.empty((n, len(self.anchors), 3, n_v))
+        out[:, turning] = np.subtract(
+            *(at.J[:, [a.sides[i][0] for a in self.anchors if a.angular], :3] for i in (0, 1))
+        )
+        out[:, ~turning] = np.subtract(*(self._of_points(i, at) for i in (0, 1))).swapaxes(2, 3)
+        return out.reshape(n, -1, n_v)
 
-        def side(angular: bool, body: int, where: Array) -> Array:
-            J = at.J[:, body]
-            if angular:
-                return J[:, :3]
-            return J[:, 3:] - np.cross((at.R[:, body] @ where)[:, :, None], J[:, :3], axis=1)
+    def _of_points(self, side: int, at: BodyPoses) -> Array:
+        """Jacobians of points on one side, all at once as poses are corrected one by one. Shape (n, m, n_v, 3)."""
+        bodies, points = self._points[side]
+        J, arm = at.J[:, bodies].swapaxes(2, 3), (at.R[:, bodies] @ points[..., None])[..., 0]
+        return np.asarray(J[..., 3:] - cross(arm[:, :, None], J[..., :3]))
 
-        return self._differences(side, np.zeros((len(at.p), 0, at.J.shape[3])))
+    @cached_property
+    def _points(self) -> list[tuple[list[int], Array]]:
+        """Bodies and points in them, shape (m, 3), of the children and of the parents."""
+        sides = ([anchor.sides[i] for anchor in self.anchors if not anchor.angular] for i in (0, 1))
+        return [([body for body, _ in side], np.array([p for _, p in side]).reshape(-1, 3)) for side in sides]
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
@@ -74,14 +86,10 @@ class Loops:
             if angular:
                 return A[:, body, :3]
             arm, w = at.R[:, body] @ where, V[:, body, :3]
-            return A[:, body, 3:] + np.cross(A[:, body, :3], arm) + np.cross(w, np.cross(w, arm))
+            return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
 
-        return self._differences(side, np.zeros((len(at.p), 0)))
-
-    def _differences(self, side: Callable[[bool, int, Array], Array], none: Array) -> Array:
-        """What `side` gives for the child side of each anchor less the same for its parent side, below `none`."""
         sides = [[side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors]
-        return np.concatenate([none, *(child - parent for child, parent in sides)], axis=1)
+        return np.concatenate([np.zeros((len(at.p), 0)), *(child - parent for child, parent in sides)], axis=1)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""
@@ -119,7 +127,7 @@ class Loops:
             for sign, (body, where) in zip((1.0, -1.0), anchor.sides, strict=True):
                 if not anchor.angular:
                     out[:, body, :3] += sign * f
-                out[:, body, 3:] += sign * (f if anchor.angular else np.cross(at.R[:, body] @ where, f))
+                out[:, body, 3:] += sign * (f if anchor.angular else cross(at.R[:, body] @ where, f))
         return out
 
 

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear, rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, TURN, Array, other_triple, rotation, triad_angles, within_half_turn
+from screwgauge.reference.rotations import (
+    MIDDLE,
+    TURN,
+    Array,
+    cross,
+    other_triple,
+    rotation,
+    triad_angles,
+    within_half_turn,
+)
 
 Flags = NDArray[np.bool_]
 
@@ -57,8 +66,8 @@ class Chart:
         """
         own = np.zeros_like(omega)  # each axis is carried around by the rates before it
         for i, j in combinations(range(self.q.shape[1]), 2):
-            own += np.cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        local = (self.R.swapaxes(1, 2) @ (beta - np.cross(omega_parent, omega))[..., None])[..., 0] - own
+            own += cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
+        local = (self.R.swapaxes(1, 2) @ (beta - cross(omega_parent, omega))[..., None])[..., 0] - own
         return np.asarray((self.inverse @ local[..., None])[..., 0])
 
     def near(self, angles: Array) -> Chart:

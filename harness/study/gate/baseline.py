@@ -127,7 +127,9 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
         a, b = str(then.get(name, "")), str(now.get(name, ""))
         if a != b:
             hashed = len(a) == 64 or len(b) == 64
-            yield f"{whose}{name} has changed" if hashed and a and b else f"{whose}{name}: {a or 'none'} -> {b or 'none'}"
+            yield (
+                f"{whose}{name} has changed" if hashed and a and b else f"{whose}{name}: {a or 'none'} -> {b or 'none'}"
+            )
 
 
 def _grown(scene: str, one: Error, before: float | None) -> tuple[bool, str] | None:

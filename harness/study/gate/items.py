@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from screwgauge.models.importing.model import is_model
+from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.description import check_keys, read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -72,6 +73,8 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 def _is_scene(path: Path) -> bool:
     """Whether it is, or cannot even be read, which is for whoever checks it to say."""
+    if path.name.endswith(LOOPS):
+        return False
     try:
         return "mechanism" in tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Status = Literal["agree", "differ", "failed", "refused"]
+#: Stands for the second engine where equations judge one alone.
+JUDGE = "judge"
+Status = Literal["agree", "skipped", "differ", "failed", "refused"]
 #: Exit status of the command by what became of a row; the highest of all rows counts.
-EXIT: dict[Status, int] = {"agree": 0, "differ": 1, "refused": 2, "failed": 3}
+EXIT: dict[Status, int] = {"agree": 0, "skipped": 0, "differ": 1, "refused": 2, "failed": 3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class Row:
 
     Attributes:
         scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: ``agree``, ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
+        status: ``agree``, ``skipped`` (nothing was looked at), ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
         sentence: What was found, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
@@ -76,12 +78,12 @@ class Row:
     @property
     def ok(self) -> bool:
         """Whether it passes."""
-        return self.status == "agree"
+        return EXIT[self.status] == 0
 
     @property
     def worst(self) -> Error | None:
-        """The error that is the largest share of its tolerance; those that are out of it first."""
-        return max(self.errors, key=lambda one: (not one.ok, one.share), default=None)
+        """The error that is the largest share of its tolerance; those that are out of it first, of two engines first."""
+        return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
 
 
 def row_from(record: Mapping[str, Any]) -> Row:
