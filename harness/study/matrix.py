@@ -172,10 +172,12 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     Raises:
         CannotError: It takes too long or ends otherwise; the message is its last line.
     """
-    more = {"PYTHONPATH": str(folder / "package"), "PYTHONDONTWRITEBYTECODE": "1"} if folder else {}
+    # compiled modules are kept: the package is imported by every process of a check
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    more = {"PYTHONPATH": str(folder / "package")} if folder else {}
     ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
     try:
-        done = ask(command, cwd=folder, env={**os.environ, **more})
+        done = ask(command, cwd=folder, env={**kept, **more})
     except (OSError, subprocess.TimeoutExpired) as error:
         raise CannotError(f"{type(error).__name__}: {error}") from None
     if ends and done.returncode not in ends:
