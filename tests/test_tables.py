@@ -215,7 +215,11 @@ def test_a_bad_table_is_refused(case, scene, refused):
         ("tables.mine = 'text.parquet'", "text.parquet: cannot be read as Parquet"),
         ("tables.mine = {}", "'file' is missing"),
         ("tables.mine = { file = 'mine.csv', wrong = 1 }", "unknown key 'wrong'"),
-        ("tables.mine = { file = 'mine.csv', error.force = 1 }", "unknown key 'force'"),
+        (
+            "tables.mine = { file = 'mine.csv', error.reaction = 1 }",
+            "unknown quantity 'reaction'; choose one of: actuator_f",
+        ),
+        ("tables.mine = { file = 'mine.csv', error = 1 }", "error 1 is not a table"),
         ("tables.mine = { file = 'mine.csv', error.actuator_force = -1 }", "-1 is not positive"),
         ("tables.mine = 'mine.csv'\nquantities = ['joint_position']", "gives nothing of what is compared"),
     ],

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import beside
@@ -72,6 +71,10 @@ class Recorded:
             raise DescriptionError("the times do not increase", self.where, "sort the rows by t")
         if not self.columns:
             raise DescriptionError("has no column besides t", self.where, "name columns as components are named")
+        if not isinstance(self.error, Mapping):
+            raise DescriptionError(f"error {self.error!r} is not a table", self.where, "write quantity = number")
+        error = {name: positive(value, f"{self.where}, error.{name}") for name, value in self.error.items()}
+        object.__setattr__(self, "error", error)
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "columns", {name: self._column(name) for name in self.columns})
 
@@ -105,15 +108,12 @@ def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
     entry = {"file": entry} if isinstance(entry, str) else entry
     check_keys(entry, {"file", "error"}, where := f"{where}.{name}")
     path = beside(folder, read_text(entry, "file", where))
-    error = entry.get("error", {})
-    check_keys(error, QUANTITIES, f"{where}.error")
-    admitted = {quantity: positive(value, f"{where}.error.{quantity}") for quantity, value in error.items()}
     columns = read_columns(path)
     times = [header for header in map(read_header, columns) if header.component == "t" and not header.quantity]
     if len(times) != 1:
         raise DescriptionError("column 't' is missing", str(path), "give one column t with the times in s")
     times[0].check_unit("s", str(path))
-    return Recorded(columns.pop(times[0].text), columns, admitted, path)
+    return Recorded(columns.pop(times[0].text), columns, entry.get("error", {}), path)
 
 
 def merged(t: Array, tables: Iterable[Recorded]) -> Array:

@@ -123,8 +123,10 @@ def _row(pin: str, mujoco: str, folder: Path, make: Maker, what: tuple[Sequence[
         found = {"status": "failed", "reason": str(error)}
     by: dict[str, list[str]] = {}
     for case, status in _shown(python, folder, [*cases]):
-        by.setdefault({"not shown": "not_shown", CRASHED: "failed"}.get(status, status), []).append(case)
-    return Row(pin, mujoco, **found, **{name: " ".join(by.get(name, ())) for name in ("shown", "not_shown", "failed")})
+        by.setdefault(status, []).append(case)
+    shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
+    failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
+    return Row(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
 
 
 def requirements(**pinned: str) -> list[str]:

@@ -13,7 +13,7 @@ from screwgauge.engines.registry import engine_names
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
 from screwgauge.problem import Problem, Rows
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
@@ -96,6 +96,8 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
         if header.component in found.setdefault(quantity, {}):
             raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
         found[quantity][header.component] = values
+    for quantity in table.error:
+        check_choice("quantity", [quantity], found, f"{table.where}, error")
     return found
 
 
