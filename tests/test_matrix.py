@@ -92,7 +92,8 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert [*pd.read_csv(tmp_path / "out" / page.NAME).columns] == [*study.COLUMNS]
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
-    assert f"| {CASE} |" in text
+    assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
+    assert "pin 3.9.0: no case runs at all." in text
 
 
 def test_the_package_answers_where_it_is_laid_out(tmp_path):

@@ -11,12 +11,13 @@ import pandas as pd
 from screwgauge.casebook.book import CASES
 from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Folded, Heading, Items, Marked, Paragraph, Table, facts
-from screwgauge.report.formatting import number, rows
+from screwgauge.report.formatting import Row, number, rows
 from screwgauge.report.write import write_report
 from screwgauge.study.matrix import COLUMNS
 
 NAME = "matrix.csv"
 DATA = (NAME, "environment.json")
+ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
 #: Column -> what became of a case.
 STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
 MEANING = """Each row is a fresh environment with these versions, in which `screwgauge check --smoke` looks at all
@@ -40,7 +41,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
         *_reasons(found),
         Heading("Discrepancies that depend on the version"),
         Paragraph(DEPENDS),
-        _cases(found),
+        *_cases(found),
         Heading("Environment"),
         facts({key: record[key] for key in ("platform", "cpu", "cores", "python", "commit") if key in record}),
     ]
@@ -69,19 +70,27 @@ def _reasons(found: pd.DataFrame) -> list[Block]:
     return [Folded("What does not pass", (Items(tuple(said)),))] if said else []
 
 
-def _cases(found: pd.DataFrame) -> Block:
-    """A row for each case that is not the same everywhere, a column for each version of the engines that show it."""
+def _cases(found: pd.DataFrame) -> list[Block]:
+    """A row for each case that is not the same everywhere; engines of which nothing works are named once."""
+    lost = {(package, row[package]) for row in rows(found) for package in ENGINES if _broken(row, package)}
+    blocks: list[Block] = [Items(tuple(f"{name} {version}: no case runs at all." for name, version in sorted(lost)))]
     lines = []
     for name, case in CASES.items():
-        package = "pin" if case.engines == ("pinocchio",) else "mujoco" if case.engines == ("mujoco",) else ""
+        packages = [package for package, engine in ENGINES.items() if engine in case.engines]
         by: dict[str, set[str]] = {}
         for row in rows(found):
             status = next((said for column, said in STATUS.items() if name in row[column].split()), None)
-            if status:
-                by.setdefault(row[package] if package else f"{row['pin']} / {row['mujoco']}", set()).add(status)
+            if status and not lost & {(package, row[package]) for package in packages}:
+                by.setdefault(" / ".join(row[package] for package in packages), set()).add(status)
         if len(set().union(*by.values())) > 1:
-            said = (f"{version}: {' or '.join(sorted(statuses))}" for version, statuses in by.items())
-            lines.append((name, package or "pin / mujoco", "; ".join(said), case.title))
-    return (
-        Table(("case", "of", "version: what it does", "what users see"), tuple(lines)) if lines else Paragraph("None.")
-    )
+            said = (f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
+            lines.append((name, " / ".join(packages), "; ".join(said), case.title))
+    table = Table(("case", "of", "version: what it does", "what users see"), tuple(lines))
+    return [*(blocks if lost else []), table if lines else Paragraph("None.")]
+
+
+def _broken(row: Row, package: str) -> bool:
+    """Whether every case of one engine alone has failed, because it cannot even be imported."""
+    own = {name for name, case in CASES.items() if case.engines == (ENGINES[package],)}
+    failed, others = {*row["failed"].split()} & own, {*row["shown"].split(), *row["not_shown"].split()} & own
+    return bool(failed) and not others
