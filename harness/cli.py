@@ -165,8 +165,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--junit", type=Path, metavar="FILE", help="write JUnit XML, too")
     add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
     add("--json", action="store_true", help="print all of it as JSON")
+    add("--store", type=Path, metavar="DIR", help="keep errors and run times there, see 'history'")
+    add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
+    add("--count", type=int, default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
+
+    add = command(gate.history, "errors and run times over versions, machines and models", out="history-report")
+    add("scene", nargs="?", metavar="SCENE", help="default: all that were checked")
+    add("--store", type=Path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
+    add("--baseline", type=Path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
+    add("--smoke", action="store_true", help="of checks with --smoke")
 
     add = command(
         gate.matrix, "the check in fresh environments, one for each pair of versions", out="matrix", epilog=EXIT_STATUS

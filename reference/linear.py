@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 
@@ -84,5 +85,5 @@ def rank(A: Array, tolerance: float = 1e-9) -> int:
     return _count(np.linalg.svd(A, compute_uv=False), tolerance)
 
 
-def _count(s: Array, tolerance: float) -> int:
+def _count(s: NDArray[np.floating], tolerance: float) -> int:
     return int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0

@@ -1,4 +1,4 @@
-"""What `screwgauge.check` returns: rows that can be asserted, and shown as terminals, CI services and people read them."""
+"""What `screwgauge.check` returns: rows that can be asserted, and shown to people and services for CI."""
 
 from __future__ import annotations
 
@@ -128,8 +128,9 @@ class Check:
             lost = "; ".join(self.against.worse)
             cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
         kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
-        counts = {"failures": str(kinds["failure"]), "errors": str(kinds["error"]), "skipped": str(kinds["skipped"])}
-        suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)), **counts)
+        suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
+        for name, kind in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+            suite.set(name, str(kinds[kind]))
         for name, seconds, status, said in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
             if status != "agree":

@@ -81,7 +81,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
-    for amplitude in AMPLITUDES[AMPLITUDES <= largest]:
+    for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
         tables = {
             label: {"offset": f"{home:.9g}", "harmonics": [[f"{x:.6g}" for x in row] for row in rows]}

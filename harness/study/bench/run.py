@@ -23,12 +23,12 @@ from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.journal import Journal, stamp
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
+from screwgauge.study.journal import Journal, stamp
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.whole import check_whole

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.diagnosis.change import Difference
-from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.digits import ALL, digits_of
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.conditioning import LIMIT
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, quiet
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
@@ -67,12 +67,19 @@ def measured(item: Item, settings: Settings, progress: Progress) -> Row:
 
 def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
     scene, note = load_scene(item.files[0]), ""
-    given = {**dict.fromkeys(settings.tolerances or {}, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     if settings.smoke:
         if scene.simulated and (n := len(scene.mechanism.bodies)) > MOST:
             return Row(item.name, "skipped", f"left out, as a simulation of {n} bodies is no matter of seconds")
         scene, note = smoked(scene)
-    scene = replace(scene, tolerances={**(settings.tolerances or {}), **scene.tolerances})
+    row = compared(scene, settings, progress)[0]
+    return replace(row, scene=item.name, coverage=f"{note}{row.coverage}", file=row.file or item.files[0])
+
+
+def compared(scene: Scene, settings: Settings, progress: Progress = quiet) -> tuple[Row, Comparison]:
+    """A scene as it is: its row, and what was compared."""
+    usual = settings.tolerances or {}
+    given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
+    scene = replace(scene, tolerances={**usual, **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share))
     errors = tuple(_errors(results, given))
     agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
@@ -80,25 +87,17 @@ def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
     sentence = settings.tell(results)
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
-    file, line = str(scene.file or item.files[0]), 0
+    file, line = str(scene.file or ""), 0
     for name, own in scene.models.items():
         found = [] if agree else physical(scene, name, own)
         if found or not line:
             file, line = str(own), _line(own, found)
-    files = results.provenance
-    hashes = {name: entry["sha256"] or "" for name, entry in files.get("models", {}).items()}
-    hashes |= {"description": files["description"]["sha256"] or "", "scene": files.get("scene_sha256") or ""}
-    return Row(
-        item.name,
-        status,
-        sentence,
-        errors,
-        f"{note}{results.coverage.sentence}",
-        {name: solution.version for name, solution in results.solutions.items()},
-        hashes,
-        file,
-        line,
-    )
+    said = results.provenance
+    files = {**said["models"], "description": said["description"], "scene": {"sha256": said.get("scene_sha256")}}
+    hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
+    versions = {name: solution.version for name, solution in results.solutions.items()}
+    row = Row(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
+    return row, results
 
 
 def smoked(scene: Scene) -> tuple[Scene, str]:
@@ -132,12 +131,13 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
         for row in results.judge.to_dict("records")
     ]
     for row in [*pairs, *judged]:
-        said = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
+        quantity, unit, a, b = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
         tolerance, reason = derived(results, row, given)
         ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
         first, second = (nan if ok else _value(results, row, side) for side in "ab")
         where, t = str(row["worst_component"]), float(row["worst_t"])
-        yield Error(*said, float(row["max_scaled"]), tolerance, reason, ok, where, t, (first, second))
+        size = float(row["max_scaled"])
+        yield Error(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
@@ -148,7 +148,8 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     the digits that a model file is cut to where it says nothing else otherwise than the description.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
-    reason = f"from {given[quantity]}" if quantity in given else "rounding times the usual condition"
+    usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
+    reason = f"from {given[quantity]}" if quantity in given else usual
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
         soft = quantity == "tree_force_soft"
         reason += f", {'softness of constraints' if soft else 'rounding of its largest summands'}"

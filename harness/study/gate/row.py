@@ -56,7 +56,8 @@ class Row:
 
     Attributes:
         scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: ``agree``, ``skipped`` (nothing was looked at), ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
+        status: ``agree``, ``skipped`` (nothing was looked at), ``differ``, ``failed`` (an engine, or its process) or
+            ``refused`` (bad input).
         sentence: What was found, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
@@ -82,7 +83,7 @@ class Row:
 
     @property
     def worst(self) -> Error | None:
-        """The error that is the largest share of its tolerance; those that are out of it first, of two engines first."""
+        """The largest error by its tolerance; those that are out of it first, and those of two engines."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
 
 
