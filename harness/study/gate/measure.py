@@ -150,12 +150,13 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
     reason = f"from {given[quantity]}" if quantity in given else usual
+    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        soft = quantity == "tree_force_soft"
-        reason += f", {'softness of constraints' if soft else 'rounding of its largest summands'}"
+        stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
+        soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
+        reason += f", {[*stated, soft][0]}"
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
-    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     for solution in solutions:
         # a residual is of all that an engine gives
         of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
