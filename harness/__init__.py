@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from screwgauge.report.results import Results, run
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
+    from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
@@ -27,6 +28,7 @@ __all__ = [
     "Check",
     "Diagnosis",
     "Limits",
+    "Recorded",
     "Results",
     "Scene",
     "ScrewgaugeError",
@@ -44,6 +46,7 @@ _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "Limits": "screwgauge.study.apart",
+    "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",

@@ -177,6 +177,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--baseline", type=Path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
     add("--smoke", action="store_true", help="of checks with --smoke")
 
+    add = command(
+        gate.matrix, "the check in fresh environments, one for each pair of versions", out="matrix", epilog=EXIT_STATUS
+    )
+    add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
+    add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
+
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser
 

@@ -72,6 +72,14 @@ def read_file(path: Path, most: str = "MB") -> str:
     Raises:
         DescriptionError: There is no such file, or it is not of that kind or larger.
     """
+    try:
+        return read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise DescriptionError("is not UTF-8 text", str(path), "save it as UTF-8") from None
+
+
+def read_bytes(path: Path, most: str = "MB") -> bytes:
+    """What an input file holds, see `read_file`."""
     limit = LIMITS[most] * 10**6
     try:
         # opening a FIFO would wait for somebody to write into it
@@ -86,10 +94,7 @@ def read_file(path: Path, most: str = "MB") -> str:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
     if reason:
         raise DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise DescriptionError("is not UTF-8 text", str(path), "save it as UTF-8") from None
+    return data
 
 
 def read_model(path: Path) -> str:

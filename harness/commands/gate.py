@@ -72,3 +72,19 @@ def _self_test(options: argparse.Namespace) -> int:
     asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
     found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
     return 0 if page.passed(found) else 1
+
+
+def matrix(options: argparse.Namespace) -> int:
+    """The check with several versions of the engines; pairs whose rows are there are not checked again."""
+    from importlib.metadata import version
+    from itertools import product
+
+    from screwgauge.report.pages import matrix as page
+    from screwgauge.study.matrix import check_versions, matrix
+
+    asked = {"pin": options.pin, "mujoco": options.mujoco}
+    versions = [check_versions((text or version(package)).split(","), package) for package, text in asked.items()]
+    out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
+    found = carry_out(page, out, lambda progress: matrix(pairs, out / page.NAME, progress=progress), again=page.NAME)
+    statuses = {*found["status"]}
+    return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

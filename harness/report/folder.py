@@ -23,6 +23,7 @@ MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the
 WORKING = (
     "random.csv",
     "selftest.csv",
+    "matrix.csv",
     "bench.partial.jsonl",
     "check.partial.jsonl",
     "alarms.csv",

@@ -63,6 +63,7 @@ class Check:
         """Raises:
         AssertionError: Something does not pass; the message says what, where, when, by how much and why.
         """
+        __tracebackhide__ = True  # pytest shows the line that asks, not this one
         if not self.ok:
             raise AssertionError("\n".join(self.faults) or "nothing was checked")
 

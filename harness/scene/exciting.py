@@ -70,6 +70,10 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     if scene.simulated:
         what = "an exciting motion replaces a given one, and that of this scene is integrated"
         raise DescriptionError(what, scene.name, "run it as it is")
+    if scene.tables:
+        raise DescriptionError(
+            "tables are of the motion of the scene, which this replaces", scene.name, "run it as it is"
+        )
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
     rate = velocities(lay, pose(lay, mechanism.home[None]), np.zeros((1, len(columns))))

@@ -100,16 +100,16 @@ def check_budget(seconds: float) -> float:
 
 
 def check_generated(scene: Scene) -> None:
-    """Refuses model files of the user's own: a bench measures methods, not models.
+    """Refuses model files and numbers of the user's own: a bench measures methods.
 
     Raises:
         DescriptionError: The scene names some.
     """
-    for path in scene.models.values():
+    for name in [*scene.models, *scene.tables]:
         raise DescriptionError(
-            f"the bench measures methods on models made from the description and reads none of your own ('{path}')",
-            f"{scene.file or scene.name}, models",
-            "remove [models], or compare them by `screwgauge run`",
+            f"the bench measures methods on models made from the description and reads none of your own ('{name}')",
+            str(scene.file or scene.name),
+            "remove [models] and [tables], or compare them by `screwgauge run`",
         )
 
 

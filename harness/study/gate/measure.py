@@ -22,6 +22,7 @@ from screwgauge.problem import Progress, quiet
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
+from screwgauge.scene.columns import same_times
 from screwgauge.scene.exciting import exciting
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -112,7 +113,9 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
         return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
     except DescriptionError as error:
-        rows = np.unique(np.linspace(0, len(scene.t) - 1, len(SMOKE)).astype(np.intp))
+        # of the times that each table has
+        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
+        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
         return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
 
 
@@ -147,12 +150,13 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
     reason = f"from {given[quantity]}" if quantity in given else usual
+    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        soft = quantity == "tree_force_soft"
-        reason += f", {'softness of constraints' if soft else 'rounding of its largest summands'}"
+        stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
+        soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
+        reason += f", {[*stated, soft][0]}"
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
-    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     for solution in solutions:
         # a residual is of all that an engine gives
         of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]

@@ -87,7 +87,8 @@ def fingerprint(item: Item) -> str:
             said.update(str(error).encode())
         else:
             said.update(json_text([mechanism_tables(scene.mechanism_file), scene.text]).encode())
-            files = [*scene.models.values(), *([scene.file] if scene.file else [])]
+            own = [scene.file, *scene.models.values(), *(table.file for table in scene.tables.values())]
+            files = [file for file in own if file]
             if isinstance(scene.task, GivenMotion):
                 for array in (scene.task.t, scene.task.y, scene.task.yd, scene.task.ydd):
                     said.update(array.tobytes())
