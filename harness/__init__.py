@@ -15,19 +15,24 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.report.gate import Check, check
     from screwgauge.report.results import Results, run
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
+    from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
     from screwgauge.study.apart import Limits
     from screwgauge.study.stream import stream
 
 __all__ = [
+    "Check",
     "Diagnosis",
     "Limits",
+    "Recorded",
     "Results",
     "Scene",
     "ScrewgaugeError",
+    "check",
     "compile",
     "diagnose",
     "exciting",
@@ -38,11 +43,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "Limits": "screwgauge.study.apart",
+    "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
+    "check": "screwgauge.report.gate",
     "compile": "screwgauge.engines.screw.compiled",
     "diagnose": "screwgauge.diagnosis.diagnose",
     "exciting": "screwgauge.scene.exciting",

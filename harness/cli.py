@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge import __version__, commands
+from screwgauge.commands import gate
 from screwgauge.report.console import console, ended, say
 from screwgauge.study.bench.threads import fix_threads
 
@@ -151,6 +152,37 @@ def _parser() -> argparse.ArgumentParser:
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
+
+    add = command(
+        gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
+    )
+    add(
+        "what", nargs="*", metavar="SCENE|FOLDER|MODEL", help="default: all built-in scenes; two model files are a pair"
+    )
+    add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
+    add("--tolerances", type=Path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
+    add("--baseline", type=Path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
+    add("--update", action="store_true", help="make this the known state")
+    add("--junit", type=Path, metavar="FILE", help="write JUnit XML, too")
+    add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
+    add("--json", action="store_true", help="print all of it as JSON")
+    add("--store", type=Path, metavar="DIR", help="keep errors and run times there, see 'history'")
+    add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
+    add("--count", type=int, default=1000, metavar="N", help="of these (1000)")
+    add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
+    add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
+
+    add = command(gate.history, "errors and run times over versions, machines and models", out="history-report")
+    add("scene", nargs="?", metavar="SCENE", help="default: all that were checked")
+    add("--store", type=Path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
+    add("--baseline", type=Path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
+    add("--smoke", action="store_true", help="of checks with --smoke")
+
+    add = command(
+        gate.matrix, "the check in fresh environments, one for each pair of versions", out="matrix", epilog=EXIT_STATUS
+    )
+    add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
+    add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
 
     command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser

@@ -69,7 +69,7 @@ def digits(scaled: float) -> float:
     """Digits of agreement of a scaled error: 17 at most, 0 at least, NaN where there is no number."""
     if not np.isfinite(scaled):
         return float("nan")
-    return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS)) if scaled > 0.0 else MAX_DIGITS
+    return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS)) + 0.0 if scaled > 0.0 else MAX_DIGITS
 
 
 def integrated_tolerance(rtol: float, atol: float) -> float:

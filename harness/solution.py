@@ -80,6 +80,7 @@ class Solution:
         notes: Sentences for the report, such as samples where a rule is singular.
         tolerances: Errors that the engine itself admits, quantity -> unit -> absolute error [unit]: what rounding of
             its largest summands makes of a number that may be zero, what soft constraints leave.
+        stated: Quantity -> what its numbers may be off by [their units], as whoever recorded them says.
         radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
             An engine that has them is the reference of the others.
         estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
@@ -105,6 +106,7 @@ class Solution:
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
     tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    stated: Mapping[str, float] = field(default_factory=dict)
     radius: Mapping[str, Array] = field(default_factory=dict)
     estimate: Mapping[str, Array] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)

@@ -7,7 +7,7 @@ import re
 import stat
 from pathlib import Path
 
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, OutputError
 
 #: The most that an input holds. Beyond, memory or time grow without bound: with the square of the bodies, with samples
 #: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
@@ -72,6 +72,14 @@ def read_file(path: Path, most: str = "MB") -> str:
     Raises:
         DescriptionError: There is no such file, or it is not of that kind or larger.
     """
+    try:
+        return read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise DescriptionError("is not UTF-8 text", str(path), "save it as UTF-8") from None
+
+
+def read_bytes(path: Path, most: str = "MB") -> bytes:
+    """What an input file holds, see `read_file`."""
     limit = LIMITS[most] * 10**6
     try:
         # opening a FIFO would wait for somebody to write into it
@@ -86,10 +94,7 @@ def read_file(path: Path, most: str = "MB") -> str:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
     if reason:
         raise DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise DescriptionError("is not UTF-8 text", str(path), "save it as UTF-8") from None
+    return data
 
 
 def read_model(path: Path) -> str:
@@ -101,3 +106,24 @@ def read_model(path: Path) -> str:
     text = read_file(path)
     check_count(len(re.findall(r"<(?:link|body)[\s/>]", text)), "links", str(path))
     return text
+
+
+def replace_file(path: Path, content: str | bytes) -> None:
+    """Writes a file in whole or not at all: beside its place, onto the disk, then by renaming.
+
+    Raises:
+        OutputError: It cannot be written; it is then as it was.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            with beside.open("wb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise OutputError(f"cannot be written ({reason})", str(path), "name another file") from error

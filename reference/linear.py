@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 
@@ -87,10 +88,13 @@ def null_space(A: Array, tolerance: float = 1e-9) -> Array:
     Singular values count as zero below `tolerance` of the largest, or of one where all are small.
     """
     _, s, Vt = np.linalg.svd(A)
-    rank = int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0
-    return np.asarray(Vt[rank:].T)
+    return np.asarray(Vt[_count(s, tolerance) :].T)
 
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:
     """Rank of one matrix without dimension, see `null_space`."""
-    return int(A.shape[1] - null_space(A, tolerance).shape[1])
+    return _count(np.linalg.svd(A, compute_uv=False), tolerance)
+
+
+def _count(s: NDArray[np.floating], tolerance: float) -> int:
+    return int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0

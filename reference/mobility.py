@@ -115,9 +115,9 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     reactions = joint_reactions(lay, at)
     c = force_matrix(lay, at, centres_of_mass(lay, at), reactions)[0]
     constraints = len(reactions.names)
-    rank = linear.rank(c[:, :constraints])
     hidden = linear.null_space(c)  # forces that balance among themselves
     internal = linear.null_space(c[:, :constraints])  # those that need no actuator
+    rank = constraints - internal.shape[1]
     freedoms = len(mechanism.coordinates) - (linear.rank(G) if G.size else 0)
     return Mobility(
         bodies=len(mechanism.bodies),

@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import OutputError
-from screwgauge.study.bench.journal import Journal, stamp
+from screwgauge.study.journal import Journal, stamp
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_a_line_cut_off_while_it_was_written_is_dropped(path):
 def test_a_file_of_something_else_is_no_journal_and_stays(path, text):
     path.parent.mkdir()
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(OutputError, match="is no journal of a bench"):
+    with pytest.raises(OutputError, match="is no journal of interrupted work"):
         Journal(path, "stamp")
     assert path.read_text(encoding="utf-8") == text
 

@@ -69,7 +69,7 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
         seen.append(out)
         return SimpleNamespace(exit_status=0, failures={}, ok=True, complete=True, broken=())
 
-    monkeypatch.setattr(commands, "_study", study)
+    monkeypatch.setattr(commands, "carry_out", study)
     assert main(arguments) == 0
     assert seen == [Path("screwgauge-out") / folder]
 

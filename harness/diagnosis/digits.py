@@ -14,8 +14,9 @@ from screwgauge.diagnosis.change import Difference
 
 #: Digits of numbers that are not printed shorter than they are.
 ALL = 15
-#: Share of a file's longer numbers that have as many digits as the longest, if a program has cut them.
-CUT = 0.3
+#: Share of a file's longer numbers that have as many digits as the longest, if a program has cut them; and how many it
+#: leaves at least: one or two are somebody's edit.
+CUT, FEWEST = 0.3, 5
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)?(?![\w.])")
 
 
@@ -29,7 +30,7 @@ def digits_of(text: str) -> int:
     if not long or max(long) >= ALL:
         return ALL
     most = max(long)
-    return most if long[most] >= CUT * sum(long.values()) else ALL
+    return most if long[most] >= max(FEWEST, CUT * sum(long.values())) else ALL
 
 
 def longest(text: str) -> int:

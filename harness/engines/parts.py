@@ -10,8 +10,10 @@ import numpy as np
 from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import FORCE, QUANTITIES
+from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
@@ -92,6 +94,14 @@ def component_names(
         "actuator_force": (tuple(actuators), forces(driven)),
         "reaction": reactions,
     }
+
+
+def described(mechanism: Mechanism) -> Names:
+    """Names and units as the description alone has them: without those of a tree, which an engine cuts."""
+    lay = layout(mechanism)
+    found = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
+    bodies, reactions = [body.name for body in mechanism.bodies], (found.names, found.units)
+    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
 def assemble(

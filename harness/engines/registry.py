@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
@@ -181,18 +181,21 @@ def keep(entry: EntryPoint, engine: Engine | None) -> None:
     _LOADED[entry] = broken if engine is None else engine
 
 
-def check_engines(names: Iterable[str], where: str = "", task: type[Task] | None = None) -> tuple[str, ...]:
+def check_engines(
+    names: Iterable[str], where: str = "", task: type[Task] | None = None, beside: Collection[str] = ()
+) -> tuple[str, ...]:
     """The names, once each, in the order given.
 
     Args:
         task: A kind of task that all of them have to take.
+        beside: Names of what is no engine and stands beside them.
 
     Raises:
         ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
     """
-    wanted = tuple(dict.fromkeys(check_choice("engine", names, engine_names(), where)))
+    wanted = tuple(dict.fromkeys(check_choice("engine", names, (*engine_names(), *beside), where)))
     for name in wanted:
-        if task is not None and task not in get_engine(name).tasks:
+        if task is not None and name not in beside and task not in get_engine(name).tasks:
             able = ", ".join(other for other, engine in engines().items() if task in engine.tasks)
             raise DescriptionError(f"engine '{name}' does not {_WORDS[task]}", where, f"choose from {able}")
     return wanted

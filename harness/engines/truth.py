@@ -18,17 +18,16 @@ from flint import ctx
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.engines.parts import Names, check_fits, component_names, stages
+from screwgauge.engines.parts import Names, check_fits, described, stages
 from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache
@@ -105,7 +104,7 @@ def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array
         table = Table.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
-    sizes, wanted = {name: len(found[0]) for name, found in _names(mechanism).items()}, _certifiable(problem)
+    sizes, wanted = {name: len(found[0]) for name, found in described(mechanism).items()}, _certifiable(problem)
     return table if table.answers(wanted, sizes, y, mechanism.independent_columns) else None
 
 
@@ -187,7 +186,7 @@ def _solution(
 ) -> Solution:
     n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
-    names = _names(mechanism)
+    names = described(mechanism)
     wanted = [name for name in QUANTITIES if name in table.mid and name in problem.wanted]
 
     def spread(array: Array) -> Array:
@@ -212,13 +211,6 @@ def _solution(
         radius={name: spread(table.radius[name]) for name in wanted},
         rows=None if len(solved) == n else solved,
     )
-
-
-def _names(mechanism: Mechanism) -> Names:
-    lay = layout(mechanism)
-    found = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
-    bodies, reactions = [body.name for body in mechanism.bodies], (found.names, found.units)
-    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
 def _notes(table: Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:

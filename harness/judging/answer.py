@@ -162,4 +162,4 @@ def timed(problem: Problem) -> GivenMotion | InitialValue:
 
 def largest(*arrays: Array) -> float:
     """The largest magnitude, numbers only; 0 if there is none."""
-    return max(float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays)
+    return max((float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays), default=0.0)

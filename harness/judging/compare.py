@@ -64,21 +64,27 @@ def compare(
         rules = _rules(quantity, problem.rule, mobility)
         for a, b in combinations(having, 2):
             names, others = (one.values[quantity].components for one in (a, b))
-            if quantity.startswith("tree_force") and ({*names} < {*others} or {*others} < {*names}):
+            tree, shared = quantity.startswith("tree_force"), tuple(name for name in names if name in others)
+            if tree and ({*names} < {*others} or {*others} < {*names}):
                 continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
-            lost = apart.get(frozenset((a.engine, b.engine)), "the components differ" if names != others else "")
+            if not tree and not shared:
+                continue  # two tables of other parts of a quantity; an engine has all of it
+            lost = apart.get(
+                frozenset((a.engine, b.engine)), "the components differ" if tree and names != others else ""
+            )
             if lost or not common_rows(len(t), a, b).size:
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
                 continue
             # measured by the first engine of the run that has these components: one scale for all pairs
-            reference = next(s.values[quantity] for s in having if s.values[quantity].components == names)
+            reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*shared})
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
                 strict = min(1.0, tolerance_of(quantity) / QUANTITIES[quantity].tolerance)
                 admitted = strict * max(s.tolerances.get(quantity, {}).get(unit, 0.0) for s in (a, b))
-                tolerance = max(tolerance_of(quantity), admitted / scale)
+                stated = sum(s.stated.get(quantity, 0.0) for s in (a, b))
+                tolerance = max(tolerance_of(quantity), admitted / scale, stated / scale)
                 rows = list(_components(quantity, unit, a, b, t, scale))
                 for row in rows:
                     rule, unique = rules.get(row["component"], rules[""])
@@ -88,7 +94,9 @@ def compare(
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     row = _pair(compared)
                     if quantity != "tree_force_soft" and tolerance_of(quantity) < row["max_scaled"] <= tolerance:
-                        row["reason"] = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
+                        whose = f"within {stated:.3g} {unit}, the error that {b.engine} states"
+                        zero = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
+                        row["reason"] = whose if stated > admitted else zero
                     pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
@@ -111,11 +119,12 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
 
 
 def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:
-    """Errors of each component of a unit, over the samples that both have solved."""
+    """Errors of each component of a unit that both have, over the samples that both have solved."""
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
+    columns = {component: k for k, component in enumerate(second.components)}
     for k, component in enumerate(first.components):
-        if first.units[k] == unit:
-            difference = apart = np.abs(first.array[rows, k] - second.array[rows, k])
+        if first.units[k] == unit and component in columns:
+            difference = apart = np.abs(first.array[rows, k] - second.array[rows, columns[component]])
             if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
                 difference = np.abs(within_half_turn(apart))
             i = _worst(difference)

@@ -23,7 +23,10 @@ MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the
 WORKING = (
     "random.csv",
     "selftest.csv",
+    "matrix.csv",
     "bench.partial.jsonl",
+    "check.partial.jsonl",
+    "alarms.csv",
 )  # grow before there is a report; who adds to them looks whose they are
 
 

@@ -55,11 +55,13 @@ def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
     return True
 
 
-def exciting(scene: Scene, seed: int = 0) -> Scene:
+def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
     """The same scene in a motion from home that excites all inertia that it can, at times of its own.
 
     Args:
         seed: Gives the same motion again; name and title say it.
+        samples: So many, of `SAMPLES` that would show all of the motion.
+        largest: Amplitude that is tried first [rad or lengths of the mechanism].
 
     Raises:
         DescriptionError: Its motion is integrated, or it has no room to move about home.
@@ -68,6 +70,10 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
     if scene.simulated:
         what = "an exciting motion replaces a given one, and that of this scene is integrated"
         raise DescriptionError(what, scene.name, "run it as it is")
+    if scene.tables:
+        raise DescriptionError(
+            "tables are of the motion of the scene, which this replaces", scene.name, "run it as it is"
+        )
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
     rate = velocities(lay, pose(lay, mechanism.home[None]), np.zeros((1, len(columns))))
@@ -75,7 +81,7 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
     heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
-    for amplitude in AMPLITUDES:
+    for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
         tables = {
             label: {"offset": f"{home:.9g}", "harmonics": [[f"{x:.6g}" for x in row] for row in rows]}
@@ -84,10 +90,13 @@ def exciting(scene: Scene, seed: int = 0) -> Scene:
             )
         }
         step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
-        drive = read_drive(tables, list(mechanism.independent), Path(), "motion")[0]
+        drive, t = (
+            read_drive(tables, list(mechanism.independent), Path(), "motion")[0],
+            step * np.arange(float(samples)),
+        )
         try:
-            if stays_regular(lay, drive(step * np.arange(SAMPLES, dtype=float))):
-                return _moving(scene, seed, tables, drive, step)
+            if stays_regular(lay, drive(t)):
+                return _moving(scene, seed, tables, drive, t)
         except ScrewgaugeError:
             continue
     what = f"no motion of {AMPLITUDES[-1]:.1g} rad or lengths about home stays within limits and off singular poses"
@@ -102,13 +111,13 @@ def _room(mechanism: Mechanism) -> Array:
     return np.where(room > 0.0, room, np.inf)
 
 
-def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, step: float) -> Scene:
+def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, t: Array) -> Scene:
     return replace(
         scene,
         name=f"{scene.name}-exciting-{seed}",
         title=f"{scene.title}, exciting motion of seed {seed}",
         description=f"{scene.description} An exciting motion, of seed {seed}, takes the place of its own.",
-        task=drive(step * np.arange(SAMPLES, dtype=float)),
+        task=drive(t),
         drive=drive,
         text={**scene.text, "motion": tables},
     )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,10 @@ import numpy as np
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.expressions import LARGEST, number, vector
-from screwgauge.reference.files import beside, check_count, read_file
+from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.files import beside, check_count
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.columns import read_columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,52 +114,13 @@ def read_terms(table: Any, where: str) -> tuple[Array, Array]:
     return polynomial, np.array(rows).reshape(-1, 3)
 
 
-def _sample(text: Any) -> float:
-    try:
-        return float(text)
-    except (TypeError, ValueError):
-        return float("nan")
-
-
-def read_columns(path: Path, wanted: list[str], why: str = "derivatives are required") -> dict[str, Array]:
-    """The wanted columns of a CSV file, read to the last bit and finite. Shape (n,) each.
-
-    Args:
-        why: What to say of a column that is missing.
-    """
-    import pandas as pd
-
-    text = read_file(path, "MB of CSV")
-    head = re.search(r"^[^#\r\n].*", text, re.MULTILINE)
-    check_count(head[0].count(",") + 1 if head else 0, "CSV columns", str(path))
-    try:
-        data = pd.read_csv(BytesIO(text.encode()), dtype=str, keep_default_na=False, comment="#")
-    except ValueError as error:
-        raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
-    if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
-        raise DescriptionError("the rows have more fields than the header", str(path), "name every column")
-    columns: dict[str, Array] = {}
-    for column in wanted:
-        if column not in data.columns:
-            names = f"give all of {', '.join(wanted)} ({why})"
-            raise DescriptionError(f"column '{column}' is missing", str(path), names)
-        if f"{column}.1" in data.columns:  # what pandas makes of a second one
-            raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
-        columns[column] = values = np.array([_sample(text) for text in data[column]], dtype=float)
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
-        if bad.size:
-            what = f"column '{column}' is not a finite number in data row {bad[0] + 1}"
-            raise DescriptionError(what, str(path), "complete the samples")
-    return columns
-
-
 def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"
         raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
-    columns = read_columns(path, wanted)
+    columns = read_columns(path, wanted, "derivatives are required")
     t = columns["t"]
     if not len(t):
         raise DescriptionError("has no samples", str(path), "write at least one row below the header")

@@ -16,8 +16,8 @@ from screwgauge.reference.files import beside
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.columns import read_columns, same_times
 from screwgauge.scene.entries import check_name, positive, read_vector
-from screwgauge.scene.motion import read_columns
 from screwgauge.solution import Values
 
 #: What a published accuracy is one of.
@@ -146,14 +146,12 @@ def known_values(known: Known, observables: Sequence[Observable], t: Array, wher
         DescriptionError: It has none of the scene's times.
     """
     array = np.full((len(t), len(observables)), np.nan)
-    nearest = np.abs(known.t[None] - t[:, None]).argmin(axis=1)
-    # times that differ only in how their decimals were rounded are the same
-    rows: Rows = np.flatnonzero(np.isclose(known.t[nearest], t, rtol=1e-12, atol=1e-15))
+    rows, same = same_times(t, known.t)
     if not rows.size:
         raise DescriptionError(
             "the reference has none of the scene's times", where, "leave out [time], or change its step"
         )
-    array[rows] = known.values[nearest[rows]]
+    array[rows] = known.values[same]
     return _values(observables, array), rows
 
 

@@ -24,6 +24,7 @@ from screwgauge.scene.elements import read_load, read_motor, read_spring
 from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_items, read_models, read_names
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
+from screwgauge.scene.recorded import read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
 FOLDER = Path(__file__).parents[1] / "scenes"
@@ -32,7 +33,7 @@ _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
     *("engines", "quantities", "tolerances", "models", "figures"),
-    *("springs", "motors", "forward", "observables", "reference", "published"),
+    *("springs", "motors", "forward", "observables", "reference", "published", "tables"),
 }
 
 
@@ -60,7 +61,7 @@ def load_scene(name: str | Path) -> Scene:
     read = _read_simulated if "forward" in data else _read_given
     tolerances = data.get("tolerances", {})
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
-    return Scene(
+    scene = Scene(
         name=(stem := path.stem.removesuffix(".scene")),
         title=read_text(data, "title", where, stem),
         description=read_text(data, "description", where, ""),
@@ -73,6 +74,7 @@ def load_scene(name: str | Path) -> Scene:
         file=path,
         **read(data, path, mechanism),
     )
+    return scene.beside(**scene.tables) if scene.tables else scene
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
@@ -92,6 +94,9 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
             raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
     drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
+    tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
+    if sampled is None and tables:
+        sampled = np.unique(np.concatenate([table.t for table in tables.values()]))
     rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
@@ -102,6 +107,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, GIVEN),
         "drive": drive,
+        "tables": tables,
         "text": {"motion": motion, "gravity": data.get("gravity", _GRAVITY), "loads": data.get("loads", [])},
     }
 
@@ -109,7 +115,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """What only a scene with a simulated motion has."""
     where = str(path)
-    for key in ("motion", "rule"):
+    for key in ("motion", "rule", "tables"):
         if key in data:
             raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
     observables = read_items(data, "observables", where, partial(read_observable, mechanism))

@@ -21,6 +21,7 @@ from screwgauge.scene.entries import read_times
 from screwgauge.scene.figures import Figure
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published
+from screwgauge.scene.recorded import Recorded, merged
 
 RULES = ("min_norm", "spherical_axial")
 DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
@@ -44,6 +45,7 @@ class Scene:
         observables: What is followed in a simulation.
         known: Their values from elsewhere, if there are any.
         published: What others have published.
+        tables: Numbers of one's own that stand beside the engines, by name.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Scene:
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
     published: tuple[Published, ...] = ()
+    tables: Mapping[str, Recorded] = field(default_factory=dict, repr=False)
 
     @property
     def t(self) -> Array:
@@ -111,6 +114,19 @@ class Scene:
             check_order(t, self.task.since)
             return replace(self, task=replace(self.task, t=t))
         return replace(self, task=self.moved(t))
+
+    def beside(self, **tables: Recorded) -> Scene:
+        """The same scene with numbers of one's own, which are compared and judged like those of engines.
+
+        Their times are added to those of the scene.
+
+        Raises:
+            DescriptionError: A motion from samples has none at one of them, they lie outside the scene, or it is
+                integrated.
+        """
+        times = merged(self.motion.t, [*tables.values()])
+        engines = dict.fromkeys([*self.engines, *tables])
+        return replace(self, task=self.moved(times), tables={**self.tables, **tables}, engines=tuple(engines))
 
     def moved(self, t: Array) -> GivenMotion:
         """The given motion at times [s]. Shape (n,)."""

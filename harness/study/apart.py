@@ -60,6 +60,9 @@ def apart(
     limits: Limits,
     folder: Path,
     report: Callable[[str, float], None],
+    *,
+    lanes: int = 0,
+    keep: Callable[[str, T | Failure], None] = lambda name, result: None,
 ) -> dict[str, T | Failure]:
     """Does all works at once, as far as cores allow, each in the process of its name.
 
@@ -67,6 +70,8 @@ def apart(
         works: Pickle, and take a progress.
         folder: Where they say how far they are: what a file says outlives who wrote it, and nobody waits for it.
         report: Takes the names of those under way, and the share of all that is done.
+        lanes: So many processes instead, each of which does one work after the other.
+        keep: Takes each result as soon as it is there.
 
     Returns:
         What each returns, or that it crashed or met a limit, in the order of the works.
@@ -74,28 +79,37 @@ def apart(
     Raises:
         ScrewgaugeError: Raised by a work; the others are stopped.
     """
-    waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, float]](), dict[str, T | Failure]()
+    waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, str, float]](), dict[str, T | Failure]()
+    free = [f"lane-{i}" for i in range(lanes, 0, -1)]
+    most = lanes or cpu_count()
+
+    def done(name: str, process: str, result: T | Failure) -> None:
+        found[name] = result
+        free.append(process)
+        keep(name, result)
+
     try:
         while waiting or running:
-            while waiting and len(running) < cpu_count():
+            while waiting and len(running) < most:
                 name = waiting.pop(0)
+                process = free.pop() if lanes else name
                 work = partial(_limited, name, works[name], limits, _file(folder, name))
-                running[_submit(name, work)] = name, monotonic()
+                running[_submit(process, work)] = name, process, monotonic()
             for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
-                name = running.pop(future)[0]
-                found[name] = _result(name, future)
-            shares = {name: _share(_file(folder, name)) for name, _ in running.values()}
-            for future, (name, begin) in [*running.items()]:
+                name, process, _ = running.pop(future)
+                done(name, process, _result(name, future))
+            shares = {name: _share(_file(folder, name)) for name, _, _ in running.values()}
+            for future, (name, process, begin) in [*running.items()]:
                 if monotonic() - begin > limits.seconds:
                     del running[future]
-                    _stop(name)
+                    _stop(process)
                     how_far = f"{limits.seconds:g} s, {shares[name]:.0%} of the way"
-                    found[name] = Failure(name, f"stopped after {how_far}, the limit; --limit sets another")
+                    done(name, process, Failure(name, f"stopped after {how_far}, the limit; --limit sets another"))
             if running:
                 report(", ".join(shares), (len(found) + sum(shares.values())) / len(works))
     finally:
-        for name, _ in running.values():
-            _stop(name)
+        for _, process, _ in running.values():
+            _stop(process)
     return {name: found[name] for name in works}
 
 

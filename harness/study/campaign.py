@@ -41,6 +41,8 @@ def campaign(
     only: Sequence[str] | None = None,
     workers: int = 2,
     progress: Callable[[str, float], None] = lambda step, share: None,
+    work: Callable[[tuple[int, str]], dict[str, Any]] | None = None,
+    columns: Sequence[str] = COLUMNS,
 ) -> pd.DataFrame:
     """Puts so many mechanisms to the engines, family by family, and the next seed of each when all had their turn.
 
@@ -49,16 +51,17 @@ def campaign(
         seed: The first one. Seeds that `TRUTH_EVERY` divides are put to the engine ``truth``, too.
         only: Families; all by default.
         workers: Processes.
+        work: Makes a row of seed and family; `measured` by default. It pickles.
 
     Returns:
-        The table, sorted, columns `COLUMNS`.
+        The table, sorted.
     """
     names = families() if only is None else check_choice("family", only, families())
     items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
-    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, COLUMNS, "random mechanisms")}
+    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms")}
     todo = [item for item in items if item not in done]
-    with added_to(file, COLUMNS) as add, ProcessPoolExecutor(workers) as pool:
-        for i, row in enumerate(pool.map(measured, todo)):
+    with added_to(file, columns) as add, ProcessPoolExecutor(workers) as pool:
+        for i, row in enumerate(pool.map(work or measured, todo)):
             add(row)
             progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
     return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from screwgauge.diagnosis.branches import missing
+from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.digits import ALL, digits_of, marked
 from screwgauge.diagnosis.mapping import paired
 from screwgauge.diagnosis.static import differences, sorted_by_size
 from screwgauge.diagnosis.words import with_sides
@@ -12,6 +16,7 @@ from screwgauge.models.expected import expected_reading
 from screwgauge.models.readings.read import LIBRARIES, read
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.files import read_file
 from screwgauge.scene.scene import Scene
 
 #: What the description does not say, and what RNEA does not know: `departures` says what becomes of these.
@@ -19,22 +24,28 @@ _ELSEWHERE = {"limits", "damping", "friction", "stiffness", "rest"}
 
 
 def otherwise(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
-    """Sentences on mass properties, geometry, gravity and closures, the largest difference first.
+    """Sentences on mass properties, geometry, gravity and closures, the largest difference first."""
+    sides = "in the description", f"in {files.model.name}"
+    return tuple(with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+
+
+def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
+    """Differences of a model file from the description, the largest first; those that rounding makes are marked.
 
     Args:
         name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is said.
     """
     engine, mechanism, library = get_engine(name), scene.mechanism, name.partition("-")[0]
     if library not in LIBRARIES or engine.reads not in (".urdf", ".xml"):
-        return ()
+        return []
     expected = expected_reading(mechanism, engine.cut, scene.applied.g)
     try:
         home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
-        found = read(files.model, library, home=home)
+        found = read(model, library, home=home)
+        digits = digits_of(read_file(model))
     except ScrewgaugeError:
-        return ()  # `departures` says that it cannot be compared
+        return []  # `departures` says that it cannot be compared
     silent = _ELSEWHERE | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
     pairing = paired(expected, found)
     said = [*missing(expected, found, pairing), *differences(brought(expected, found, pairing))[0]]
-    sides = "in the description", f"in {files.model.name}"
-    return tuple(with_sides(each.sentence, *sides) for each in sorted_by_size(said) if each.what not in silent)
+    return sorted_by_size([each for each in marked(said, (ALL, digits)) if each.what not in silent])

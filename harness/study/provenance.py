@@ -30,7 +30,7 @@ def provenance(scene: Scene | None, models: Mapping[str, Path], *, date: datetim
     """
     found: dict[str, Any] = {"date": (date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds")}
     if scene is not None:
-        given = {*scene.models.values(), scene.mechanism_file}
+        given = {*scene.models.values(), scene.mechanism_file, *(table.file for table in scene.tables.values())}
         found["models"] = {name: _file(path, generated=path not in given) for name, path in models.items()}
         found["description"] = _file(scene.mechanism_file)
         if scene.file is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.parts import component_names
+from screwgauge.engines.parts import Names, described
 from screwgauge.engines.registry import check_engines
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
@@ -31,14 +31,15 @@ from screwgauge.solution import REFERENCE, Solution
 from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
+from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
 from screwgauge.study.simulated import MOTION, asked_of_engines, ends, observed
-from screwgauge.study.whole import Expected, left_out, without
+from screwgauge.study.whole import left_out, without
 
 if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
 
 
-_Checked = tuple[Mobility, Expected, Layout | None, tuple[str, ...], tuple[str, ...]]
+_Checked = tuple[Mobility, Names, Layout | None, tuple[str, ...], tuple[str, ...]]
 """What the description alone says of a scene; a layout if it is simulated; quantities to compare; warnings."""
 
 
@@ -68,16 +69,20 @@ def run(
     names, wanted = _asked(scene, engines, quantities)
     if limits is not None:
         load_engines(names, limits, progress)
-    check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task))
+    check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task), scene.tables)
     progress("preflight", 0.0)
     checked = _check_simulated if scene.simulated else _check_given
-    counted, expected, lay, wanted, warnings = checked(scene, wanted)
+    counted, components, lay, wanted, warnings = checked(scene, wanted)
     for sentence in warnings:
         warn(sentence)
+    own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}
+    names = tuple(name for name in names if name not in own)
     with generated(scene) as folder:
         asked = asked_of_engines(wanted) if scene.simulated else wanted
+        expected = {name: found for name, (found, _) in components.items()}
         answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
+        files |= {name: file for name in own if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
@@ -87,6 +92,8 @@ def run(
     judged = [
         judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
     ]
+    judged += [judge_table(scene, problem, table, components) for table in own.values()]
+    answers |= own
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     solutions, failed = answers, failures
     if lay is not None:
@@ -100,7 +107,7 @@ def run(
         solutions=solutions,
         failures=failures,
         errors=errors,
-        pairs=pairs,
+        pairs=with_factors(pairs, own, solutions) if own else pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(counted),
         environment=environment(),
@@ -139,13 +146,15 @@ def _asked(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of engines and quantities."""
     where = str(scene.file or scene.name)
+    check_tables(scene)
     if scene.models:
         check_engines(scene.models, f"{where}, models")
     for engine, file in scene.models.items():
         if not is_file(file):
             what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
-    names = check_engines(scene.engines, where) if engines is None else check_engines(engines)
+    named, where = (scene.engines, where) if engines is None else (engines, "")
+    names = check_engines(named, where, beside=scene.tables)
     known = SIMULATED if scene.simulated else GIVEN
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
@@ -158,23 +167,16 @@ def _asked(
 def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     counted, mechanism = check_scene(scene), scene.mechanism
     wanted, left = check_actuation(scene, counted, wanted)
-    table = component_names(
-        mechanism.joints,
-        [body.name for body in mechanism.bodies],
-        mechanism.independent,
-        (),
-        mechanism.actuator_names,
-        (counted.names[: counted.constraints], ()),
-    )
     # those of a tree are the engine's own
-    expected = {name: table[name][0] for name in table if not name.startswith("tree_force")}
-    return counted, expected, None, wanted, (*left, *far_from_home(scene))
+    given = {name: found for name, found in described(mechanism).items() if not name.startswith("tree_force")}
+    return counted, given, None, wanted, (*left, *far_from_home(scene))
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     lay, warnings = check_start(scene)
     counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return counted, dict.fromkeys(MOTION, tuple(scene.mechanism.coordinates)), lay, wanted, warnings
+    given = dict.fromkeys(MOTION, (scene.mechanism.coordinates, scene.mechanism.units))
+    return counted, given, lay, wanted, warnings
 
 
 def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:

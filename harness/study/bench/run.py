@@ -23,12 +23,12 @@ from screwgauge.solution import Solution
 from screwgauge.study.ask import Report, failure, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.bench.journal import Journal, stamp
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.threads import one_thread
+from screwgauge.study.journal import Journal, stamp
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.whole import check_whole
@@ -100,16 +100,16 @@ def check_budget(seconds: float) -> float:
 
 
 def check_generated(scene: Scene) -> None:
-    """Refuses model files of the user's own: a bench measures methods, not models.
+    """Refuses model files and numbers of the user's own: a bench measures methods.
 
     Raises:
         DescriptionError: The scene names some.
     """
-    for path in scene.models.values():
+    for name in [*scene.models, *scene.tables]:
         raise DescriptionError(
-            f"the bench measures methods on models made from the description and reads none of your own ('{path}')",
-            f"{scene.file or scene.name}, models",
-            "remove [models], or compare them by `screwgauge run`",
+            f"the bench measures methods on models made from the description and reads none of your own ('{name}')",
+            str(scene.file or scene.name),
+            "remove [models] and [tables], or compare them by `screwgauge run`",
         )
 
 

@@ -1,4 +1,4 @@
-"""Keeps every finished piece of a bench on disk, so that an interrupted one goes on where it stopped."""
+"""Keeps every finished piece of long work on disk, so that interrupted work goes on where it stopped."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Journal:
         text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
         records = list(filter(None, map(_parse, text.splitlines())))
         if text.strip() and not (records and "stamp" in records[0]):
-            raise OutputError("is no journal of a bench", str(path), "move it, or choose another --out")
+            raise OutputError("is no journal of interrupted work", str(path), "move it, or choose another --out")
         if not records or records[0]["stamp"] != stamp:
             if records:
-                self.note = "Pieces of an earlier bench were not used: scene, settings or environment have changed."
+                self.note = "Pieces of earlier work were not used: scene, settings or environment have changed."
             self._write("w", stamp=stamp)
             return
         for record in records[1:]:
@@ -46,7 +46,7 @@ class Journal:
                 self.results[record["key"]] = record["result"]
             elif "time" in record:
                 self.times.setdefault(record["key"], []).append(float(record["time"]))
-        taken = f"Resumed: {len(self.results)} results of an interrupted bench were taken over."
+        taken = f"Resumed: {len(self.results)} results of interrupted work were taken over."
         self.note = taken if self.results else ""
 
     def keep(self, key: str, result: Mapping[str, Any]) -> None:
@@ -60,7 +60,7 @@ class Journal:
         self._write("a", key=key, time=seconds)
 
     def remove(self) -> None:
-        """The bench is complete: the next one starts afresh."""
+        """The work is complete: the next starts afresh."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
 

@@ -8,10 +8,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.console import complain, say
+
+if TYPE_CHECKING:
+    from screwgauge.study.apart import Limits
 
 OUT = Path("screwgauge-out")
 
@@ -85,10 +88,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.pages import run as page
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
-    from screwgauge.study.apart import Limits
 
-    given = {"seconds": options.limit, "memory": options.memory}
-    limits = Limits(**{name: value for name, value in given.items() if value is not None})
     _imported(options.scene)
     scene = load_scene(options.scene)
     if options.exciting:
@@ -99,10 +99,10 @@ def run(options: argparse.Namespace) -> int:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
-    results = _study(
+    results = carry_out(
         page,
         out,
-        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn, limits=limits),
+        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn, limits=limits(options)),
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,
@@ -120,7 +120,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
-    from screwgauge.study.bench.journal import NAME
+    from screwgauge.study.journal import NAME
 
     _imported(options.scene)
     scene = load_scene(options.scene)
@@ -131,10 +131,10 @@ def bench(options: argparse.Namespace) -> int:
         plan = replace(plan, budget=given_run.check_budget(options.budget))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
     if scene.simulated:
-        _study(bench_simulation, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
+        carry_out(bench_simulation, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
         return 0
     more["journal"] = out / NAME
-    _study(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
+    carry_out(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
     return 0
 
 
@@ -144,7 +144,7 @@ def _random(options: argparse.Namespace) -> int:
     from screwgauge.study.campaign import campaign
 
     out, names = options.out or OUT / "random", _names(options.contestants)
-    _study(
+    carry_out(
         page,
         out,
         lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
@@ -163,7 +163,7 @@ def stress(options: argparse.Namespace) -> int:
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
     more = {"quick": options.quick, "severities": severities}
-    found = _study(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
+    found = carry_out(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
     if found.broken:
         complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
@@ -176,7 +176,7 @@ def paper(options: argparse.Namespace) -> int:
     from screwgauge.study.paper.measure import measure
 
     out = options.out or OUT / "paper"
-    return 0 if _study(page, out, measure).complete else 1
+    return 0 if carry_out(page, out, measure).complete else 1
 
 
 def diagnose(options: argparse.Namespace) -> int:
@@ -197,7 +197,7 @@ def diagnose(options: argparse.Namespace) -> int:
         )
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
-    found = _study(
+    found = carry_out(
         page,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
@@ -221,7 +221,9 @@ def _self_test(options: argparse.Namespace) -> int:
         raise DescriptionError(f"a self-test takes no {', '.join(given)}", "diagnose --self-test", "leave that out")
     out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
     file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
-    found = _study(page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME)
+    found = carry_out(
+        page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME
+    )
     return 0 if page.passed(found) else 1
 
 
@@ -239,14 +241,14 @@ def _case(options: argparse.Namespace) -> int:
     return 0 if result.ok else 3
 
 
-def _study(
+def carry_out(
     page: ModuleType,
     out: Path,
     work: Callable[[Any], Any],
     *,
     tell: Callable[[Any], str] | None = None,
     again: str = "",
-    **writing: bool,
+    **writing: Any,
 ) -> Any:
     """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
@@ -279,6 +281,14 @@ def _study(
     if lost is not None:
         raise lost
     return found
+
+
+def limits(options: argparse.Namespace) -> Limits:
+    """What a process may take, as options say."""
+    from screwgauge.study.apart import Limits
+
+    given = {"seconds": options.limit, "memory": options.memory}
+    return Limits(**{name: value for name, value in given.items() if value is not None})
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -1,0 +1,90 @@
+"""Commands of the gate."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from functools import partial
+
+from screwgauge.commands import OUT, carry_out, limits
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.report.console import say
+
+
+def check(options: argparse.Namespace) -> int:
+    """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
+    from screwgauge.report.gate import check
+    from screwgauge.report.pages import check as page
+    from screwgauge.study.gate.run import NAME
+    from screwgauge.study.gate.store import check_store, keep
+
+    if options.self_test:
+        return _self_test(options)
+    if options.update and options.baseline is None:
+        raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
+    if options.jobs < 1:
+        raise DescriptionError(f"{options.jobs} scenes at a time", "-j", "give a positive number")
+    page.check_files(options)
+    if options.store is not None:
+        check_store(options.store)
+    out, old = options.out or OUT / "check", None if options.update else options.baseline
+    more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old, "jobs": options.jobs}
+    found = carry_out(
+        page,
+        out,
+        lambda progress: check(*options.what, **more, limits=limits(options), progress=progress, journal=out / NAME),
+        tell=(lambda found: found.json) if options.json else None,
+        again=NAME,
+        junit=options.junit,
+        baseline=options.baseline if options.update else None,
+    )
+    if options.store is not None:
+        keep(options.store, found.rows, found.smoke)
+    for line in found.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
+        say(line)
+    return int(found.exit_status)
+
+
+def history(options: argparse.Namespace) -> int:
+    """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
+    from screwgauge.report.pages import history as page
+    from screwgauge.study.gate.baseline import write_latest
+    from screwgauge.study.gate.store import check_store, history
+
+    store = options.store or OUT / "history"
+    check_store(store)
+    carry_out(page, options.out or OUT / "history-report", lambda progress: history(store, options.scene))
+    if options.baseline is not None:
+        write_latest(options.baseline, store, options.smoke)
+    return 0
+
+
+def _self_test(options: argparse.Namespace) -> int:
+    """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
+    from screwgauge.report.pages import alarms as page
+    from screwgauge.study.campaign import campaign
+    from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
+
+    taken = ("self_test", "count", "jobs", "out", "command", "debug")
+    if given := [name for name, value in vars(options).items() if value and name not in taken]:
+        raise DescriptionError(f"a self-test takes no {', '.join(given)}", "check --self-test", "leave that out")
+    out = options.out or OUT / "check-self-test"
+    asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
+    return 0 if page.passed(found) else 1
+
+
+def matrix(options: argparse.Namespace) -> int:
+    """The check with several versions of the engines; pairs whose rows are there are not checked again."""
+    from importlib.metadata import version
+    from itertools import product
+
+    from screwgauge.report.pages import matrix as page
+    from screwgauge.study.matrix import check_versions, matrix
+
+    asked = {"pin": options.pin, "mujoco": options.mujoco}
+    versions = [check_versions((text or version(package)).split(","), package) for package, text in asked.items()]
+    out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
+    found = carry_out(page, out, lambda progress: matrix(pairs, out / page.NAME, progress=progress), again=page.NAME)
+    statuses = {*found["status"]}
+    return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

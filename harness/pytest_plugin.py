@@ -1,0 +1,79 @@
+"""Plugin of pytest: the fixture ``screwgauge``, and scenes as tests. Nothing heavy is imported before one is used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+_SCENES = pytest.StashKey[list[Path]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--screwgauge DIR``, any number of times."""
+    said = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
+    parser.getgroup("screwgauge").addoption(
+        "--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=said
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Finds the scenes, before anything is tested. Workers may stand in another folder."""
+    names = config.option.screwgauge_folders
+    config.option.screwgauge_folders = folders = [Path(name).absolute() for name in names]
+    config.stash[_SCENES] = [path for folder in folders for path in _scenes(folder)]
+
+
+def _scenes(folder: Path) -> list[Path]:
+    from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.study.gate.items import items
+
+    if not folder.is_dir():
+        raise pytest.UsageError(f"--screwgauge: {folder} is no folder")
+    try:
+        return [Path(item.files[0]) for item in items([folder])]
+    except ScrewgaugeError as error:
+        raise pytest.UsageError(f"--screwgauge: {error}") from None
+
+
+@pytest.hookimpl(tryfirst=True)  # so that they can be deselected
+def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
+    """Adds the scenes, whether or not their folder is one that pytest would look into."""
+    for path in session.config.stash[_SCENES]:
+        items += SceneFile.from_parent(session, path=path).collect()
+
+
+class SceneFile(pytest.File):
+    """A scene file."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        yield SceneItem.from_parent(self, name="screwgauge")
+
+
+class SceneItem(pytest.Item):
+    """A scene, which the gate has to pass."""
+
+    def runtest(self) -> None:
+        from screwgauge.report.gate import check
+
+        check(self.path).assert_ok()
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
+        """What differs, and why; no traceback of ours."""
+        if excinfo.errisinstance(AssertionError):
+            return str(excinfo.value)
+        return str(super().repr_failure(excinfo))
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        return self.path, 0, f"scene {self.path.stem}"
+
+
+@pytest.fixture
+def screwgauge(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The package. In a test that asks for it, files are looked for beside the test's own."""
+    import screwgauge
+
+    monkeypatch.chdir(request.path.parent)
+    return screwgauge

@@ -1,0 +1,215 @@
+"""What `screwgauge.check` returns: rows that can be asserted, and shown to people and services for CI."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from screwgauge.environment import json_text
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Table
+from screwgauge.report.formatting import digits_text, number, size, unit_text
+from screwgauge.report.markdown import markdown
+from screwgauge.report.terminal import terminal
+from screwgauge.report.verdict import verdict
+from screwgauge.study.apart import Limits
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
+from screwgauge.study.gate.items import items, read_tolerances
+from screwgauge.study.gate.measure import Settings
+from screwgauge.study.gate.row import EXIT, Row
+from screwgauge.study.gate.run import check_items
+
+SCHEMA = 1  #: Of the JSON.
+WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused", "skipped": "skipped"}
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Check:
+    """What a gate found.
+
+    Attributes:
+        rows: One for each scene or pair of models.
+        smoke: Whether a few samples were looked at only.
+        against: What has become of a known state; None without a baseline.
+    """
+
+    rows: Sequence[Row]
+    smoke: bool = False
+    against: Against | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is something, all of it passes, and no digits were lost."""
+        return self.exit_status == 0
+
+    @property
+    def exit_status(self) -> int:
+        """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
+        worst = max((EXIT[row.status] for row in self.rows if row.status != "skipped"), default=1)
+        return worst or int(bool(self.against and self.against.worse))
+
+    @property
+    def faults(self) -> list[str]:
+        """What does not pass, in sentences: scene, quantity, component, time, both values, tolerance and cause."""
+        lost = [f"Regression: {each}." for each in self.against.worse] if self.against else []
+        return [*(message(row) for row in self.rows if not row.ok), *lost]
+
+    def assert_ok(self) -> None:
+        """Raises:
+        AssertionError: Something does not pass; the message says what, where, when, by how much and why.
+        """
+        __tracebackhide__ = True  # pytest shows the line that asks, not this one
+        if not self.ok:
+            raise AssertionError("\n".join(self.faults) or "nothing was checked")
+
+    def write_baseline(self, file: str | Path) -> None:
+        """Makes this the known state.
+
+        Raises:
+            OutputError: Something could not be checked, or the file not be written; it is then as it was.
+        """
+        write_baseline(Path(file), self.rows, self.smoke)
+
+    def blocks(self) -> list[Block]:
+        """What is printed, and shown as the summary of a job."""
+        good, left = (sum(row.status == status for row in self.rows) for status in ("agree", "skipped"))
+        text, said = f"{good} of {len(self.rows)} pass{f', {left} left out' if left else ''}.", list[Block]()
+        banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
+        if self.against is not None:
+            known = self.against
+            heads = ("Changed since the baseline:", "Improved:", "Of the baseline:")
+            for head, texts in zip(heads, (known.changed, known.improved, known.notes), strict=True):
+                said += [Folded(head.rstrip(":"), (Items(tuple(texts)),))] if texts else []
+        table = Table(
+            ("scene", "", "worst in", "scaled", "digits", "tolerance", "because"), tuple(map(_cells, self.rows))
+        )
+        covered = tuple(f"{row.scene}: {row.coverage or row.sentence}" for row in self.rows if row.ok)
+        tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
+        faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
+        return [banner, *said, table, *faults, *self._tolerances(), *tested]
+
+    def _tolerances(self) -> list[Block]:
+        """The largest of each quantity by where they come from."""
+        by: dict[str, dict[str, float]] = {}
+        for one in (error for row in self.rows for error in row.errors):
+            sizes = by.setdefault(one.reason, {})
+            sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
+        texts = (f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items())
+        return [Folded("Largest tolerances", (Items(tuple(texts)),))] if by else []
+
+    def __repr__(self) -> str:
+        return terminal(self.blocks())
+
+    def markdown(self) -> str:
+        """The summary of a job."""
+        return markdown([Heading("Screwgauge"), *self.blocks()])
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All of it, as plain data."""
+        known = asdict(self.against) if self.against else None
+        rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
+        return {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+
+    @property
+    def json(self) -> str:
+        """The record as text."""
+        return json_text(self.record, escaped=True)
+
+    def junit(self) -> str:
+        """JUnit XML: a test case for each row, and one for the baseline."""
+        cases = [(row.scene, row.seconds, row.status, message(row)) for row in self.rows]
+        if self.against is not None:
+            lost = "; ".join(self.against.worse)
+            cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
+        kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
+        suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
+        for name, kind in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+            suite.set(name, str(kinds[kind]))
+        for name, seconds, status, said in cases:
+            case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
+            if status != "agree":
+                ET.SubElement(case, _KINDS[status], message=_shown(said))
+        return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
+
+    def annotations(self) -> Iterator[str]:
+        """Commands of GitHub that mark a line of a model or scene."""
+        for row in self.rows:
+            if not row.ok:
+                text = message(row).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+                place = row.file.replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
+                yield f"::error file={place},line={max(row.line, 1)}::{text}"
+
+
+#: Elements of JUnit by the status of what they are about.
+_KINDS = {"differ": "failure", "failed": "error", "refused": "error", "skipped": "skipped"}
+
+
+def _shown(text: str) -> str:
+    """Without what XML cannot hold."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    worst = row.worst
+    if worst is None:
+        return (row.scene, WORDS[row.status], *("",) * 5)
+    numbers = size(worst.error), digits_text(worst.error), number(worst.tolerance, 2)
+    return (row.scene, WORDS[row.status], worst.quantity, *numbers, worst.reason)
+
+
+def message(row: Row) -> str:
+    """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
+    worst = row.worst
+    if worst is None or worst.ok:
+        return f"{row.scene}: {row.sentence}"
+    at = f" at {worst.component}" if worst.component else ""
+    when = f", t = {number(worst.t)} s" if math.isfinite(worst.t) else ""
+    unit, pair = unit_text(worst.unit), zip((worst.a, worst.b), worst.values, strict=True)
+    both = ", ".join(f"{name} {number(value, 10)} {unit}" for name, value in pair if math.isfinite(value))
+    said = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
+    return f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {said}. {row.sentence}"
+
+
+def told(results: Comparison) -> str:
+    """The verdict of a comparison."""
+    found = verdict(results)
+    return f"{found.word}: {found.text}"
+
+
+def check(
+    *what: str | Path,
+    smoke: bool = False,
+    tolerances: str | Path | Mapping[str, float] | None = None,
+    baseline: str | Path | None = None,
+    jobs: int = 1,
+    limits: Limits | None = None,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    journal: Path | None = None,
+) -> Check:
+    """Compares engines on scenes, or pairs of model files, with tolerances.
+
+    Args:
+        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
+        smoke: A few samples of an exciting motion in place of a scene's own.
+        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
+        baseline: File of a known state, whose errors must not have grown.
+        jobs: Processes at a time, if there are limits.
+        limits: What each scene may take in a process of its own; by default all are checked in this process.
+        progress: Called as work goes on, with what is under way and the share of all that is done.
+        journal: File from which an interrupted check goes on.
+
+    Raises:
+        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
+    """
+    asked = items(what)
+    settings = Settings(told, smoke, read_tolerances(tolerances))
+    if baseline is not None:
+        read_baseline(Path(baseline), smoke)
+    rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
+    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke))

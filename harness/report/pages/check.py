@@ -1,0 +1,55 @@
+"""The report of ``screwgauge check``, and what CI services read."""
+
+from __future__ import annotations
+
+import os
+from argparse import Namespace
+from collections.abc import Sequence
+from pathlib import Path
+
+from screwgauge.environment import environment
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import replace_file
+from screwgauge.report.blocks import Block, Heading, facts
+from screwgauge.report.gate import Check
+from screwgauge.report.write import write_report
+
+DATA = ("check.json", "environment.json")
+
+
+def terminal(found: Check) -> Sequence[Block]:
+    """What is printed."""
+    return found.blocks()
+
+
+def check_files(options: Namespace) -> None:
+    """Finds out before long work whether single files can be written.
+
+    Raises:
+        OutputError: One of them cannot.
+    """
+    for path in (options.junit, options.baseline if options.update else None):
+        if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
+            what = "is a folder" if path.is_dir() else "cannot be written (no such folder, or not allowed)"
+            raise OutputError(what, str(path), "name another file")
+
+
+def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None) -> Path:
+    """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
+
+    The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
+    """
+    record = environment()
+    if junit is not None:
+        replace_file(junit, found.junit())
+    if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
+        with Path(summary).open("a", encoding="utf-8") as file:
+            file.write(found.markdown())
+    write_report(
+        out,
+        lambda: [Heading("Check", 1), *found.blocks(), Heading("Environment"), facts(record)],
+        dict(zip(DATA, (found.record, record), strict=True)),
+    )
+    if baseline is not None:
+        found.write_baseline(baseline)
+    return out

@@ -1,0 +1,105 @@
+"""Columns of numbers in CSV and Parquet files, and times that they have in common."""
+
+from __future__ import annotations
+
+import re
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from screwgauge.problem import Rows
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import LARGEST
+from screwgauge.reference.files import check_count, read_bytes, read_file
+from screwgauge.reference.rotations import Array
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> dict[str, Array]:
+    """Columns of a CSV or Parquet file, read to the last bit and finite. Shape (n,) each.
+
+    Args:
+        wanted: Their names; all of them by default.
+        why: What to say of a column that is missing.
+    """
+    data = (_parquet if path.suffix == ".parquet" else _csv)(path)
+    columns: dict[str, Array] = {}
+    for column in [*data.columns] if wanted is None else wanted:
+        if column not in data.columns:
+            names = f"give all of {', '.join(wanted or ())} ({why})"
+            raise DescriptionError(f"column '{column}' is missing", str(path), names)
+        if f"{column}.1" in data.columns:  # what pandas makes of a second one
+            raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
+        columns[column] = numbers(data[column], f"column '{column}'", str(path))
+    return columns
+
+
+def numbers(values: Any, what: str, where: str) -> Array:
+    """Finite numbers, text among them. Shape (n,)."""
+    result = np.array([_number(value) for value in values], dtype=float)
+    bad = np.flatnonzero(~(np.abs(result) <= LARGEST))
+    if bad.size:
+        raise DescriptionError(f"{what} is not a finite number in data row {bad[0] + 1}", where, "complete the samples")
+    return result
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def _csv(path: Path) -> DataFrame:
+    import pandas as pd
+
+    text = read_file(path, "MB of CSV")
+    head = re.search(r"^[^#\r\n].*", text, re.MULTILINE)
+    check_count(head[0].count(",") + 1 if head else 0, "CSV columns", str(path))
+    try:
+        data = pd.read_csv(BytesIO(text.encode()), dtype=str, keep_default_na=False, comment="#")
+    except ValueError as error:
+        raise DescriptionError(f"cannot be read as CSV ({error})", str(path), "check the file") from None
+    if not isinstance(data.index, pd.RangeIndex):  # pandas takes surplus fields for row labels
+        raise DescriptionError("the rows have more fields than the header", str(path), "name every column")
+    return data
+
+
+def _parquet(path: Path) -> DataFrame:
+    content = read_bytes(path, "MB of CSV")
+    if find_spec("pyarrow") is None:
+        raise DescriptionError("needs pyarrow, which is not installed", str(path), "run pip install pyarrow")
+    from pyarrow import ArrowException
+    from pyarrow.parquet import ParquetFile
+
+    try:
+        file = ParquetFile(BytesIO(content))
+        check_count(file.metadata.num_columns, "CSV columns", str(path))
+        # a few bytes can stand for many equal numbers
+        check_count(8e-6 * file.metadata.num_columns * file.metadata.num_rows, "MB of CSV", str(path))
+        data: DataFrame = file.read().to_pandas(ignore_metadata=True)
+    except (ArrowException, OSError) as error:
+        raise DescriptionError(f"cannot be read as Parquet ({error})", str(path), "check the file") from None
+    return data
+
+
+def same_times(t: Array, others: Array) -> tuple[Rows, Rows]:
+    """Where two lists have the same times; those that differ only in how their decimals were rounded are the same.
+
+    Args:
+        t: In any order. Shape (n,).
+        others: Increasing. Shape (m,).
+
+    Returns:
+        Indices into both, for each of `t` that is there.
+    """
+    right = np.searchsorted(others, t).clip(max=len(others) - 1)
+    left = (right - 1).clip(min=0)
+    nearest = np.where(np.abs(others[left] - t) < np.abs(others[right] - t), left, right)
+    rows = np.flatnonzero(np.isclose(others[nearest], t, rtol=1e-12, atol=1e-15))
+    return rows, nearest[rows]

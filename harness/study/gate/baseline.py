@@ -1,0 +1,160 @@
+"""A baseline: the errors of a known state with its versions and hashes; later states must not lose digits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from screwgauge.environment import environment, json_text
+from screwgauge.quantities import SOLVED, digits
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.files import read_file, replace_file
+from screwgauge.study.gate.row import Error, Row
+from screwgauge.study.gate.store import latest
+
+SCHEMA = 1
+#: An error has grown when it is so many times what it was, or what rounding makes of it on another machine, whichever
+#: is more: one digit, and a hundredth of the tolerance of what is solved.
+GROWN, NOISE = 10.0, 0.01 * SOLVED
+_FIRST = "run screwgauge check --store with this folder first"
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """What has become of a known state.
+
+    Attributes:
+        changed: Which engines, models, versions are others, in sentences.
+        worse: Errors that have grown, in sentences with the digits that are lost; `improved`: likewise gained.
+        notes: What one of the two states lacks.
+    """
+
+    file: str
+    changed: Sequence[str] = ()
+    worse: Sequence[str] = ()
+    improved: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def state(rows: Iterable[Row], smoke: bool) -> dict[str, Any]:
+    """What a baseline keeps. Time is not among it."""
+    record = environment()
+    return {
+        "schema": SCHEMA,
+        "smoke": smoke,
+        "environment": {"platform": record["platform"], "cpu": record["cpu"], **record["packages"]},
+        "scenes": {
+            row.scene: {
+                "versions": dict(row.versions),
+                "files": dict(row.files),
+                "errors": {one.key: one.error for one in row.errors},
+            }
+            for row in rows
+        },
+    }
+
+
+def write_latest(file: Path, store: Path, smoke: bool) -> None:
+    """Makes the last state of each scene that passed, as a store has it, the known one.
+
+    Raises:
+        ScrewgaugeError: There is none, or the file cannot be written.
+    """
+    found = latest(store, smoke)
+    if not found["scenes"]:
+        raise DescriptionError(f"has no check that passed {'with' if smoke else 'without'} --smoke", str(store), _FIRST)
+    replace_file(file, json_text({"schema": SCHEMA, **found}))
+
+
+def write_baseline(file: Path, rows: Sequence[Row], smoke: bool) -> None:
+    """Makes the state of these rows the known one.
+
+    Raises:
+        OutputError: One of them has no numbers, or the file cannot be written; it is then as it was.
+    """
+    if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
+        what = f"a state in which {', '.join(broken)} cannot be checked is no baseline"
+        raise OutputError(what, str(file), "mend that first, or leave out --update")
+    replace_file(file, json_text(state(rows, smoke)))
+
+
+def against(file: Path, rows: Sequence[Row], smoke: bool) -> Against:
+    """Compares rows with a baseline.
+
+    Raises:
+        DescriptionError: There is none, or it is one of another schema, of other scenes, or made otherwise.
+    """
+    known = read_baseline(file, smoke)
+    before, now = known["scenes"], state(rows, smoke)
+    if not before.keys() & now["scenes"].keys():
+        what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(now['scenes'])}"
+        raise DescriptionError(what, str(file), "name another file, or make one by --update")
+    changed = [*_changes("", known["environment"], now["environment"])]
+    worse, improved, notes = list[str](), list[str](), list[str]()
+    for row in rows:
+        if row.scene not in before:
+            notes.append(f"{row.scene} is not in the baseline (--update adds it)")
+            continue
+        then = before[row.scene]
+        for key in ("versions", "files"):
+            changed += _changes(f"{row.scene}: ", then[key], now["scenes"][row.scene][key])
+        for one in row.errors:
+            if one.key not in then["errors"]:
+                notes.append(f"{row.scene}: {one.key} is not in the baseline")
+            elif sentence := _grown(row.scene, one, then["errors"][one.key]):
+                (worse if sentence[0] else improved).append(sentence[1])
+        lost = then["errors"].keys() - {one.key for one in row.errors}
+        worse += [f"{row.scene}: {key} is no longer compared" for key in sorted(lost)]
+    notes += [f"{name} is in the baseline and was not checked" for name in before if name not in now["scenes"]]
+    return Against(str(file), list(dict.fromkeys(changed)), worse, improved, notes)
+
+
+def read_baseline(file: Path, smoke: bool) -> dict[str, Any]:
+    """The entries of a baseline.
+
+    Raises:
+        DescriptionError: It is none, or of another schema, or not as asked for.
+    """
+    try:
+        known = json.loads(read_file(file))
+        schema, scenes, packages = known["schema"], known["scenes"], known["environment"]
+        sound = all(isinstance(part, dict) for part in (scenes, packages)) and all(
+            isinstance(entry[key], dict) for entry in scenes.values() for key in ("versions", "files", "errors")
+        )
+    except (ValueError, TypeError, KeyError):
+        sound, schema = False, SCHEMA
+    if not sound or schema != SCHEMA:
+        what = f"has schema {schema!r}, not {SCHEMA}" if schema != SCHEMA else "is no baseline"
+        raise DescriptionError(what, str(file), "make one by --update")
+    if known.get("smoke") is not smoke:
+        made = "with" if known.get("smoke") else "without"
+        raise DescriptionError(f"was made {made} --smoke", str(file), "check likewise, or make another by --update")
+    return dict(known)
+
+
+def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+    """Sentences on entries that differ; a hash is not worth reading."""
+    for name in dict.fromkeys([*then, *now]):
+        a, b = str(then.get(name, "")), str(now.get(name, ""))
+        if a != b:
+            hashed = len(a) == 64 or len(b) == 64
+            yield (
+                f"{whose}{name} has changed" if hashed and a and b else f"{whose}{name}: {a or 'none'} -> {b or 'none'}"
+            )
+
+
+def _grown(scene: str, one: Error, before: float | None) -> tuple[bool, str] | None:
+    """Whether an error is worse or better than it was, beyond noise, and by how many digits."""
+    then = float("nan") if before is None else float(before)
+    a, b = digits(then), digits(one.error)
+    said = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"
+    if a != a or b != b:
+        return None if a != a and b != b else (b != b, f"{said} ({'no number any more' if b != b else 'a number'})")
+    if one.error > GROWN * max(then, NOISE):
+        return True, f"{said}, {a - b:.1f} digits lost"
+    if then > GROWN * max(one.error, NOISE):
+        return False, f"{said}, {b - a:.1f} digits gained"
+    return None

@@ -1,0 +1,214 @@
+"""One scene, or one pair of models, as a row of a gate."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge.diagnosis.digits import ALL, digits_of
+from screwgauge.diagnosis.verdict import SAME
+from screwgauge.environment import environment
+from screwgauge.judging.answer import largest
+from screwgauge.judging.conditioning import LIMIT
+from screwgauge.problem import Progress, quiet
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.files import read_file
+from screwgauge.scene.columns import same_times
+from screwgauge.scene.exciting import exciting
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.gate.items import Item
+from screwgauge.study.gate.row import JUDGE, Error, Row, Status
+from screwgauge.study.otherwise import physical
+from screwgauge.study.run import run
+
+#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
+#: takes time is the way there.
+SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
+#: Share of its duration that a smoke test integrates a simulation of so many bodies at most; others take too long.
+BEGINNING, MOST = 1e-2, 40
+#: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
+DIGITS = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How items are checked; pickles.
+
+    Attributes:
+        tolerances: Scaled errors that are admitted where a scene says nothing.
+        tell: What a comparison found, in a sentence or two.
+    """
+
+    tell: Callable[[Comparison], str]
+    smoke: bool = False
+    tolerances: Mapping[str, float] | None = None
+
+
+def measured(item: Item, settings: Settings, progress: Progress) -> Row:
+    """The row of an item; bad input and engines that fail are rows, too."""
+    try:
+        if len(item.files) == 2:
+            return _pair(item, settings)
+        return _scene(item, settings, progress)
+    except ScrewgaugeError as error:
+        return Row(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
+
+
+def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
+    scene, note = load_scene(item.files[0]), ""
+    if settings.smoke:
+        if scene.simulated and (n := len(scene.mechanism.bodies)) > MOST:
+            return Row(item.name, "skipped", f"left out, as a simulation of {n} bodies is no matter of seconds")
+        scene, note = smoked(scene)
+    row = compared(scene, settings, progress)[0]
+    return replace(row, scene=item.name, coverage=f"{note}{row.coverage}", file=row.file or item.files[0])
+
+
+def compared(scene: Scene, settings: Settings, progress: Progress = quiet) -> tuple[Row, Comparison]:
+    """A scene as it is: its row, and what was compared."""
+    usual = settings.tolerances or {}
+    given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
+    scene = replace(scene, tolerances={**usual, **scene.tolerances})
+    results = run(scene, progress=lambda step, share: progress(share))
+    errors = tuple(_errors(results, given))
+    agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
+    status: Status = "agree" if agree else "failed" if results.failures else "differ"
+    sentence = settings.tell(results)
+    if agree and not results.ok:
+        sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
+    file, line = str(scene.file or ""), 0
+    for name, own in scene.models.items():
+        found = [] if agree else physical(scene, name, own)
+        if found or not line:
+            file, line = str(own), _line(own, found)
+    said = results.provenance
+    files = {**said["models"], "description": said["description"], "scene": {"sha256": said.get("scene_sha256")}}
+    hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
+    versions = {name: solution.version for name, solution in results.solutions.items()}
+    row = Row(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
+    return row, results
+
+
+def smoked(scene: Scene) -> tuple[Scene, str]:
+    """A scene of which little is looked at, and what that is.
+
+    A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
+    """
+    if scene.simulated:
+        since = scene.start.since
+        end = since + BEGINNING * (float(scene.t[-1]) - since)
+        return scene.at([since, end]), f"The first {end - since:.3g} s. "
+    try:
+        moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
+        return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
+    except DescriptionError as error:
+        # of the times that each table has
+        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
+        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
+        return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
+
+
+def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
+    """Pairs and residuals with their tolerances.
+
+    Args:
+        given: Quantity -> who gave its tolerance.
+    """
+    pairs = [{**row, "of": (row["a"], row["b"])} for row in results.pairs.to_dict("records")]
+    judged = [
+        {**row, "quantity": row["residual"], "a": row["engine"], "b": JUDGE, "of": (row["engine"],)}
+        for row in results.judge.to_dict("records")
+    ]
+    for row in [*pairs, *judged]:
+        quantity, unit, a, b = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
+        tolerance, reason = derived(results, row, given)
+        ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
+        first, second = (nan if ok else _value(results, row, side) for side in "ab")
+        where, t = str(row["worst_component"]), float(row["worst_t"])
+        size = float(row["max_scaled"])
+        yield Error(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
+
+
+def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
+    """The tolerance of a pair or residual, and where it comes from.
+
+    What the scene or a file gives, or else rounding of a well-conditioned mechanism, and what adds to that: what an
+    engine admits (softness, rounding of summands that cancel), what it estimates by its condition, up to `LIMIT`, and
+    the digits that a model file is cut to where it says nothing else otherwise than the description.
+    """
+    quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
+    usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
+    reason = f"from {given[quantity]}" if quantity in given else usual
+    solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
+    if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
+        stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
+        soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
+        reason += f", {[*stated, soft][0]}"
+    if quantity in given or row["max_scaled"] <= tolerance:
+        return tolerance, reason
+    for solution in solutions:
+        # a residual is of all that an engine gives
+        of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
+        estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
+        if tolerance < estimate <= LIMIT:
+            tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
+    for solution in solutions:
+        own = scene.models.get(solution.engine)
+        found = physical(scene, solution.engine, own) if own else []
+        if own and found and all(each.kind == "digits" for each in found):
+            n = digits_of(read_file(own))
+            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {own.name}"
+    return tolerance, reason
+
+
+def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
+    """What an engine says where and when the difference is largest; NaN if it says nothing."""
+    solution = results.solutions.get(pair[side])
+    values = solution.values.get(pair["quantity"]) if solution is not None else None
+    if values is None or pair["worst_component"] not in values.components or not np.isfinite(pair["worst_t"]):
+        return nan
+    row = int(np.argmin(np.abs(results.times - pair["worst_t"])))
+    return float(values.array[row, values.components.index(pair["worst_component"])])
+
+
+def _pair(item: Item, settings: Settings) -> Row:
+    """Two model files: torques at random states, and what the files say."""
+    a, b = (Path(name) for name in item.files)
+    found = diagnose(a, b)
+    given = (settings.tolerances or {}).get("tree_force")
+    rounded = bool(found.differences) and all(each.kind == "digits" for each in found.differences)
+    tolerance, reason = given or SAME, "from --tolerances" if given else "rounding"
+    n = min(found.a.digits, found.b.digits)
+    if not given and rounded and n < ALL:
+        tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
+    errors = []
+    if found.attribution is not None:
+        most = found.attribution.before
+        ok = most.scaled <= tolerance
+        errors = [Error("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
+    within = given is not None and all(each.size <= given for each in found.differences)
+    agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
+    status: Status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
+    packages = {name: environment()["packages"][name] for name in ("pin", "mujoco")}
+    hashes = {model.label: model.sha256 for model in (found.a, found.b)}
+    where = _line(b, found.differences)
+    return Row(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
+
+
+def _line(file: Path, found: tuple[Difference, ...] | list[Difference]) -> int:
+    """The line of a model file that names what differs first, 1 where none does."""
+    names = [each.item_b for each in found if each.item_b]
+    text = read_file(file) if names else ""
+    match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None
+    return text.count("\n", 0, match.start()) + 1 if match else 1

@@ -1,0 +1,133 @@
+"""The history of a gate: a Parquet file for each check, which never changes, so that nothing is locked; for DuckDB."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.util import find_spec
+from io import BytesIO
+from math import nan
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pandas as pd
+
+from screwgauge.environment import environment
+from screwgauge.quantities import digits
+from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
+from screwgauge.reference.files import replace_file
+from screwgauge.study.gate.row import Row
+
+#: Of the columns.
+SCHEMA = 1
+_ERRORS = "read_parquet($files, union_by_name = true)"
+
+
+def check_store(store: Path) -> None:
+    """Finds out before long work whether there can be a history.
+
+    Raises:
+        OutputError: What it needs is not installed, or the folder is no folder.
+    """
+    if missing := [name for name in ("duckdb", "pyarrow") if find_spec(name) is None]:
+        what = f"a history needs {' and '.join(missing)}, which is not installed"
+        raise OutputError(what, "", "run pip install 'screwgauge[history]'")
+    if store.exists() and not store.is_dir():
+        raise OutputError("is no folder", str(store), "name another folder by --store")
+
+
+def keep(store: Path, rows: Sequence[Row], smoke: bool, date: datetime | None = None) -> Path:
+    """Adds the rows of a check, as a file of its own that is there in whole or not at all.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    record, when = environment(), (date or datetime.now(UTC)).isoformat(timespec="seconds")
+    run = uuid4().hex[:12]
+    common = {"schema": SCHEMA, "run": run, "date": when, "smoke": smoke, "cpu": record["cpu"]}
+    common |= {"platform": record["platform"], "packages": json.dumps(record["packages"])}
+    entries = [
+        {
+            **common,
+            "scene": row.scene,
+            "status": row.status,
+            "seconds": row.seconds,
+            "versions": json.dumps(dict(row.versions)),
+            "files": json.dumps(dict(row.files)),
+            "key": key,
+            "error": error,
+            "tolerance": tolerance,
+        }
+        for row in rows
+        for key, error, tolerance in (
+            [(one.key, one.error, one.tolerance) for one in row.errors] or [(row.sentence, nan, nan)]
+        )
+    ]
+    text = BytesIO()
+    pd.DataFrame(entries).to_parquet(text, index=False)
+    store.mkdir(parents=True, exist_ok=True)
+    path = store / f"{when.replace(':', '')}-{run}.parquet"
+    replace_file(path, text.getvalue())
+    return path
+
+
+def asked(store: Path, query: str, **values: Any) -> pd.DataFrame:
+    """What a query finds in a store; ``ERRORS`` in it stands for the table of all errors.
+
+    Raises:
+        DescriptionError: There is no history, or a file of it is of something else.
+    """
+    import duckdb
+
+    files = sorted(map(str, store.glob("*.parquet")))
+    if not files:
+        raise DescriptionError("has no history", str(store), "run screwgauge check --store with this folder first")
+    with duckdb.connect() as database:
+        try:
+            return database.execute(query.replace("ERRORS", _ERRORS), {"files": files, **values}).df()
+        except duckdb.Error as error:
+            what = f"is no history of checks: {str(error).splitlines()[0]}"
+            raise DescriptionError(what, str(store), "remove the file that does not belong there") from None
+
+
+def history(store: Path, scene: str | None = None) -> pd.DataFrame:
+    """A row for each check of a scene, the oldest first: when, with what, the error nearest to its tolerance, time.
+
+    Raises:
+        ScrewgaugeError: There is no such history.
+    """
+    known = asked(store, "select distinct scene from ERRORS order by scene")["scene"].tolist()
+    if scene is not None and scene not in known:
+        raise UnknownNameError("scene", scene, known, str(store))
+    found = asked(
+        store,
+        """select scene, date, run, any_value(status) as status, any_value(versions) as versions,
+            any_value(files) as files, any_value(cpu) as cpu, bool_or(smoke) as smoke, any_value(seconds) as seconds,
+            arg_max(key, share) as worst, arg_max(coalesce(error, 'inf'), share) as error
+        from (select *, coalesce(error / tolerance, 'inf') as share from ERRORS)
+        where $scene is null or scene = $scene group by scene, date, run order by scene, date, run""",
+        scene=scene,
+    )
+    found["digits"] = found["error"].map(digits)
+    return found
+
+
+def latest(store: Path, smoke: bool) -> Mapping[str, Any]:
+    """The entries of a baseline: of each scene the last check that passed, see `screwgauge.study.gate.baseline`."""
+    found = asked(
+        store,
+        """select scene, versions, files, packages, platform, cpu, key, error from ERRORS
+        where status = 'agree' and smoke = $smoke
+        qualify dense_rank() over (partition by scene order by date desc, run) = 1 order by date, scene, key""",
+        smoke=smoke,
+    )
+    scenes: dict[str, Any] = {}
+    rows = [dict[Any, Any](row) for row in found.to_dict("records")]
+    for row in rows:
+        entry = {"versions": json.loads(row["versions"]), "files": json.loads(row["files"]), "errors": {}}
+        scenes.setdefault(row["scene"], entry)["errors"][row["key"]] = row["error"]
+    last = rows[-1] if rows else {"platform": "", "cpu": "", "packages": "{}"}
+    machine = {"platform": last["platform"], "cpu": last["cpu"], **json.loads(last["packages"])}
+    return {"smoke": smoke, "environment": machine, "scenes": scenes}

@@ -1,0 +1,191 @@
+"""Numbers of one's own as the answer of an engine: what they are of, what they leave out, how they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.engines.parts import Names
+from screwgauge.engines.registry import engine_names
+from screwgauge.judging.answer import largest
+from screwgauge.judging.judge import judge
+from screwgauge.problem import Problem, Rows
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.columns import same_times
+from screwgauge.scene.recorded import Header, Recorded, read_header
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
+
+#: Share of the largest number that may be left over where one table is a multiple of another.
+ALIKE = 1e-3
+NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
+
+Columns = dict[str, dict[str, Array]]
+"""Quantity -> component -> values."""
+
+
+def check_tables(scene: Scene) -> None:
+    """Refuses tables that are called like something else.
+
+    Raises:
+        DescriptionError: One is.
+    """
+    for name in {*engine_names(), REFERENCE} & {*scene.tables}:
+        said = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
+        raise DescriptionError(
+            f"a table is called '{name}', {said}", f"{scene.file or scene.name}, tables", "rename it"
+        )
+
+
+def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
+    """A table as an answer.
+
+    Args:
+        name: That of the table.
+        names: Components and units of every quantity that a table may have.
+        wanted: Names of quantities; others are not looked at, and said to be there.
+
+    Raises:
+        ScrewgaugeError: It has unknown columns or other units, or nothing of what is compared.
+    """
+    table, n = scene.tables[name], len(scene.t)
+    rows, at = same_times(scene.t, table.t)
+    columns = _columns(table, names, wanted)
+    if not rows.size:
+        raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
+    values: dict[str, Values] = {}
+    for quantity in (quantity for quantity in names if quantity in wanted and quantity in columns):
+        units = {name: unit for name, unit in zip(*names[quantity], strict=True) if name in columns[quantity]}
+        array = np.full((n, len(units)), np.nan)
+        array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
+        values[quantity] = Values(tuple(units), tuple(units.values()), array)
+    if not values:
+        what = f"gives nothing of what is compared ({', '.join(wanted)})"
+        raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
+    short, long = _left_out(name, values, names, wanted)
+    unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
+    if skipped := len(table.t) - len(np.unique(at)):
+        unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
+    return Solution(
+        engine=name,
+        version=table.file.name if table.file else table.where,
+        values=values,
+        condition=empty(n),
+        notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
+        stated=table.error,
+        assembly=None if _whole(values, names, "joint_position") else _assembly(scene, rows),
+        rows=None if len(rows) == n else rows,
+        warnings=short,
+    )
+
+
+def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
+    """What the columns of a table are of."""
+    found: Columns = {}
+    for text, values in table.columns.items():
+        header = read_header(text)
+        quantity = _quantity(header, names, wanted, table.where)
+        components, units = names[quantity]
+        header.check_unit(units[components.index(header.component)], table.where)
+        if header.component in found.setdefault(quantity, {}):
+            raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
+        found[quantity][header.component] = values
+    for quantity in table.error:
+        check_choice("quantity", [quantity], found, f"{table.where}, error")
+    return found
+
+
+def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
+    """The quantity of a column: that which it says, or the only one, of those compared, that has its component."""
+    if header.quantity and header.quantity not in names:
+        raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
+    having = [name for name in [header.quantity] if name] or [*names]
+    having = [name for name in having if header.component in names[name][0]]
+    if not having:
+        known = dict.fromkeys(c for name in names for c in names[name][0] if header.quantity in ("", name))
+        raise UnknownNameError("column", header.text, known, where)
+    compared = having if len(having) == 1 else [name for name in having if name in wanted]
+    if len(compared) != 1:
+        several = f"{', '.join(having[:-1])} and {having[-1]}"
+        remedy = f"write {having[-1]}/{header.component}, or whichever it is"
+        raise DescriptionError(f"column '{header.text}' is of {several}", where, remedy)
+    return compared[0]
+
+
+def _left_out(
+    name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str]
+) -> tuple[tuple[str, ...], list[str]]:
+    """What a table does not give of what was asked for: in a sentence, and component by component."""
+    lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
+    short, long = [f"no {', '.join(lost)}"] * bool(lost), [f"gives no {', '.join(lost)}"] * bool(lost)
+    for quantity, has in values.items():
+        if rest := [component for component in names[quantity][0] if component not in has.components]:
+            short.append(f"{len(has.components)} of the {len(names[quantity][0])} components of {quantity}")
+            long.append(f"of {quantity} it gives no {', '.join(rest)}")
+    return (f"{name} gives {'; '.join(short)}",) if short else (), long
+
+
+def _whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool:
+    return quantity in values and values[quantity].components == names[quantity][0]
+
+
+def _assembly(scene: Scene, rows: Rows) -> Array:
+    """Joint coordinates that follow from the scene, at which numbers without positions are judged. Shape (n, n_q)."""
+    motion, mechanism = scene.motion.part(rows), scene.mechanism
+    q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
+    q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q
+    return q
+
+
+def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
+    """Judges the quantities of a table that have all of their components: only of these do equations say anything.
+
+    What a table states as its error it may leave over; positions that it does not give are not judged.
+    """
+    values = {name: one for name, one in answer.values.items() if _whole(answer.values, names, name)}
+
+    def tolerance_of(quantity: str) -> float:
+        usual, stated = scene.tolerance(quantity), answer.stated.get(quantity)
+        if stated is None or quantity not in values:
+            return usual
+        columns = {u: [has == u for has in values[quantity].units] for u in values[quantity].units}
+        return max(usual, *(stated / (largest(values[quantity].array[:, of]) or 1.0) for of in columns.values()))
+
+    known = replace(answer, values=values, assembly=answer.assembly if values else None)
+    rows = judge(scene.mechanism, problem, known, tolerance_of=tolerance_of)
+    return rows if "joint_position" in values else rows[rows["residual"] != "loop_closure"]
+
+
+def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
+    """The rows of pairs; those out of tolerance say if a table is a multiple of what it is compared with."""
+    own, pairs = {*own}, pairs.copy()
+    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & (pairs["reason"] == "")].iterrows():
+        a, b = (solutions[row[side]] for side in "ab")
+        factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
+        if abs(factor - 1.0) > ALIKE:
+            said = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
+            pairs.loc[i, "reason"] = said
+    return pairs
+
+
+def _shared(a: Solution, b: Solution, quantity: str, unit: str) -> Iterator[Array]:
+    first, second = a.values[quantity], b.values[quantity]
+    rows = common_rows(len(first.array), a, b)
+    units = zip(first.components, first.units, strict=True)
+    names = tuple(name for name, has in units if has == unit and name in second.components)
+    for one in (first, second):
+        yield one.pick(names).array[rows]
+
+
+def _factor(a: Array, b: Array) -> float:
+    """How many times a is b throughout, 1 if it is no multiple or too few numbers tell."""
+    if b.size < 3 or not a.any():
+        return 1.0
+    factor = float(np.sum(a * b) / np.sum(a * a))
+    return factor if np.abs(b - factor * a).max() <= ALIKE * np.abs(b).max() else 1.0

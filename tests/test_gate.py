@@ -1,0 +1,265 @@
+"""The gate: what it checks, which sentence it fails with, how rows read in every form, and where they are run."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import xml.etree.ElementTree as ET
+from functools import partial
+from pathlib import Path
+
+import pytest
+from gates import edited, repository, scene, tell
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.report.gate import told
+from screwgauge.study.apart import Limits, apart
+from screwgauge.study.gate import run as gate_run
+from screwgauge.study.gate.items import Item
+from screwgauge.study.gate.measure import Settings
+from screwgauge.study.gate.run import NAME, check_items
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    return repository(tmp_path_factory.mktemp("theirs"))
+
+
+@pytest.fixture
+def theirs(made, tmp_path, monkeypatch) -> Path:
+    """A copy of the repository, and the working folder."""
+    folder = tmp_path / "theirs"
+    shutil.copytree(made, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def worse(text: str, by: float) -> str:
+    """An MJCF with the coupler's moment of inertia about y larger by a share."""
+    value = 1.2 * 0.02 * 1.2
+    (written,) = {word for word in text.split() if word.startswith("0.0288")}
+    assert float(written) == pytest.approx(value, rel=1e-15, abs=0)
+    return text.replace(written, repr(value * (1.0 + by)))
+
+
+def test_what_agrees_passes_in_every_form(theirs):
+    found = screwgauge.check("turn.toml")
+    found.assert_ok()
+    assert found.exit_status == 0
+    assert all(one.ok and one.reason for row in found.rows for one in row.errors)
+    record = json.loads(found.json)
+    assert record["ok"]
+    assert [row["scene"] for row in record["rows"]] == ["turn"]
+    assert {"joint_position", "actuator_force", "loop_closure"} <= {one.quantity for one in found.rows[0].errors}
+    suite = ET.fromstring(found.junit())
+    assert suite.attrib == {"name": "screwgauge", "tests": "1", "failures": "0", "errors": "0", "skipped": "0"}
+    assert "| turn | ✓ ok |" in found.markdown()
+    assert "rounding times the usual condition: joint_position 1e-11" in found.markdown()
+    assert [*found.annotations()] == []
+
+
+def heavier(text: str) -> str:
+    """An MJCF with the coupler heavier by 1e-9 of its mass."""
+    return text.replace('mass="1.2"', f'mass="{1.2 * (1 + 1e-9)!r}"')
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"), [(partial(worse, by=1e-6), "coupler: inertia yy"), (heavier, "coupler: mass")]
+)
+def test_a_change_fails_with_place_values_tolerance_and_cause(theirs, change, cause):
+    edited(theirs / "four-bar.xml", change)
+    found = screwgauge.check(theirs / "turn.toml")
+    assert found.exit_status == 1
+    with pytest.raises(AssertionError) as raised:
+        found.assert_ok()
+    said = str(raised.value)
+    worst = found.rows[0].worst
+    assert said.startswith("turn: actuator_force at a, t = 0")
+    for side, value in zip((worst.a, worst.b), worst.values, strict=True):
+        assert f"{side} {value:.10g}"[:14] in said
+    assert "tolerance 1e-11 (rounding times the usual condition)" in said
+    assert cause in said
+    (line,) = found.annotations()
+    assert line.startswith(f"::error file={theirs}/four-bar.xml,line=")
+    number = int(line.partition("line=")[2].partition(":")[0])
+    assert 'name="coupler"' in (theirs / "four-bar.xml").read_text().splitlines()[number - 1]
+    failure = ET.fromstring(found.junit()).find("testcase/failure")
+    assert cause in failure.get("message")
+
+
+def test_tolerances_are_the_scene_s_then_the_file_s_then_derived(theirs):
+    edited(theirs / "four-bar.xml", lambda text: worse(text, 1e-4))
+    (theirs / "loose.toml").write_text("actuator_force = 1e-2\njoint_position = 1e-3\n")
+    (theirs / "own.toml").write_text(scene('models.mujoco = "four-bar.xml"\ntolerances.joint_position = 1e-9'))
+    found = screwgauge.check("own.toml", "turn.toml", tolerances=theirs / "loose.toml")
+    assert found.ok
+    said = {(row.scene, e.quantity): (e.tolerance, e.reason) for row in found.rows for e in row.errors}
+    assert said["own", "joint_position"] == (1e-9, "from the scene")
+    assert said["turn", "joint_position"] == (1e-3, "from --tolerances")
+    assert said["own", "actuator_force"] == (1e-2, "from --tolerances")
+    assert not screwgauge.check("turn.toml", tolerances={"actuator_force": 1e-7}).ok
+
+
+def test_digits_that_a_file_is_cut_to_are_admitted_and_no_more(theirs):
+    def cut(text: str) -> str:
+        return re.sub(r"\d+\.\d{6,}", lambda match: f"{float(match[0]):.6g}", text)
+
+    edited(theirs / "four-bar.xml", lambda text: cut(text.replace('mass="1.2"', 'mass="1.20000000"')))
+    found = screwgauge.check("turn.toml")
+    assert found.ok, found
+    assert any("6 digits of four-bar.xml" in one.reason for one in found.rows[0].errors)
+    assert "wider than the usual" in found.rows[0].sentence
+    edited(theirs / "four-bar.xml", lambda text: text.replace('mass="1.2"', 'mass="1.20002"'))
+    assert not screwgauge.check("turn.toml").ok
+
+
+def test_two_model_files_are_a_pair(theirs):
+    shutil.copy(theirs / "four-bar.xml", theirs / "other.xml")
+    assert screwgauge.check("four-bar.urdf", "other.xml").rows[0].scene == "four-bar.urdf - other.xml"
+    edited(theirs / "other.xml", lambda text: worse(text, 1e-6))
+    row = screwgauge.check("four-bar.urdf", "other.xml").rows[0]
+    assert row.status == "differ"
+    assert "coupler: inertia yy" in row.sentence
+    assert 'name="coupler"' in (theirs / "other.xml").read_text().splitlines()[row.line - 1]
+    assert screwgauge.check("four-bar.urdf", "other.xml", tolerances={"tree_force": 1e-4}).ok
+    edited(theirs / "other.xml", lambda text: text.replace('mass="1.2"', 'mass="1.3"'))
+    assert not screwgauge.check("four-bar.urdf", "other.xml", tolerances={"tree_force": 1e-4}).ok
+
+
+def test_a_folder_is_its_scenes_and_a_broken_one_is_a_row(theirs):
+    (theirs / "broken.toml").write_text("mechanism = \n")
+    (theirs / "wrong.toml").write_text(scene("colour = 1"))
+    found = screwgauge.check(".")
+    assert {row.scene: row.status for row in found.rows} == {
+        "broken": "refused",
+        "turn": "agree",
+        "wrong": "refused",
+    }
+    assert found.exit_status == 2
+    assert "unknown key 'colour'" in found.rows[2].sentence
+
+
+def test_smoke_takes_few_samples_and_says_what_they_test(theirs):
+    row = screwgauge.check("turn.toml", smoke=True).rows[0]
+    assert row.ok
+    assert row.coverage.startswith("3 samples. 12 of 30 inertial parameters")
+    row = screwgauge.check("a01-pendulum", smoke=True).rows[0]
+    assert row.ok
+    assert row.coverage.startswith("The first 0.1 s.")
+
+
+def test_what_is_left_out_is_no_pass(monkeypatch):
+    monkeypatch.setattr("screwgauge.study.gate.measure.MOST", 0)
+    found = screwgauge.check("a01-pendulum", smoke=True)
+    assert found.rows[0].status == "skipped"
+    assert "left out" in repr(found)
+    assert found.exit_status == 1
+
+
+def test_a_missing_engine_and_nan_fail(theirs, stand_in):
+    def nothing(problem):
+        raise ImportError("No module named 'mujoco'", name="mujoco")
+
+    stand_in(mujoco=nothing)
+    found = screwgauge.check("turn.toml")
+    assert found.exit_status == 3
+    assert ET.fromstring(found.junit()).get("errors") == "1"
+
+
+def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
+    edited(theirs / "four-bar.xml", lambda text: worse(text, 1e-6))
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(theirs / "summary.md"))
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    (theirs / "summary.md").write_text("before\n")
+    assert main(["check", "turn.toml", "--junit", "junit.xml", "--out", "out"]) == 1
+    assert ET.parse(theirs / "junit.xml").getroot().get("failures") == "1"
+    summary = (theirs / "summary.md").read_text()
+    assert summary.startswith("before\n## Screwgauge")
+    assert "coupler: inertia yy" in summary
+    printed = capsys.readouterr().out
+    assert "\n::error file=" in printed
+    assert "✗ FAILED: 0 of 1 pass." in printed
+    assert (theirs / "out" / "report.html").is_file()
+    assert main(["check", "turn.toml", "--json", "--out", "out"]) == 1
+    assert json.loads(capsys.readouterr().out)["rows"][0]["status"] == "differ"
+    assert json.loads((theirs / "out" / "check.json").read_text())["rows"][0]["status"] == "differ"
+
+
+def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
+    (theirs / "again.toml").write_text(scene())
+    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], Settings(told)
+    asked, measured = [], gate_run.measured
+
+    def stops(item, settings, progress):
+        asked.append(item.name)
+        if asked == ["turn", "again"]:
+            raise KeyboardInterrupt
+        return measured(item, settings, progress)
+
+    monkeypatch.setattr(gate_run, "measured", stops)
+    with pytest.raises(KeyboardInterrupt):
+        check_items(items, settings, journal=theirs / NAME)
+    rows = check_items(items, settings, journal=theirs / NAME)
+    assert asked == ["turn", "again", "again"]
+    assert [row.scene for row in rows] == ["turn", "again"]
+    assert repr(rows[0].errors) == repr(check_items(items[:1], settings)[0].errors)
+    assert not (theirs / NAME).exists()
+
+
+def test_a_kept_row_of_a_changed_model_is_not_taken(theirs):
+    before = gate_run.fingerprint(Item("turn", ("turn.toml",)))
+    assert gate_run.fingerprint(Item("turn", ("turn.toml",))) == before
+    edited(theirs / "four-bar.xml", lambda text: worse(text, 1e-6))
+    assert gate_run.fingerprint(Item("turn", ("turn.toml",))) != before
+
+
+def test_a_crash_or_too_much_memory_costs_one_row(theirs, monkeypatch):
+    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+    names = ("fine", "segfault", "hog", "last")
+    for name in names:
+        (theirs / f"{name}.toml").write_text(scene(quantities='["joint_position"]'))
+    items = [Item(name, (f"{theirs}/{name}.toml",)) for name in names]
+    rows = check_items(items, Settings(tell), limits=Limits(memory=0.9))
+    assert [row.status for row in rows] == ["agree", "failed", "failed", "agree"]
+    assert rows[1].sentence == "segfault: crashed: its process got SIGSEGV"
+    assert "needs more than 0.9 GB of memory" in rows[2].sentence
+
+
+def test_what_hangs_costs_its_row(theirs, monkeypatch):
+    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+    (theirs / "hang.toml").write_text(scene(quantities='["joint_position"]'))
+    rows = check_items([Item("hang", (f"{theirs}/hang.toml",))], Settings(tell), limits=Limits(seconds=0.5))
+    assert rows[0].status == "failed"
+    assert "stopped after 0.5 s" in rows[0].sentence
+
+
+BAD = {
+    "unknown quantity": (["turn.toml", "--tolerances", "t.toml"], "colour = 1\n", "unknown key 'colour'"),
+    "negative": (["turn.toml", "--tolerances", "t.toml"], "reaction = -1\n", "-1 is not positive"),
+    "no table": (["turn.toml", "--tolerances", "t.toml"], "reaction = \n", "TOML syntax error"),
+    "no file": (["turn.toml", "--tolerances", "none.toml"], "", "cannot be read (it does not exist)"),
+    "unknown scene": (["trun"], "", "unknown scene 'trun'"),
+    "missing scene": (["trun.toml"], "", "does not exist"),
+    "empty folder": (["empty"], "", "has no scene"),
+    "two of one name": (["turn.toml", "other"], "", "two are called 'turn'"),
+    "three models": (["four-bar.urdf", "four-bar.xml", "four-bar-full.xml"], "", "has no partner"),
+    "update of nothing": (["turn.toml", "--update"], "", "--update does not know what"),
+    "no process": (["turn.toml", "-j", "0"], "", "0 scenes at a time"),
+    "junit in no folder": (["turn.toml", "--junit", "no/j.xml"], "", "cannot be written"),
+    "junit is a folder": (["turn.toml", "--junit", "other"], "", "is a folder"),
+    "no baseline": (["turn.toml", "--baseline", "none.json"], "", "it does not exist"),
+    "no JSON": (["turn.toml", "--baseline", "t.toml"], "colour", "is no baseline"),
+    "other schema": (["turn.toml", "--baseline", "t.toml"], '{"schema": 99, "scenes": {}, "environment": {}}', "99"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_sentence(name, theirs, refused):
+    arguments, text, said = BAD[name]
+    (theirs / "empty").mkdir()
+    (theirs / "other").mkdir()
+    (theirs / "other" / "turn.toml").write_text(scene())
+    (theirs / "t.toml").write_text(text)
+    assert said in refused("check", *arguments)

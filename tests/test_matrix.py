@@ -1,0 +1,112 @@
+"""The check with several versions of the engines: one row a pair, whatever becomes of it. Nothing is installed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from screwgauge.casebook.book import CASES
+from screwgauge.cli import main
+from screwgauge.report.pages import matrix as page
+from screwgauge.study import matrix as study
+
+CASE = "fullinertia-order"
+AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
+DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ"}
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Environments that are asked for; commands in them answer what they are told to, by version of pin."""
+    told = SimpleNamespace(asked=[], checks={}, cases={})
+
+    def make(folder: Path, wanted):
+        told.asked.append(wanted)
+        pin = next(text for text in wanted if text.startswith("pin=="))
+        if pin == "pin==9":
+            raise study.CannotError("No matching distribution found for pin==9")
+        return Path(pin)
+
+    def run(command, folder=None, ends=(0,)):
+        if "check" in command:
+            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
+        return told.cases.get(command[0], "".join(f"{name}\tshown\n" for name in command[3:]))
+
+    monkeypatch.setattr(study, "fresh", make)
+    monkeypatch.setattr(study, "_run", run)
+    monkeypatch.setattr(study, "lay_out", lambda folder: None)
+    return told
+
+
+def test_one_row_a_pair_and_only_these_versions_are_pinned(made, tmp_path):
+    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv", cases=[CASE])
+    assert found[["pin", "mujoco", "status", "passing", "scenes"]].values.tolist() == [
+        ["3.9.0", "3.6.0", "differ", 1, 2],
+        ["4.1.0", "3.6.0", "differ", 1, 2],
+    ]
+    assert {*found["reason"]} == {"t: they differ"}
+    assert {*found["shown"]} == {CASE}
+    first = made.asked[0]
+    assert {"pin==3.9.0", "mujoco==3.6.0", "numpy>=2.0"} <= {*first}
+    assert not any("extra" in text or "pytest" in text for text in first)
+
+
+def test_rows_that_are_there_are_not_made_again(made, tmp_path):
+    study.matrix([("3.9.0", "3.6.0")], tmp_path / "m.csv", cases=())
+    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv", cases=())
+    assert len(made.asked) == len(found) == 2
+
+
+def test_what_cannot_be_installed_or_checked_is_a_row(made, tmp_path):
+    made.checks["pin==4"] = "Segmentation fault"
+    made.checks["pin==5"] = json.dumps({"rows": [{**DIFFER, "status": "failed"}]})
+    made.checks["pin==6"] = json.dumps({"rows": []})
+    found = study.matrix([(pin, "4.0.0") for pin in "94567"], tmp_path / "m.csv", cases=())
+    assert found["status"].tolist() == ["not installed", "failed", "failed", "differ", "differ"]
+    assert found["reason"][0] == "No matching distribution found for pin==9"
+    assert found["reason"][1] == "the check printed no JSON"
+
+
+def test_a_case_that_takes_its_process_with_it_costs_only_itself(made, tmp_path):
+    names = [*CASES][:4]
+    made.cases["pin==4"] = f"noise\n{names[0]}\tnot shown\n"
+    found = study.matrix([("4", "4")], tmp_path / "m.csv", cases=names)
+    (row,) = found.to_dict("records")
+    assert (row["not_shown"], row["failed"]) == (names[0], " ".join(names[1:]))
+
+
+def test_versions_that_are_none_are_refused(refused):
+    assert "'--index-url' is no version; write 4.1.0" in refused("matrix", "--pin=4.1.0,--index-url")
+    assert "'latest' is no version" in refused("matrix", "--mujoco", "latest")
+
+
+def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
+    made.cases["pin==3.9.0"] = f"{CASE}\tnot shown\n"
+    assert main(["matrix", "--pin", "3.9.0,4.1.0,9", "--mujoco", "4.0.0", "--out", str(tmp_path / "out")]) == 3
+    assert "not installed" in capsys.readouterr().out
+    assert [*pd.read_csv(tmp_path / "out" / page.NAME).columns] == [*study.COLUMNS]
+    text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
+    assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
+    assert "pin 3.9.0: no case runs at all." in text
+
+
+def test_the_package_answers_where_it_is_laid_out(tmp_path):
+    """A real one: this Python stands for the fresh environment."""
+    found = study.matrix(
+        [("0", "0")],
+        tmp_path / "m.csv",
+        make=lambda folder, wanted: Path(sys.executable),
+        scenes=["slider-crank"],
+        cases=[CASE, "any-tool"],
+    )
+    (row,) = found.to_dict("records")
+    assert (row["status"], row["passing"], row["scenes"], row["shown"]) == ("agree", 1, 1, CASE)
+    assert row["digits"] > 11
+    assert row["worst"].startswith("slider-crank: ")
+    assert row["failed"] == "any-tool"

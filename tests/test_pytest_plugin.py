@@ -1,0 +1,159 @@
+"""A repository of somebody else gates its models by pytest: it passes, and ten changes fail it, each with its words."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import model_texts
+
+pytest_plugins = ["pytester"]
+
+ROBOT = "slider-crank"
+SCENE = """mechanism = "../robot.toml"
+motion.crank = { harmonics = [[6, 0, 1.2]], polynomial = [0.2, 3] }
+time.times = [0.1, 0.25, 0.4]
+quantities = ["joint_position", "actuator_force"]
+engines = ["pinocchio", "mujoco"]
+models = { pinocchio = "../robot.urdf", mujoco = "../robot.xml" }
+"""
+TEST = """
+def test_robot(screwgauge):
+    screwgauge.check("scenes/robot.toml").assert_ok()
+"""
+ENGINES = ("pinocchio", "mujoco", "numpy", "pandas", "scipy")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def loaded():
+    """Libraries that cannot be imported twice are there before pytester begins, which forgets what it imports."""
+    assert screwgauge.check(ROBOT, smoke=True).ok
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, str]:
+    """Somebody's robot: name of a file -> text."""
+    mechanism = load_mechanism(ROBOT)
+    models = {name.replace(ROBOT, "robot"): text for name, text in model_texts(mechanism).items() if "full" not in name}
+    return {**models, "robot.toml": Path(mechanism.where).read_text(encoding="utf-8"), "scenes/robot.toml": SCENE}
+
+
+@pytest.fixture
+def repository(tmp_path, files):
+    """A folder with the robot."""
+    (tmp_path / "scenes").mkdir()
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def tested(pytester, repository, monkeypatch):
+    """Runs pytest in that folder."""
+    monkeypatch.chdir(repository)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # others take seconds to load
+    return lambda *options: pytester.runpytest_inprocess("-p", "screwgauge.pytest_plugin", "-p", "xdist", *options)
+
+
+#: File, what is replaced in it, by what, and what is said then.
+CHANGES = {
+    "an inertia by 1e-6": (
+        ("robot.xml", "0.0021 0.0023 ", f"0.0021 {0.0023 * (1.0 + 1e-6)!r} "),
+        "first in actuator_force at crank, by 9.9e-8 N·m (1.7e-7 scaled, tolerance 1e-11) at t = 0.25 s. The models "
+        "differ, too: crank: inertia zz 0.00230000230 kg m^2 in robot.xml, 0.00230000000 kg m^2 in the description",
+    ),
+    "a leg that is lost": (
+        ("robot.urdf", r'  <joint name="slide".*?</joint>.*?</link>\n', ""),
+        "model of pinocchio: has no body 'piston'",
+    ),
+    "a mass": (("robot.xml", 'mass="0.6"', 'mass="0.601"'), "rod: mass 0.60100 kg in robot.xml, 0.60000 kg"),
+    "a centre of mass": (
+        ("robot.xml", '"0.12 0 0"', '"0.12 0.001 0"'),
+        "rod: centre of mass (0.12, 0.001, 0) m in robo",
+    ),
+    "a length of the loop": (
+        ("robot.xml", 'pos="0.3 0', 'pos="0.301 0'),
+        "wrist.1: its frame on rod is 1 mm elsewhere",
+    ),
+    "a length of the tree": (
+        ("robot.xml", '"0.1 0 0"', '"0.11 0 0"'),
+        "pin: sits elsewhere in robot.xml, with all that",
+    ),
+    "an axis": (
+        ("robot.xml", '"pin" type="hinge" axis="0 0 1"', '"pin" type="hinge" axis="0 0 -1"'),
+        "pin: counts the other way in robot.xml",
+    ),
+    "an armature": (
+        ("robot.xml", '"crank" type="hinge"', '"crank" type="hinge" armature="0.001"'),
+        "actuator_force at crank, t = 0.25 s: pinocchio -0.5962408363 N·m, mujoco -0.6393326197 N·m; 7.2e-2 scaled",
+    ),
+    "a name": (("robot.urdf", '<link name="rod">', '<link name="rad">'), "child link [rod] of joint [pin] not found"),
+    "a file that is gone": (("scenes/robot.toml", "robot.xml", "none.xml"), "model file of mujoco does not exist"),
+}
+
+
+def change(repository: Path, file: str, old: str, new: str) -> None:
+    text = (repository / file).read_text(encoding="utf-8")
+    (repository / file).write_text(changed := re.sub(old, new, text, flags=re.DOTALL), encoding="utf-8")
+    assert changed != text
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_change_fails_the_gate_and_is_named(name, repository):
+    where, said = CHANGES[name]
+    change(repository, *where)
+    with pytest.raises(AssertionError) as error:
+        screwgauge.check(repository / "scenes").assert_ok()
+    assert said in str(error.value)
+
+
+def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repository):
+    (repository / "test_robot.py").write_text(TEST, encoding="utf-8")
+    tested(repository, "--screwgauge", repository / "scenes").assert_outcomes(passed=2)
+    where, said = CHANGES["an inertia by 1e-6"]
+    change(repository, *where)
+    found = tested(repository, "--screwgauge", repository / "scenes", "-rf")
+    found.assert_outcomes(failed=2)
+    text = found.stdout.str()
+    of_scene = text[text.index("_ scene robot _") :].split("\n====")[0]
+    assert said in of_scene
+    assert ".py" not in of_scene
+    assert "scenes/robot.toml::screwgauge" in text
+
+
+def test_scenes_are_tests_of_their_own_on_many_workers(tested, repository):
+    (repository / "scenes/again.toml").write_text(SCENE, encoding="utf-8")
+    found = tested("--screwgauge", "scenes", "-n1")
+    found.assert_outcomes(passed=2)
+
+
+def test_a_folder_that_pytest_would_not_look_into_is_collected(tested, repository):
+    (repository / "scenes").rename(repository / "build")
+    found = tested(repository, "--screwgauge", repository / "build", "--collect-only", "-q")
+    assert found.stdout.str().count("::screwgauge") == 1
+
+
+@pytest.mark.parametrize(("folder", "said"), [("none", "none is no folder"), ("empty", "has no scene")])
+def test_a_folder_without_scenes_is_no_pass(folder, said, tested, repository):
+    (repository / "empty").mkdir()
+    found = tested("--screwgauge", repository / folder)
+    assert found.ret == pytest.ExitCode.USAGE_ERROR
+    assert said in found.stderr.str()
+
+
+def test_nothing_heavy_is_imported_before_it_is_used():
+    code = f"import sys, screwgauge.pytest_plugin; print([name for name in {ENGINES} if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_the_plugin_is_an_entry_point():
+    project = Path(__file__).parents[1] / "pyproject.toml"
+    points = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["entry-points"]
+    assert points == {"pytest11": {"screwgauge": "screwgauge.pytest_plugin"}}

@@ -1,0 +1,261 @@
+"""Numbers of one's own beside the engines: compared, judged, and what is wrong with them is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import screwgauge
+from screwgauge import Recorded, ScrewgaugeError, load_scene
+from screwgauge.report.pages.run import summary
+
+SCENE = """mechanism = "five-bar"
+motion = { left = { harmonics = [[3, 0, 0.2]] }, right = { harmonics = [[4, -0.3, 0.2]], offset = 0.3 } }
+engines = ["screw", "pinocchio"]
+"""
+TIMES = [0.0, 0.25, 0.5, 0.75]
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory) -> pd.DataFrame:
+    """What the solver says, a column for each quantity, component and unit."""
+    path = tmp_path_factory.mktemp("right") / "scene.toml"
+    path.write_text(f"{SCENE}time.times = {TIMES}\n", encoding="utf-8")
+    found = screwgauge.run(load_scene(path), ["screw"]).solutions["screw"].values
+    columns = {
+        f"{quantity}/{component} [{unit}]": column
+        for quantity, values in found.items()
+        if not quantity.startswith("tree_force")
+        for component, unit, column in zip(values.components, values.units, values.array.T, strict=True)
+    }
+    return pd.DataFrame({"t [s]": TIMES, **columns})
+
+
+@pytest.fixture
+def scene(write, right, tmp_path):
+    """Writes a table and a scene with it; loads that."""
+
+    def make(table: pd.DataFrame | str = "", *, entries: str = "", name: str = "mine.csv") -> screwgauge.Scene:
+        return load_scene(path(table, entries=entries, name=name))
+
+    def path(table: pd.DataFrame | str = "", *, entries: str = "", name: str = "mine.csv"):
+        if isinstance(table, str):
+            write(name, table)
+        elif name.endswith(".csv"):
+            table.to_csv(tmp_path / name, index=False)
+        else:
+            table.to_parquet(tmp_path / name)
+        return write("scene.toml", f'{SCENE}tables.mine = "{name}"\n{entries}\n')
+
+    make.path = path
+    return make
+
+
+def forces(right: pd.DataFrame, scale: float = 1.0) -> pd.DataFrame:
+    """Actuator forces, without their units."""
+    names = {column: column.split(" ")[0] for column in right if column.startswith("actuator_force/")}
+    return pd.DataFrame({"t": right["t [s]"], **{short: scale * right[column] for column, short in names.items()}})
+
+
+def test_whole_table_is_compared_and_judged_like_an_engine(scene, right):
+    results = screwgauge.run(scene(right))
+    assert results.ok, results
+    assert [*results.solutions] == ["screw", "pinocchio", "mine"]
+    rows = results.pairs[results.pairs["b"] == "mine"]
+    assert {*rows["a"]} == {"screw", "pinocchio"}
+    assert {*rows["quantity"]} == {name for name in results.scene.quantities if not name.startswith("tree_force")}
+    judged = results.judge.groupby("engine")["residual"].agg(set)
+    assert judged["mine"] == {name for name in judged["screw"] if not name.startswith("tree_force")}
+    found = summary(results)
+    assert found["engines"]["mine"] == "mine.csv"
+    assert len(found["models"]["mine"]["sha256"]) == 64
+    assert repr(results).startswith("✓ AGREE:")
+    assert any("gives no tree_force" in note for note in results.solutions["mine"].notes)
+
+
+def test_bare_names_will_do_where_only_one_quantity_has_them(scene, right):
+    table = forces(right).rename(columns=lambda name: name.removeprefix("actuator_force/"))
+    assert screwgauge.run(scene(table), quantities=["actuator_force", "com_acceleration"]).ok
+
+
+def test_parquet_is_read_like_csv(scene, right):
+    pytest.importorskip("pyarrow")
+    results = screwgauge.run(scene(right, name="mine.parquet"), ["screw", "mine"], ["actuator_force", "reaction"])
+    assert results.ok
+    assert results.pairs["max_abs"].max() == 0.0
+
+
+def test_one_wrong_number_is_found_where_it_stands(scene, right):
+    wrong = right.copy()
+    wrong.loc[2, "actuator_force/right [N m]"] *= 1.0 + 1e-6
+    results = screwgauge.run(scene(wrong), ["screw", "mine"], ["actuator_force", "joint_position"])
+    assert results.exit_status == 1
+    (bad,) = results.pairs[~results.pairs["ok"]].to_dict("records")
+    assert (bad["quantity"], bad["worst_component"], bad["worst_t"]) == ("actuator_force", "right", 0.5)
+    assert {*results.judge[~results.judge["ok"]]["engine"]} == {"mine"}
+
+
+def test_what_a_table_leaves_out_is_named_and_no_failure(scene, right):
+    results = screwgauge.run(scene(forces(right)[["t", "actuator_force/right"]]))
+    assert results.ok
+    said = " ".join(repr(results).split())
+    assert said.startswith("✓ AGREE, but: mine gives no joint_position, joint_velocity,")
+    assert "1 of the 2 components of actuator_force" in said
+    assert any(note.endswith("of actuator_force it gives no left") for note in results.solutions["mine"].notes)
+    assert not (results.judge["engine"] == "mine").any()
+    assert {*results.pairs[results.pairs["b"] == "mine"]["quantity"]} == {"actuator_force"}
+    assert results.errors[results.errors["b"] == "mine"]["component"].unique() == ["right"]
+
+
+def test_scale_is_that_of_all_components(scene, right):
+    """Whichever components a table has, its errors are measured like those of engines."""
+    results = screwgauge.run(scene(forces(right)[["t", "actuator_force/right"]]), ["mine", "screw"], ["actuator_force"])
+    assert {*results.errors["scale"]} == {np.abs(results.values("actuator_force", "screw")).max()}
+
+
+def test_forces_alone_are_judged_at_the_motion_of_the_scene(scene, right):
+    good, bad = (screwgauge.run(scene(forces(right, scale)), ["mine"], ["actuator_force"]) for scale in (1.0, 1.001))
+    assert good.ok
+    assert bad.exit_status == 1
+    assert {*bad.judge["residual"]} >= {"virtual_work"}
+    assert "loop_closure" not in {*good.judge["residual"]}
+
+
+def test_scene_is_evaluated_at_the_times_of_the_table(scene, right):
+    results = screwgauge.run(scene(forces(right), entries="time = { duration = 1, step = 0.1 }"))
+    assert results.ok, results
+    assert results.times == pytest.approx([0, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0])
+    assert [*np.flatnonzero(np.isfinite(results.values("actuator_force", "mine")[:, 0]))] == [0, 3, 6, 9]
+
+
+def test_times_rounded_otherwise_are_the_same(scene, right):
+    table = forces(right).assign(t=[0.1, 0.2, 0.3, 0.7])
+    assert len(scene(table, entries="time = { duration = 1, step = 0.1 }").t) == 11  # 3 * 0.1 is not 0.3
+
+
+def test_other_times_leave_rows_out_and_say_so(scene, right):
+    results = screwgauge.run(scene(forces(right)).at([0.0, 0.5]), ["screw", "mine"], ["actuator_force"])
+    assert results.ok
+    assert any("2 of its 4 times are not compared" in note for note in results.solutions["mine"].notes)
+    with pytest.raises(ScrewgaugeError, match=r"mine.csv: has none of the times of the scene"):
+        screwgauge.run(scene(forces(right)).at([0.1]))
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1e3, 180.0 / np.pi])
+def test_a_factor_throughout_is_named(factor, scene, right):
+    results = screwgauge.run(scene(forces(right, factor)), ["screw", "mine"], ["actuator_force"])
+    assert f"mine is {factor:.6g} times screw throughout: check its units and signs" in results.pairs["reason"][0]
+
+
+def test_an_error_that_is_stated_is_admitted_of_the_table_alone(scene, right):
+    table = forces(right).round(3)
+    entries = "tables.mine = { file = 'mine.csv', error.actuator_force = 6e-4 }"
+    usual = screwgauge.run(scene(table), quantities=["actuator_force"])
+    assert usual.exit_status == 1
+    path = scene.path(table)
+    path.write_text(f"{SCENE}{entries}\n", encoding="utf-8")
+    results = screwgauge.run(load_scene(path), quantities=["actuator_force"])
+    assert results.ok, results
+    assert results.pairs[results.pairs["b"] == "pinocchio"]["tolerance"].max() == 1e-11
+    assert "within 0.0006 N m, the error that mine states" in {*results.pairs["reason"]}
+    (row,) = screwgauge.check(path, tolerances={"joint_position": 1e-9}).rows
+    assert row.ok
+    assert any(error.reason.endswith(", the error that mine states") for error in row.errors if error.b == "mine")
+
+
+def test_arrays_are_a_table_too(scene, right):
+    plain = load_scene(scene.path(right)).at(TIMES)
+    columns = {name: right[name] for name in right if name.startswith("actuator_force")}
+    beside = plain.beside(theirs=Recorded(TIMES, columns))
+    results = screwgauge.run(beside, ["screw", "mine", "theirs"], ["actuator_force"])
+    assert results.ok
+    assert results.pairs["b"].tolist() == ["mine", "theirs", "theirs"]
+
+
+BAD = {
+    "no times": ("x,a\n0,1\n", "column 't' is missing"),
+    "no columns": ("t\n0\n", "has no column besides t"),
+    "no rows": ("t,a\n", "has no samples"),
+    "times that do not increase": ("t,right\n0,1\n0,2\n", "the times do not increase"),
+    "a time that is none": ("t,right\nnan,1\n", "column 't' is not a finite number in data row 1"),
+    "a gap": ("t,right\n0,1\n1,\n", "column 'right' is not a finite number in data row 2"),
+    "NaN": ("t,right\n0,nan\n", "column 'right' is not a finite number in data row 1"),
+    "an unknown column": ("t,lef\n0,1\n", "unknown column 'lef'; did you mean 'left'?"),
+    "an unknown quantity": ("t,force/e\n0,1\n", "unknown quantity 'force'"),
+    "a tree force": ("t,tree_force/left\n0,1\n", "unknown quantity 'tree_force'"),
+    "a column that is several things": (
+        "t,left\n0,1\n",
+        "column 'left' is of joint_position, joint_velocity, joint_acc",
+    ),
+    "a column that is there twice": ("t,right,right\n0,1,1\n", "column 'right' is there twice"),
+    "one column under two names": (
+        "t,actuator_force/right,actuator_force/right [N m]\n0,1,1\n",
+        "right of actuator_force is there twice",
+    ),
+    "another unit": ("t,actuator_force/right [kN m]\n0,1\n", "column 'actuator_force/right [kN m]' is in N m"),
+    "times in ms": ("t [ms],actuator_force/right\n0,1\n", "column 't [ms]' is in s"),
+    "times beyond the scene": ("t,actuator_force/right\n0,1\n500,1\n", "t = 500 s is not within the scene, 0 to 1 s"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_table_is_refused(case, scene, refused):
+    text, said = BAD[case]
+    path = scene.path(text, entries="time = { duration = 1, step = 0.5 }")
+    assert said in refused("run", path)
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ("tables = 1", "1 is not a table"),
+        ("tables.screw = 'mine.csv'", "a table is called 'screw', as an engine is"),
+        ("tables.reference = 'mine.csv'", "a table is called 'reference'"),
+        ("tables.'a,b' = 'mine.csv'", "'a,b' is no name"),
+        ("tables.mine = 'none.csv'", "none.csv: cannot be read (it does not exist)"),
+        ("tables.mine = 'none.parquet'", "none.parquet: cannot be read (it does not exist)"),
+        ("tables.mine = 'text.parquet'", "text.parquet: cannot be read as Parquet"),
+        ("tables.mine = {}", "'file' is missing"),
+        ("tables.mine = { file = 'mine.csv', wrong = 1 }", "unknown key 'wrong'"),
+        (
+            "tables.mine = { file = 'mine.csv', error.reaction = 1 }",
+            "unknown quantity 'reaction'; choose one of: actuator_f",
+        ),
+        ("tables.mine = { file = 'mine.csv', error = 1 }", "error 1 is not a table"),
+        ("tables.mine = { file = 'mine.csv', error.actuator_force = -1 }", "-1 is not positive"),
+        ("tables.mine = 'mine.csv'\nquantities = ['joint_position']", "gives nothing of what is compared"),
+    ],
+)
+def test_a_bad_entry_is_refused(entries, said, write, refused):
+    write("mine.csv", "t,actuator_force/right\n0,1\n")
+    write("text.parquet", "t,right\n0,1\n")
+    assert said in refused("run", write("scene.toml", f"{SCENE}{entries}\n"))
+
+
+def test_a_simulation_has_no_tables(write, refused):
+    text = 'mechanism = "a02-fourbar-2"\nforward = {}\ntime.times = [0, 1]\ntables.mine = "mine.csv"\n'
+    assert "'tables' does not belong to a forward scene" in refused("run", write("scene.toml", text))
+
+
+def test_an_exciting_motion_has_no_tables(scene, right, refused):
+    assert "tables are of the motion of the scene" in refused("run", scene.path(right), "--exciting")
+
+
+def test_the_bench_measures_no_tables(scene, right, refused):
+    assert "reads none of your own" in refused("bench", scene.path(right))
+
+
+@pytest.mark.parametrize(
+    ("t", "columns", "said"),
+    [
+        ([0.0, 1.0], {"a": [1.0]}, r"column 'a' has shape \(1,\), for 2 times"),
+        ([[0.0]], {"a": [1.0]}, "are no list of times"),
+        ([0.0], {"a": [np.nan]}, "not a finite number in data row 1"),
+        ([0.0], {}, "has no column besides t"),
+        ([0.0], {"a": ["x"]}, "column 'a' is not a finite number"),
+    ],
+)
+def test_arrays_that_are_no_table_are_refused(t, columns, said):
+    with pytest.raises(ScrewgaugeError, match=said):
+        Recorded(t, columns)
