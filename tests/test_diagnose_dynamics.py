@@ -10,11 +10,14 @@ import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 from screwgauge.diagnosis.asked import answers, pairs
+from screwgauge.diagnosis.closed import closed, equations, left
 from screwgauge.diagnosis.closing import constraint_rows, gaps, residual_at_home
 from screwgauge.diagnosis.common import STANDARD
 from screwgauge.diagnosis.dynamics import armature_force, dynamics, inverse_dynamics, not_modelled, passive_force
-from screwgauge.diagnosis.tree import States, draw, move, plant
+from screwgauge.diagnosis.tree import States, draw, move, moved, plant
 from screwgauge.models.readings.read import read
+from screwgauge.models.readings.reading import ClosureReading, CouplingReading
+from screwgauge.reference.mechanism import GROUND
 
 #: Every kind of joint, two on one body, a branch, everything that a joint can have.
 ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>
@@ -107,6 +110,26 @@ def test_rows_of_closures_are_rates_of_their_gaps(zoo):
         for name, row in rows.items():
             assert np.abs((ends[0][name] - ends[1][name]) / (2 * h) - row[:, :, column]).max() < 1e-8, name
     assert max(residual_at_home(tree).values()) < 1e-15
+
+
+def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
+    """A point between two branches, a whole frame of the ground, and a coupling; the base is free."""
+    reading = known(zoo, "mujoco")
+    weld = ClosureReading("weld", GROUND, reading.bodies["d"].pose, "d", np.eye(4))
+    bent = CouplingReading("h2", "h", np.array([0.1, 0.7, 0.3]))
+    tree = plant(replace(reading, closures={"point": reading.closures["point"], "d": weld}, couplings={"bent": bent}))
+    states, fits = closed(tree, draw(tree.reading, 12, seed=5))
+    assert fits.sum() == len(states.q) >= 4
+    assert np.abs(states.qd).max() > 0.1
+    projector, _ = left(equations(tree, states).rows, np.zeros(states.qd.shape[1], dtype=bool), 1.0)
+    assert np.trace(projector, axis1=1, axis2=2) == pytest.approx(2.0)  # of 12, less 3, 6 and 1
+    h, free = 1e-3, tree.freedoms["f"]
+    step = h * states.qd + 0.5 * h**2 * states.qdd
+    w, v = states.qd[:, free][:, :3], states.qd[:, free][:, 3:]
+    step[:, free.start + 3 : free.stop] += 0.5 * h**2 * np.cross(w, v)  # the axes turn with the body
+    gap = np.abs(equations(tree, replace(states, q=moved(tree, states.q, step))).gap).max()
+    assert gap <= 1e-6 * np.abs(states.qd).max() ** 3
+    assert gap < 0.01 * h**2 * np.abs(equations(tree, states).bias).max()
 
 
 def test_a_medium_is_said_not_to_be_modelled(zoo):

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from screwgauge.diagnosis.closing import constraint_rows, frames, gaps
+from screwgauge.diagnosis.lines import size
 from screwgauge.diagnosis.tree import Motion, States, Tree, move, moved
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.screws import acceleration_at
 
-#: Newton's steps, and how far one goes at most [rad or m]; gaps that are left are rounding [m or rad].
-STEPS, FAR, CLOSED = 60, 0.5, 1e-11
+#: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
+#: the machine, or m where it is smaller].
+STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 #: Singular values below this share of the largest are those of rows that follow from others.
 DEPENDENT = 1e-8
 
@@ -36,10 +38,9 @@ class Equations:
     bias: Array
 
 
-def equations(tree: Tree, states: States, motion: Motion | None = None) -> Equations:
+def equations(tree: Tree, states: States) -> Equations:
     """Of all closures and couplings."""
-    still = States(states.q, states.qd, np.zeros_like(states.qdd))
-    motion = motion or move(tree, still)
+    motion = move(tree, replace(states, qdd=np.zeros_like(states.qdd)))
     open_, rates = gaps(tree, motion), constraint_rows(tree, motion)
     n, wide = len(states.q), len(tree.before)
     gap, rows, bias = [np.zeros((n, 0))], [np.zeros((n, 0, wide))], [np.zeros((n, 0))]
@@ -80,16 +81,19 @@ def closed(tree: Tree, states: States) -> tuple[States, Array]:
     Returns:
         The states that could be closed; and which they are, shape (n,).
     """
-    q, zero = states.q, np.zeros_like(states.qd)
+    q, length, todo = states.q.copy(), max(size(tree.reading), 1.0), np.arange(len(states.q))
     for _ in range(STEPS):
-        at = equations(tree, States(q, zero, zero))
-        if np.abs(at.gap).max(initial=0.0) <= 1e-3 * CLOSED:
+        at = equations(tree, replace(states.at(todo), q=q[todo]))
+        far = np.abs(at.gap).max(axis=1, initial=0.0) > 0.01 * CLOSED * length
+        if not far.any():
             break
-        step = -(np.linalg.pinv(at.rows, rcond=DEPENDENT) @ at.gap[..., None])[..., 0]
-        q = moved(tree, q, step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
-    fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED
-    there = States(q, states.qd, states.qdd).at(fits)
-    rows = equations(tree, there).rows
+        todo = todo[far]
+        step = -(np.linalg.pinv(at.rows[far], rcond=DEPENDENT) @ at.gap[far][..., None])[..., 0]
+        step *= np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+        q[todo] = moved(tree, q[todo], step)
+    at = equations(tree, replace(states, q=q))
+    fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED * length
+    there, rows = replace(states, q=q).at(fits), at.rows[fits]
     back = np.linalg.pinv(rows, rcond=DEPENDENT)
     there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
     rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]

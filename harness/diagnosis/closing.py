@@ -57,7 +57,9 @@ def _turn(R: Array) -> Array:
     length = np.linalg.norm(sine, axis=1, keepdims=True)
     angle = np.arctan2(length, 0.5 * (np.trace(R, axis1=1, axis2=2)[:, None] - 1.0))
     # At a half turn the sine vanishes; what the rotation leaves alone is then its axis.
-    axis = np.where(length > 1e-7, sine / np.maximum(length, 1e-300), np.linalg.svd(R - np.eye(3))[2][:, 2])
+    axis, half = sine / np.maximum(length, 1e-300), ((length <= 1e-7) & (angle > 1.0))[:, 0]
+    if half.any():
+        axis[half] = np.linalg.svd(R[half] - np.eye(3))[2][:, 2]
     return np.asarray(np.where(angle < 1e-7, sine, angle * axis))
 
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.attribution import ALIKE, ROUNDING, size
-from screwgauge.diagnosis.change import Change, applied
+from screwgauge.diagnosis.change import Change, applied, axis
 from screwgauge.diagnosis.dynamics import inverse_dynamics
 from screwgauge.diagnosis.hypotheses import word
-from screwgauge.diagnosis.lines import axis
 from screwgauge.diagnosis.tree import States, plant
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Change, applied, outwards
+from screwgauge.diagnosis.change import Change, applied, axis, outwards
 from screwgauge.diagnosis.common import Common, owned
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.lines import apart, axis, size
+from screwgauge.diagnosis.lines import apart, size
 from screwgauge.diagnosis.reshape import rehomed
 from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading

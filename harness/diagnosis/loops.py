@@ -16,7 +16,7 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.tree import draw, plant
 
 #: States that are drawn, and closed where they can be.
-DRAWN = 20
+DRAWN = 12
 #: Scaled motions that loops leave and that differ by no more are the same: rounding over small singular values.
 ALIKE = 1e-9
 _NOT_COMPARED = "what closures and couplings leave is not compared"

@@ -32,6 +32,7 @@ from screwgauge.reference.rotations import Array
 
 #: States that are drawn, and how far they then are from closed [rad or m]: impedances change within a millimetre.
 DRAWN, OPEN = 10, 1e-3
+_REFUSED = (ScrewgaugeError, ValueError, LookupError)
 
 
 def softness(
@@ -60,12 +61,16 @@ def softness(
         try:
             there = patched(text, b.reading, [*rest, *changes]).text
             return reread(file, there, lambda copy: _force(copy, b, own, theirs)) @ C
-        except ScrewgaugeError:
+        except _REFUSED:
             return np.full((len(states.q), len(one.before)), np.nan)
 
+    try:
+        force = _force(a.file, a, one, states)
+    except _REFUSED:  # which is said where it is asked for torques
+        return None
     names, units = zip(*components(a.reading), strict=True)
     each_alone = [Hypothesis(f"softness of {found[i].item_b}", (i,)) for i in numbers]
-    return attribute(Torques(_force(a.file, a, one, states), of, names, units), b.reading, found, each_alone, deadline)
+    return attribute(Torques(force, of, names, units), b.reading, found, each_alone, deadline)
 
 
 def _softness(reading: Reading) -> dict[str, tuple[float, ...]]:

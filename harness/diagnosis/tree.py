@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, cross, skew
@@ -38,7 +40,7 @@ class States:
     qd: Array
     qdd: Array
 
-    def at(self, which: slice | Array) -> States:
+    def at(self, which: slice | NDArray[Any]) -> States:
         """Some of them."""
         return States(self.q[which], self.qd[which], self.qdd[which])
 
