@@ -7,11 +7,11 @@ from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Change, Difference, moved, outwards, without
+from screwgauge.diagnosis.change import Change, Difference, outwards, without
 from screwgauge.diagnosis.lines import CLOSE
 from screwgauge.diagnosis.mapping import AGAINST_NAME, Pairing, joints_before
 from screwgauge.diagnosis.reshape import held
-from screwgauge.models.importing.motion import unit_screws
+from screwgauge.models.importing.motion import moved, unit_screws
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

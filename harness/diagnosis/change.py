@@ -8,9 +8,10 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.rotations import Array, cross, skew
+from screwgauge.reference.rotations import Array, cross
 
 T = TypeVar("T")
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
@@ -141,17 +142,6 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
 def axis(joint: JointReading) -> Array:
     """Direction of a hinge or slide. Shape (3,)."""
     return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
-
-
-def moved(joint: JointReading, T: Array) -> JointReading:
-    """A joint displaced in the world.
-
-    Args:
-        T: Displacement. Shape (4, 4).
-    """
-    R, p = T[:3, :3], T[:3, 3]
-    w, v = R @ joint.screw[:3], R @ joint.screw[3:]
-    return replace(joint, screw=np.concatenate([w, v + skew(p) @ w]), centre=R @ joint.centre + p)
 
 
 def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Change, applied, axis, moved, outwards
+from screwgauge.diagnosis.change import Change, applied, axis, outwards
 from screwgauge.diagnosis.common import Common, owned
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.lines import apart, size
 from screwgauge.diagnosis.reshape import rehomed
+from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, vee
 

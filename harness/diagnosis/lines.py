@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from screwgauge.diagnosis.change import axis, moved
+from screwgauge.diagnosis.change import axis
+from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array, cross
 

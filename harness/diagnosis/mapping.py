@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.change import moved, outwards
+from screwgauge.diagnosis.change import outwards
 from screwgauge.diagnosis.lines import CLOSE, apart, fitting, size
 from screwgauge.diagnosis.reshape import rehomed
+from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import read_file

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.change import moved
 from screwgauge.diagnosis.matter import combined, displaced, of_body
 from screwgauge.diagnosis.tree import displacements, home, plant
+from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND

@@ -53,6 +53,15 @@ def moved_screws(T: Array, screws: Array) -> Array:
     return np.concatenate([turned, screws[:, 3:] @ T[:3, :3].T + cross(T[:3, 3][None], turned)], axis=1)
 
 
+def moved(joint: JointReading, T: Array) -> JointReading:
+    """A joint displaced in the world.
+
+    Args:
+        T: Displacement. Shape (4, 4).
+    """
+    return replace(joint, screw=moved_screws(T, joint.screw[None])[0], centre=T[:3, :3] @ joint.centre + T[:3, 3])
+
+
 def unit_screws(joint: JointReading) -> Array:
     """Unit screws at home, in the world; of a ball about the world's axes, of a free joint along them first.
 
@@ -118,7 +127,6 @@ def moved_home(reading: Reading, state: State) -> Reading:
     joints = {}
     for name, joint in reading.joints.items():
         T = placed.before[name] @ state.displacement(name, joint)
-        centre, screw = T[:3, :3] @ joint.centre + T[:3, 3], moved_screws(T, joint.screw[None])[0]
-        joints[name] = replace(joint, centre=centre, screw=screw, home=state.values.get(name, 0.0))
+        joints[name] = replace(moved(joint, T), home=state.values.get(name, 0.0))
     bodies = {name: replace(body, pose=placed.poses[name]) for name, body in reading.bodies.items()}
     return replace(reading, bodies=bodies, joints=joints)

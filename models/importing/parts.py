@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.models.importing.left_out import listed
+from screwgauge.models.readings.assemble import joined
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array, skew
+from screwgauge.reference.rotations import Array
 
 #: Share of the model's length below which points are one.
 SAME = 1e-9
@@ -31,16 +32,10 @@ class Part:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def absorb(self, other: Part) -> None:
-        """Adds another's mass (parallel axes)."""
-        mass = self.mass + other.mass
-        if not other.mass:
-            return
-        R = self.pose[:3, :3].T @ other.pose[:3, :3]
-        at = self.pose[:3, :3].T @ (other.pose[:3, 3] - self.pose[:3, 3]) + R @ other.com
-        com = (self.mass * self.com + other.mass * at) / mass
-        one, two = skew(self.com - com), skew(at - com)
-        tensor = self.inertia - self.mass * one @ one + R @ other.inertia @ R.T - other.mass * two @ two
-        self.mass, self.com, self.inertia = mass, com, 0.5 * (tensor + tensor.T)
+        """Adds another's mass."""
+        if other.mass:
+            own, T = (self.mass, self.com, self.inertia, np.eye(4)), np.linalg.inv(self.pose) @ other.pose
+            self.mass, self.com, self.inertia = joined([own, (other.mass, other.com, other.inertia, T)])
 
 
 @dataclass(frozen=True, slots=True)

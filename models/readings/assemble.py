@@ -92,16 +92,27 @@ def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ..
     solid = [link for link in links if link.mass or link.inertia.any()]
     mass, com, inertia, gravcomp = named.mass, named.com, named.inertia, named.gravcomp
     if any(link is not named for link in solid):
-        mass = sum(link.mass for link in solid)
-        placed = [(link, frames.get(link.name, np.eye(4))) for link in solid]
-        coms = [T[:3, :3] @ link.com + T[:3, 3] for link, T in placed]
-        com = np.sum([link.mass * c for link, c in zip(solid, coms, strict=True)], axis=0) / (mass or 1.0)
-        inertia = np.zeros((3, 3))
-        for (link, T), c in zip(placed, coms, strict=True):
-            r = c - com
-            inertia += T[:3, :3] @ link.inertia @ T[:3, :3].T + link.mass * (r @ r * np.eye(3) - np.outer(r, r))
+        placed = ((link.mass, link.com, link.inertia, frames.get(link.name, np.eye(4))) for link in solid)
+        mass, com, inertia = joined(placed)
         gravcomp = sum(link.mass * link.gravcomp for link in solid) / (mass or 1.0)
     return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames)
+
+
+def joined(parts: Iterable[tuple[float, Array, Array, Array]]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it, shape (3, 3), of rigid parts as one (parallel axes).
+
+    Args:
+        parts: The same of each in its own frame, and that frame in the common one. Shape (4, 4).
+    """
+    parts = list(parts)
+    mass = sum(m for m, _, _, _ in parts)
+    coms = [T[:3, :3] @ c + T[:3, 3] for _, c, _, T in parts]
+    com = np.sum([m * c for (m, _, _, _), c in zip(parts, coms, strict=True)], axis=0) / (mass or 1.0)
+    inertia = np.zeros((3, 3))
+    for (m, _, I, T), c in zip(parts, coms, strict=True):
+        r = c - com
+        inertia += T[:3, :3] @ I @ T[:3, :3].T + m * (r @ r * np.eye(3) - np.outer(r, r))
+    return mass, com, inertia
 
 
 def matrix(p: Array, R: Array) -> Array:
