@@ -33,6 +33,8 @@ def scaled(real: Real, b: Reading, file: Opened | None) -> Iterator[Hypothesis]:
     own = {name: {i: change for i, (d, change) in real.items() if _of(change, name)} for name in bodies}
     after = {name: of_body(applied(b, own[name].values()).bodies[name]) for name in bodies}
     ratio = float(np.median([b.bodies[name].mass / after[name].mass for name in bodies if after[name].mass]))
+    if not ratio:  # most of them have no mass in B, which is no scale
+        return
     for words, both in (("masses", False), ("masses and inertias", True)):
         fits = [name for name in bodies if _fits(b, file, name, after[name], ratio, both)]
         if len(fits) >= COMMON:
