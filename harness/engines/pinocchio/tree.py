@@ -112,7 +112,8 @@ class PinocchioTree:
             pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
             placed[i], V[i], A[i] = kept
         R = _split(placed[:, self.joints])[0]
-        local = moving(*(array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A)), points)
+        V, A = (array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A))
+        local = moving(V, A, points)
         V, A = ((array.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6) for array in local)
         return V, A
 

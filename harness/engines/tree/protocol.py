@@ -42,11 +42,11 @@ class BodyPoses:
 
     def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
         """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
-        return self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places)
+        return np.asarray(self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places))
 
     def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
         """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
-        out = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
+        out: Array = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
         np.subtract(self.screws[:, None, 3:], out, out=out)
         out *= self.moves[bodies, None]
         return out
