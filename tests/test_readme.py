@@ -290,7 +290,10 @@ def test_every_column_of_a_table_is_documented(path) -> None:
     assert any(f"`{path.name}`" in text and columns <= set(re.findall(r"\w[\w-]*", text)) for text in passages)
 
 
-@pytest.mark.parametrize("command", ["list", "models", "run", "bench", "stress", "paper", "diagnose"])
+COMMANDS = ["list", "models", "run", "bench", "stress", "paper", "diagnose", "check", "history"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_option_is_documented(command, capsys) -> None:
     with pytest.raises(SystemExit):
         main([command, "--help"])

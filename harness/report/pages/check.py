@@ -43,8 +43,12 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
     if junit is not None:
         replace_file(junit, found.junit())
     if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
-        with Path(summary).open("a", encoding="utf-8") as file:
-            file.write(found.markdown())
+        try:
+            with Path(summary).open("a", encoding="utf-8") as file:
+                file.write(found.markdown())
+        except OSError as error:
+            what = f"cannot be written ({(error.strerror or str(error)).lower()})"
+            raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
     write_report(
         out,
         lambda: [Heading("Check", 1), *found.blocks(), Heading("Environment"), facts(record)],
