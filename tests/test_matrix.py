@@ -17,6 +17,7 @@ from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
+SKIPPED = {**AGREE, "scene": "large", "status": "skipped"}
 DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ"}
 
 
@@ -34,7 +35,7 @@ def made(monkeypatch):
 
     def run(command, folder=None, ends=(0,)):
         if "check" in command:
-            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
+            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER, SKIPPED]}))
         return told.cases.get(command[0], "".join(f"{name}\tshown\n" for name in command[3:]))
 
     monkeypatch.setattr(study, "fresh", make)
