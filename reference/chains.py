@@ -7,7 +7,7 @@ import numpy as np
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout, across, place
-from screwgauge.reference.rotations import Array, other_triple, triad, triad_angles, within_half_turn
+from screwgauge.reference.rotations import Array, triad, triad_angles
 
 #: Home is given to ten digits; another branch is farther away.
 HOME = 1e-8
@@ -75,8 +75,5 @@ def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> 
     q[:, lay.columns[base.name]] = np.stack([q1, q2], axis=1)
     q[:, lay.columns[slide.name][0]] = np.sqrt(u * u + v * v + w * w)
     R_leg = _from_ground(base, q[:, lay.columns[base.name]])[0]
-    angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, triad(wrist.axes))
-    if len(wrist.axes) == 2:  # beyond a right angle the other triple is the one without a third angle
-        turned = np.abs(angles[:, 2:]) > 0.5 * np.pi
-        angles = np.where(turned, within_half_turn(other_triple(angles)), angles)
+    angles = triad_angles(R_leg.swapaxes(1, 2) @ R_wrist, triad(wrist.axes), few=len(wrist.axes) < 3)
     q[:, lay.columns[wrist.name]] = angles[:, : len(wrist.axes)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.pose import Layout, side_frames
@@ -21,6 +22,7 @@ class CutColumns:
 
     Attributes:
         triads: The axes of each cut joint, completed to three. Shape (n_cut, 3, 3).
+        few: Whether it was fewer. Shape (n_cut,).
         angles: (places, cut joints, numbers of the angle) of all angles.
         slides: (places, cut joints) of all distances.
         slide_axes: Axes of these in the parent side's frame. Shape (n_slide, 3).
@@ -29,6 +31,7 @@ class CutColumns:
     """
 
     triads: Array
+    few: NDArray[np.bool_]
     angles: tuple[list[int], list[int], list[int]]
     slides: tuple[list[int], list[int]]
     slide_axes: Array
@@ -46,6 +49,7 @@ def cut_columns(lay: Layout) -> CutColumns:
     balls = [c for c, joint in cuts if joint.kind == "S"]
     return CutColumns(
         triads=np.array([triad(joint.axes) for _, joint in cuts], dtype=lay.path.dtype).reshape(-1, 3, 3),
+        few=np.array([len(joint.axes) < 3 for _, joint in cuts], dtype=bool),
         angles=([place for place, _, _ in angles], [c for _, c, _ in angles], [i for _, _, i in angles]),
         slides=(slides, [owner[place] for place in slides]),
         slide_axes=np.array([freedoms[place][3] for place in slides]).reshape(-1, 3),
@@ -72,7 +76,7 @@ def read(lay: Layout, cut: CutColumns, R: Array, p: Array, guess: Array) -> Arra
     place, owner, number = cut.angles
     near = np.zeros((*R_from.shape[:2], 3), dtype=q.dtype)
     near[:, owner, number] = guess[:, columns[place]]
-    angles = triad_angles(R_from.swapaxes(-1, -2) @ R_to, cut.triads)
+    angles = triad_angles(R_from.swapaxes(-1, -2) @ R_to, cut.triads, cut.few)
     q[:, columns[place]] = nearest_angles(angles, near)[0][:, owner, number]
     if cut.slides[0]:
         place, owner = cut.slides

@@ -66,23 +66,24 @@ def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
     return K, K @ K, np.eye(3, dtype=K.dtype)
 
 
-def triad_angles(R: Array, axes: Array) -> Array:
+def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -> Array:
     """Angles of ``R = Rot(axes[0], q1) Rot(axes[1], q2) Rot(axes[2], q3)``, for orthogonal axes.
 
     Args:
         R: Rotation matrix. Shape (..., 3, 3).
         axes: Three mutually orthogonal unit axes (right- or left-handed), or one such triad each. (..., 3, 3).
+        few: Where a joint has no third axis: two angles have no gimbal lock. Shape (...).
 
     Returns:
-        Angles [rad], the middle one within +-pi/2. Shape (..., 3).
+        Angles [rad], the middle one of three within +-pi/2. Shape (..., 3).
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
     handed = np.sum(cross(axes[..., 0, :], axes[..., 1, :]) * axes[..., 2, :], axis=-1)
     sign = np.where(handed > 0, 1.0, -1.0).astype(R.dtype)
     M = axes @ R @ axes.swapaxes(-1, -2)
-    q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
-    q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
-    q3 = np.arctan2(-M[..., 0, 1], M[..., 0, 0])
+    q1 = np.arctan2(np.where(few, M[..., 2, 1], -M[..., 1, 2]), np.where(few, M[..., 1, 1], M[..., 2, 2]))
+    q2 = np.arctan2(M[..., 0, 2], np.where(few, M[..., 0, 0], np.hypot(M[..., 1, 2], M[..., 2, 2])))
+    q3 = np.where(few, 0.0, np.arctan2(-M[..., 0, 1], M[..., 0, 0])).astype(R.dtype)
     return np.asarray(sign[..., None] * np.stack([q1, q2, q3], axis=-1))
 
 

@@ -92,3 +92,13 @@ def test_triad_angles_undo_three_rotations(rng, handed):
     angles = rng.uniform(-1.5, 1.5, size=(20, 3))
     R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1]) @ rotation(axes[2], angles[:, 2])
     assert np.abs(triad_angles(R, axes) - angles).max() < ROUNDING
+
+
+def test_two_angles_have_no_gimbal_lock(rng):
+    """Three numbers read about the third axis lose the first angle there: 1e-12 rad at 1e-4 from a right angle."""
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    angles = np.array([[0.7, 0.5 * np.pi], [-2.0, 0.5 * np.pi - 1e-6], [0.3, 2.9], [3.0, -1.7]])
+    R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1])
+    found = triad_angles(R, axes, few=True)
+    assert np.abs(found[:, :2] - angles).max() < ROUNDING
+    assert not found[:, 2].any()

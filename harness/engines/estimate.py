@@ -31,7 +31,7 @@ CLEAR, CLEAR_FORCES = 30.0, 1e4
 SAFETY = 4.0
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
-_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load")
+_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load", "open")
 _JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
@@ -47,6 +47,7 @@ class Trust:
         speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
             that rate. Shape (n,).
         load: Largest force [N], whose parts may cancel. Shape (n,).
+        open: How far the loops are open beyond rounding, without dimension. Shape (n,).
     """
 
     condition: Array
@@ -56,6 +57,7 @@ class Trust:
     speed: Array | float = 0.0
     rush: Array | float = 0.0
     load: Array | float = 0.0
+    open: Array | float = 0.0
 
     def doubtful(self) -> Rows:
         """Samples for which powers of the gain would say too much."""
@@ -208,7 +210,7 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Arr
     """Estimated error of the worst of some components, in their unit. `local`: size of their summands, (n,)."""
     trust, again = part.trust, part.doubtful
     with np.errstate(over="ignore", invalid="ignore"):
-        error = ROUNDED * linear.EPS * amplified(name, trust) * local
+        error = (ROUNDED * linear.EPS + trust.open) * amplified(name, trust) * local
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
         if name != "joint_position":  # what stands on partial rates without a digit has none either

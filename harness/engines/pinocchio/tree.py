@@ -6,7 +6,7 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +113,16 @@ class PinocchioTree:
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
+
+    def bare(self, q: Array, v: Array, a: Array) -> Callable[[], None]:
+        """Calls of `rnea` and nothing else, one for each sample: what a clock is held to."""
+        rows = [*zip(q, v, a, strict=True)]
+
+        def run() -> None:
+            for row in rows:
+                pin.rnea(self.model, self.data, *row)
+
+        return run
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """Pinocchio's constraints are rigid: the same as `tree_force`."""

@@ -99,7 +99,7 @@ class Bounds:
             forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
             forces["actuator_force"] = ratio.drive * out["drive"]
-        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load)
+        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load, out["closing"])
 
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
@@ -111,11 +111,17 @@ class Bounds:
         """
         trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
         for name, each in units.items():
+            if not each:  # of a mechanism without such components
+                continue
             whole: Scalar = 0.0
             for x, unit in zip(values[name], each, strict=True):
                 whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
                 sums += [x, whole]
-            whole = (ROUNDED * linear.EPS) * estimate.amplified(name, trust) * (apply("sqrt", whole) + estimate.summand(each[0], trust))
+            whole = (
+                (ROUNDED * linear.EPS + trust.open)
+                * estimate.amplified(name, trust)
+                * (apply("sqrt", whole) + estimate.summand(each[0], trust))
+            )
             errors += [arm(unit, self.length) * whole for unit in dict.fromkeys(each)]
         return sums, errors
 
@@ -158,6 +164,8 @@ def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> A
     """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
+        if not each:
+            continue
         arms = np.array([arm(unit, length) for unit in each])
         whole = np.linalg.norm(part.values[name] / arms, axis=1) + estimate.summand(each[0], part.trust)
         for unit in dict.fromkeys(each):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.screw.bounds import examined
-from screwgauge.engines.screw.programs import columns
-from screwgauge.engines.screw.traced import ArrayWork, Bound, TracedWork
+from screwgauge.engines.screw.array_work import ArrayWork
+from screwgauge.engines.screw.programs import Bound, columns
+from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -34,7 +34,8 @@ class Answer:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
         estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
-            among its components, shape (n, n_unit); empty if it was not asked for. With `out` in use again, filled again.
+            among its components, shape (n, n_unit); empty if it was not asked for. Buffers that are used again have
+            theirs filled again.
     """
 
     values: Mapping[str, Array]
@@ -54,12 +55,18 @@ class Solver:
         notes: What is to be said about it, such as why there is no program.
     """
 
-    def __init__(self, scene: Scene, quantities: Iterable[str], backend: str, threads: int) -> None:
-        """Traces and compiles; pivots are chosen at samples of the scene's motion."""
+    def __init__(
+        self, scene: Scene, quantities: Iterable[str], backend: str, threads: int, mode: Mode = (False, False)
+    ) -> None:
+        """Traces and compiles; pivots are chosen at samples of the scene's motion.
+
+        Args:
+            mode: Of the program that is made at once; others are made when they are first asked for.
+        """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
         self.last: dict[Mode, tuple[Bound, Answer]] = {}
-        work = self._works((False, False))[0]
+        work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
 
@@ -77,7 +84,7 @@ class Solver:
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        work = self._works((False, False))[0]
+        work = self.first
         return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
 
     def buffers(self, n: int) -> dict[str, Array]:
@@ -120,48 +127,50 @@ class Solver:
         works = self._works(mode)
         for work in works:
             work.by_array.clear()
-        found, error = self._errors(works[0], n) if estimates else ({}, {})
+        found = dict[str, Array]()
+        arrays = dict(values)
+        if estimates:
+            counts = [len({*each}) for each in works[0].units.values()]
+            arrays["error"] = columns(n, sum(counts))
+            each = np.split(arrays["error"], np.cumsum(counts)[:-1], axis=1)
+            found = dict(zip(works[0].units, each, strict=True))
         shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
         if self.threads == 1:
-            self._fill(*shares[0], inputs, values, error)
+            self._fill(shares[0], inputs, arrays)
         else:
             with ThreadPoolExecutor(self.threads) as pool:
-                [*pool.map(lambda share: self._fill(*share, inputs, values, error), shares)]
+                [*pool.map(lambda share: self._fill(share, inputs, arrays), shares)]
         answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
         if works[0].bound is not None and works[0].bound.fits(inputs, values):
-            self.last[mode] = works[0].bound, answer
+            self.last[mode] = works[0].bound, replace(answer, by_array={})
         return answer
 
-    def _errors(self, work: TracedWork | ArrayWork, n: int) -> tuple[dict[str, Array], dict[str, Array]]:
-        """An array for errors by quantity, and as a whole."""
-        counts = [len({*each}) for each in work.units.values()]
-        error = columns(n, sum(counts))
-        return dict(zip(work.units, np.split(error, np.cumsum(counts)[:-1], axis=1), strict=True)), {"error": error}
+    def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[Answer]:
+        """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
+
+        Args:
+            chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 256 samples of all quantities,
+                or a thousand of a few, stay in the cache.
+        """
+        out = self.buffers(0)
+        for y, yd, ydd, *load in chunks:
+            if any(len(array) != len(y) for array in out.values()):
+                out = self.buffers(len(y))
+            yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
     def _fill(
-        self,
-        work: TracedWork | ArrayWork,
-        rows: slice,
-        inputs: Sequence[Array],
-        values: Mapping[str, Array],
-        error: Mapping[str, Array],
+        self, share: tuple[TracedWork | ArrayWork, slice], inputs: Sequence[Array], arrays: Mapping[str, Array]
     ) -> None:
-        """Fills in the values of some samples part after part."""
-        flat = all(array.strides[0] == array.itemsize for array in values.values())
+        """Fills in the values of some samples part after part. `share`: what works on them, and which they are."""
+        work, rows = share
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
-            if some == slice(0, len(inputs[0])):
-                given, into = inputs, {**values, **error}
-            else:
-                given, into = [x[some] for x in inputs], {name: x[some] for name, x in {**values, **error}.items()}
-            bound = work.bind(given, into) if flat else None
-            if bound is not None and bound.fill(given):
-                continue
-            part = work.part(*_motion(given), into if flat else None)
-            for name in () if flat else values:
-                into[name][:] = part.values[name]
-            if error:
-                into["error"][:] = examined(part, work.units, work.length)
+            given, into = inputs, arrays
+            if some != slice(0, len(inputs[0])):
+                given, into = [x[some] for x in inputs], {name: x[some] for name, x in arrays.items()}
+            bound = work.bind(given, into)
+            if bound is None or not bound.fill(given):
+                work.part(*_motion(given), into)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)

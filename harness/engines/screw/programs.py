@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -20,6 +21,7 @@ from screwgauge.reference.traced.program import Program
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.truth import cache
 
+FLOAT = np.dtype(float)
 #: Numbers in a line of the cache.
 LINE = 8
 
@@ -34,6 +36,38 @@ class Runner(Protocol):
 
     def again(self) -> Runner:
         """One that may run at the same time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bound:
+    """A program bound to arrays that are used again.
+
+    Attributes:
+        values: What it fills; they are kept, so that no others can take their places.
+        ids: Which arrays these are.
+        inputs: What it is given. Shape (n, m) each.
+        run: Says whether no sample is in doubt.
+    """
+
+    values: Mapping[str, Array]
+    ids: list[int]
+    inputs: tuple[Array, ...]
+    run: Callable[[], bool]
+
+    def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
+        """Whether these are its arrays, and such inputs."""
+        if [*map(id, values.values())] != self.ids[: len(values)]:
+            return False
+        for x, place in zip(inputs, self.inputs, strict=True):
+            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
+                return False
+        return True
+
+    def fill(self, inputs: Sequence[Array]) -> bool:
+        """Fills its arrays with what follows from some inputs."""
+        for x, place in zip(inputs, self.inputs, strict=True):
+            place[...] = x
+        return self.run()
 
 
 def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:
@@ -53,7 +87,7 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
         return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
     key = cache.digest("program", program.inputs, program.code, program.outputs, version)
     stored, said = cache.read(key, version)
-    if stored is not None:
+    if stored is not None and "code" in stored:
         return native.Native(program, stored["code"].tobytes()), said
     code = native.machine_code(program)
     failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
@@ -103,3 +137,8 @@ def columns(n: int, m: int) -> Array:
     room = np.empty(m * wide + LINE)
     first = -(room.ctypes.data // room.itemsize) % LINE
     return room[first : first + m * wide].reshape(m, wide)[:, :n].T
+
+
+def flat(arrays: Mapping[str, Array]) -> bool:
+    """Whether the numbers of each column lie side by side."""
+    return all(array.strides[0] == array.itemsize for array in arrays.values())

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -13,12 +13,13 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.estimate import Part, Trust
 from screwgauge.engines.parts import assemble
+from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import check_traceable, columns, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
 from screwgauge.models.layout import lay_out
-from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.resting import home_equations
@@ -29,82 +30,8 @@ from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
 from screwgauge.solution import Clock, Solution
 
-FLOAT = np.dtype(float)
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
-
-
-def under(problem: Problem, loads: Array | None) -> Problem:
-    """A problem under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
-    if loads is None:
-        return problem
-    each = np.split(loads.T, len(loads) // 3, axis=1)
-    some = tuple(
-        replace(load, force=force, torque=torque)
-        for load, force, torque in zip(problem.applied.loads, each[::2], each[1::2], strict=True)
-    )
-    return replace(problem, applied=replace(problem.applied, loads=some))
-
-
-class ArrayWork:
-    """The array solver in the place of a program."""
-
-    def __init__(self, lay: Layout, problem: Problem, motion: GivenMotion, reason: str) -> None:
-        self.lay, self.problem, self.reason = lay, problem, reason
-        self.said = f"all samples by the array solver: {reason}"
-        self.length, self.by_array = home_equations(lay).length, Counter[str]()
-        self.part(motion.part(slice(0, 1)))
-
-    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
-        """As `TracedWork.part`."""
-        work = Work(under(self.problem, loads), motion, self.lay)
-        found = work.part(slice(None))
-        self.names, self.units = work.names, {name: work.names()[name][1] for name in found.values}
-        self.by_array[self.reason] += len(motion)
-        for name, array in found.values.items() if into is not None else ():
-            into[name][:] = array  # type: ignore[index]
-        return found
-
-    bound = None
-
-    def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> None:
-        """There is nothing to bind: `part` is to be asked."""
-
-    def again(self) -> ArrayWork:
-        """The same for another thread."""
-        return copy(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
-    """A program bound to arrays that are used again.
-
-    Attributes:
-        values: What it fills; they are kept, so that no others can take their places.
-        ids: Which arrays these are.
-        inputs: What it is given. Shape (n, m) each.
-        run: Says whether no sample is in doubt.
-    """
-
-    values: Mapping[str, Array]
-    ids: list[int]
-    inputs: tuple[Array, ...]
-    run: Callable[[], bool]
-
-    def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Whether these are its arrays, and such inputs."""
-        if [*map(id, values.values())] != self.ids[: len(values)]:
-            return False
-        for x, place in zip(inputs, self.inputs, strict=True):
-            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
-                return False
-        return True
-
-    def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs."""
-        for x, place in zip(inputs, self.inputs, strict=True):
-            place[...] = x
-        return self.run()
 
 
 class TracedWork:
@@ -229,15 +156,17 @@ class TracedWork:
         """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
-            Nothing, if the program needs predictions: then `part` is to be asked.
+            Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
         """
-        if self.predictor is not None:
+        if self.predictor is not None or not flat(values):
             return None
         if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
             given, checks = columns(n, self.traced.program.inputs), columns(n, len(CHECKS))
             ends = np.cumsum([array.shape[1] for array in inputs])[:-1]
-            run = self.runner.bind([given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights)
+            run = self.runner.bind(
+                [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
+            )
             self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
@@ -249,30 +178,34 @@ class TracedWork:
             into: Where the values are written, see `arrays`.
         """
         n = len(motion)
-        into = self.arrays(n) if into is None else into
-        values = {name: into[name] for name in self.wanted}
+        arrays = self.arrays(n) if into is None or not flat(into) else into
+        values = {name: arrays[name] for name in self.wanted}
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, into)
+            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
             trust = self.bounds.trust(out)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
-        return self._completed(motion, loads, values, trust, left)
+        found = self._completed(motion, loads, arrays, Part(values, trust, left, {}))
+        for name, array in arrays.items() if into is not None and arrays is not into else ():
+            into[name][:] = array  # type: ignore[index]
+        return found
 
-    def _completed(
-        self, motion: GivenMotion, loads: Array | None, values: dict[str, Array], trust: Trust, rows: Rows
-    ) -> Part:
-        """The same with some samples answered by the array solver."""
+    def _completed(self, motion: GivenMotion, loads: Array | None, arrays: Mapping[str, Array], part: Part) -> Part:
+        """The same with some samples, those named doubtful, answered by the array solver."""
+        rows = part.doubtful
         if not rows.size:
-            return Part(values, trust, rows, {name: np.zeros((0, x.shape[1])) for name, x in values.items()})
+            return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
         work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
-        part = work.part(slice(None))
-        for name, array in part.values.items():
-            values[name][rows] = array
-        return Part(values, trust.with_rows(rows, part.trust), rows[part.doubtful], part.moved)
+        other = work.part(slice(None))
+        some = {name: array[rows] for name, array in arrays.items()}
+        filled(some, other, self.units, self.length)
+        for name, array in some.items():
+            arrays[name][rows] = array
+        return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""

@@ -91,7 +91,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     axes = rotations.triad(joint.axes)
     R = R_parent @ joint.parent_frame.R
     M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
-    angles = triad_angles(M, axes)
+    angles = triad_angles(M, axes, few=len(joint.axes) < 3)
     turned = np.empty((len(R), 3, 3))
     M = np.tile(np.eye(3), (len(R), 1, 1))
     for i in range(3):

@@ -1,0 +1,116 @@
+"""No number of a compiled program is wrong by more than its estimate; and what says so can say the opposite."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines.registry import get_engine
+from screwgauge.engines.screw.bounds import Bounds
+from screwgauge.problem import ModelFiles
+from screwgauge.study import compiled
+
+BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
+STATES = 300
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_random_states_on_both_sides_of_the_leg_singularity(backend):
+    row = compiled.measured("states", 0, backend, STATES)
+    assert row["ok"] is True, row
+    assert STATES / 2 < row["by_program"] < STATES
+
+
+@pytest.mark.parametrize(("family", "seed"), [("rccc", 2), ("planar-4", 3)])
+def test_random_mechanisms(family, seed):
+    row = compiled.measured(family, seed, "numpy", 0)
+    assert row["ok"] is True, row
+    assert row["by_program"] == row["samples"]
+
+
+def test_estimates_that_are_too_small_are_found(monkeypatch):
+    right = Bounds.estimated
+
+    def wrong(*args):
+        sums, errors = right(*args)
+        return sums, [1e-6 * error for error in errors]
+
+    monkeypatch.setattr(Bounds, "estimated", wrong)
+    monkeypatch.setattr(compiled, "examined", lambda part, units, length: np.zeros((len(part.trust.gain), 99)))
+    assert compiled.measured("states", 0, "numpy", 60)["ok"] is False
+
+
+def test_numbers_that_only_one_solver_has_are_wrong():
+    a, b = np.array([[1.0, np.nan], [np.nan, 2.0]]), np.array([[1.0, np.nan], [1.0, 2.0]])
+    assert compiled.beyond(a[:1], b[:1], np.ones(1), angle=False) == 0.0
+    assert compiled.beyond(a, b, np.ones(2), angle=False) > 1.0
+
+
+def test_a_whole_turn_is_no_difference():
+    assert compiled.beyond(np.array([[np.pi]]), np.array([[-np.pi]]), np.array([1e-12]), angle=True) < 1.0
+
+
+def test_the_truth_is_within_the_estimates():
+    pytest.importorskip("flint", reason="python-flint is not installed")
+    """The wrist of leg 1 is bent by a right angle, where three angles would lock."""
+    scene, motion = screwgauge.load_scene("3ups-upu-s"), compiled.states(1, seed=1)
+    motion = replace(motion, y=np.array([[-0.88532719, 0.70695677]]))
+    problem = replace(scene, task=motion, drive=None, text={}).problem(("joint_position", "actuator_force"))
+    truth = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
+    answer = screwgauge.compile(scene, truth.values, backend="numpy")(motion.y, motion.yd, motion.ydd, estimates=True)
+    for name, values in truth.values.items():
+        for i, unit in enumerate(dict.fromkeys(values.units)):
+            columns = [c for c, u in enumerate(values.units) if u == unit]
+            error = np.abs(answer[name][:, columns] - values.array[:, columns]).max(axis=1)
+            assert (error <= answer.estimate[name][:, i]).all(), (name, unit)
+
+
+def test_a_doubtful_sample_changes_no_estimate_but_its_own():
+    scene, motion = screwgauge.load_scene("3ups-upu-s"), compiled.states(50, seed=2)
+    y = 0.1 * motion.y
+    solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
+    clear = solver(y, motion.yd, motion.ydd, estimates=True)
+    assert not clear.by_array
+    estimate = clear.estimate["actuator_force"].copy()
+    y[7] = 1e-9 - np.arctan2(0.3 * 3**0.5, 0.5), 0.0  # the base of leg 2 locks
+    mixed = solver(y, motion.yd, motion.ydd, estimates=True)
+    assert mixed.by_array == {"badly conditioned": 1}
+    others = np.delete(np.arange(50), 7)
+    assert np.allclose(mixed.estimate["actuator_force"][others], estimate[others], rtol=0.1)
+    assert mixed.estimate["actuator_force"][7] > 1e3 * estimate[7]
+    again = solver(0.1 * motion.y, motion.yd, motion.ydd, out=mixed.values, estimates=True)
+    assert not again.by_array
+    assert np.array_equal(again.estimate["actuator_force"], estimate)
+
+
+@pytest.mark.parametrize("estimates", [False, True])
+def test_streams_take_the_same_memory_however_long_they_are(estimates):
+    scene = screwgauge.load_scene("3ups-upu-s")
+    motion = scene.motion
+    chunk = motion.y[:256].copy(), motion.yd[:256].copy(), motion.ydd[:256].copy()
+    solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
+    expected = solver(*chunk)["actuator_force"]
+    peaks = []
+    for count in (3, 30):
+        tracemalloc.start()
+        for answer in solver.stream((chunk for _ in range(count)), estimates=estimates):
+            assert np.array_equal(answer["actuator_force"], expected)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] <= peaks[0] + 2**16
+
+
+def test_the_command_keeps_the_rows_that_are_there(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "out.csv"
+    monkeypatch.setattr(compiled, "cases", lambda count, drawn: iter([("states", 0)]))
+    monkeypatch.setattr(sys, "argv", ["compiled", str(file), "--states", "20", "--backends", "numpy"])
+    compiled.main()
+    monkeypatch.delattr(compiled, "measured")
+    compiled.main()
+    assert capsys.readouterr().out == "1 right, 0 refused, 0 wrong: \n" * 2
