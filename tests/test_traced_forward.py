@@ -116,7 +116,7 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     assert programs.one(0.0, np.array([np.pi / 2.0 - 1e-6, 1.0, 0.0])) is None  # nearly singular, and far
     assert programs.one(0.0, np.array([np.nan, 1.0, 0.0])) is None
     assert programs.slope(0.0, np.array([[0.31, 9.0], [1.0, 1.0], [0.0, 0.0]])) is None
-    strict = traced(lay, scene.applied, y, backend, near=20.0)
+    strict = traced(lay, scene.applied, y, backend, near=5.0)
     assert strict.one(0.0, state) is None
     programs.at.q[0] += 0.2  # another branch is no place to predict from
     assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None

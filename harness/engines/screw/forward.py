@@ -31,7 +31,7 @@ MOST, SETTLED = 10, 1e-20
 #: walks farther step by step.
 FARTHEST = 1.0
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
-MARGIN = 4.0
+MARGIN = 1.5
 #: So many states of good condition that a program could not answer make new pivots worth while, so often.
 MISSED, AGAIN = 8, 3
 

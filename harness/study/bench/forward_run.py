@@ -39,8 +39,6 @@ TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
 SHORT = 1.0
 #: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
 LONGER = 1.5
-#: Of what has not run yet [s]: screw runs under Python throughout.
-FIRST = {"screw": 2.0}
 #: Orders where steps can show them: RK4's reach rounding before they are fine, MuJoCo's softness has a floor.
 #: Observables may converge faster than that where errors average out over a period; the energy does not.
 RULES = (Rule("pinocchio-Euler", "energy", 1.0),)
@@ -158,7 +156,7 @@ def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
         engine = contestant.method.engine
         ladders = [row for row in before if row.contestant.method.engine == engine and row.contestant.parameter is None]
         alike = [row.time_s for row in ladders if contestant.parameter is None and np.isfinite(row.time_s)]
-        return max([FIRST.get(engine, 0.0), *alike[:1]])
+        return max(alike[:1], default=0.0)
     last, longer = same[-1], LONGER
     if last.status == CUT:
         return np.inf
