@@ -33,7 +33,7 @@ def calls(monkeypatch) -> Counter[str]:
         count(dynamics, name, name)
     for name in ("joint_reactions", "force_matrix", "solve_newton_euler"):
         count(dynamics, name, "reactions")
-    count(inverse, "velocity_map", "rates")
+    count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
     from screwgauge.engines.mujoco.tree import MujocoTree
