@@ -19,6 +19,7 @@ from matplotlib.transforms import IdentityTransform
 from screwgauge.reference.rotations import Array
 
 TICK, PAD, AWAY = 3.5, 7.0, 21.0  # length of a tick; from an axis to the names of ticks, and below it to its own
+LABEL = 13.0  # what the name of a y axis takes, with the gap beside it
 INK, GRID = "#000000", "#e4e4e4"
 
 
@@ -60,7 +61,7 @@ def room(figure: Figure, column: Iterable[Panel]) -> float:
     """What is written to the left of axes is so wide."""
     names = [name for ax in column if ax.named[1] for name in ticks(ax.yaxis)[1]]
     said = any(ax.get_ylabel() for ax in column)
-    return (PAD + width(figure, names) if names else 0.0) + (15.0 if said else 0.0)
+    return (PAD + width(figure, names) if names else 0.0) + (LABEL if said else 0.0)
 
 
 def draw_frame(figure: Figure, ax: Panel, left: float) -> None:
