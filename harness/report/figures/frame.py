@@ -53,7 +53,7 @@ def ticks(axis: Axis) -> tuple[Array, list[str]]:
     at = ax.transData.transform(corner)[:, int(upright)]
     low, high = ax.bbox.intervaly if upright else ax.bbox.intervalx
     seen = (at > low - 1e-6) & (at < high + 1e-6)
-    names = axis.get_major_formatter().format_ticks(values)
+    names = axis.get_major_formatter().format_ticks(values.tolist())
     return at[seen], [name for name, shown in zip(names, seen, strict=True) if shown]
 
 
