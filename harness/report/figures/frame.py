@@ -6,6 +6,7 @@ Matplotlib makes several objects for each tick, which took half of the time of a
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from matplotlib.transforms import IdentityTransform
 
 from screwgauge.reference.rotations import Array
 
-TICK, PAD, AWAY = 3.5, 7.0, 21.0  # length of a tick; from an axis to the names of ticks, and below it to its own
+TICK, PAD, AWAY = 3.5, 7.0, 20.0  # length of a tick; from an axis to the names of ticks, and below it to its own
 LABEL = 13.0  # what the name of a y axis takes, with the gap beside it
 INK, GRID = "#000000", "#e4e4e4"
 
@@ -59,13 +60,15 @@ def ticks(axis: Axis) -> tuple[Array, list[str]]:
 
 def room(figure: Figure, column: Iterable[Panel]) -> float:
     """What is written to the left of axes is so wide."""
-    names = [name for ax in column if ax.named[1] for name in ticks(ax.yaxis)[1]]
+    names = [name for ax in column if ax.axison and ax.named[1] for name in ticks(ax.yaxis)[1]]
     said = any(ax.get_ylabel() for ax in column)
-    return (PAD + width(figure, names) if names else 0.0) + (LABEL if said else 0.0)
+    return (PAD + _width(figure, names) if names else 0.0) + (LABEL if said else 0.0)
 
 
 def draw_frame(figure: Figure, ax: Panel, left: float) -> None:
     """Draws lines, ticks and grid of axes that have their final place, and writes names; `left`: where that of y is."""
+    if not ax.axison:
+        return
     (x0, y0), (x1, y1) = ax.bbox.min, ax.bbox.max
     (across, x_names), (up, y_names) = ticks(ax.xaxis), ticks(ax.yaxis)
     grid = [*(((x, y0), (x, y1)) for x in across), *(((x0, y), (x1, y)) for y in up)]
@@ -75,21 +78,17 @@ def draw_frame(figure: Figure, ax: Panel, left: float) -> None:
         path = Path(np.reshape(lines, (-1, 2)), [Path.MOVETO, Path.LINETO] * len(lines))
         look = {"color": colour, "linewidth": wide, "zorder": order, "fill": False, "clip_on": False}
         ax.add_artist(PathPatch(path, transform=IdentityTransform(), **look))
-    how: dict[str, Any] = {"transform": IdentityTransform()}
-    if ax.named[0]:
-        for x, name in zip(across, x_names, strict=True):
-            figure.text(x, y0 - PAD, name, ha="center", va="top", **how)
-    if ax.named[1]:
-        for y, name in zip(up, y_names, strict=True):
-            figure.text(x0 - PAD, y, name, ha="right", va="center_baseline", **how)
-    if text := ax.get_xlabel():
-        figure.text((x0 + x1) / 2, y0 - AWAY, text, ha="center", va="top", **how)
-    if text := ax.get_ylabel():
-        figure.text(left, (y0 + y1) / 2, text, rotation=90.0, rotation_mode="anchor", ha="center", va="top", **how)
+    write = partial(figure.text, transform=IdentityTransform(), ha="center", va="top")
+    for x, name in zip(across, x_names, strict=True) if ax.named[0] else ():
+        write(x, y0 - PAD, name)
+    for y, name in zip(up, y_names, strict=True) if ax.named[1] else ():
+        write(x0 - PAD, y, name, ha="right", va="center_baseline")
+    write((x0 + x1) / 2, y0 - AWAY, ax.get_xlabel())
+    write(left, (y0 + y1) / 2, ax.get_ylabel(), rotation=90.0, rotation_mode="anchor")
     ax.set_axis_off()
 
 
-def width(figure: Figure, lines: Sequence[str]) -> float:
+def _width(figure: Figure, lines: Sequence[str]) -> float:
     """Of the longest line [points]."""
     text = figure.text(0.0, 0.0, "\n".join(lines))
     wide: float = text.get_window_extent().width

@@ -56,9 +56,9 @@ def panels(
     """A page of `n` axes, by default as many as there is room for; all may share x, those of a row y."""
     figure, axes, n = Figure((width / 72.0, 1.0)), list[Panel](), n or len(heights) * columns
     for k in range(n):
-        x, y = axes[:1] if sharex else (), axes[k - k % columns : k][:1] if sharey else ()
-        ax = Panel(figure, (0.0, 0.0, 1.0, 1.0), sharex=next(iter(x), None), sharey=next(iter(y), None))
-        ax.named = (not sharex or k + columns >= n, not y)
+        x, y = axes[0] if sharex and k else None, axes[k - k % columns] if sharey and k % columns else None
+        ax = Panel(figure, (0.0, 0.0, 1.0, 1.0), sharex=x, sharey=y)
+        ax.named = (not sharex or k + columns >= n, y is None)
         figure.add_axes(ax)
         axes.append(ax)
     return Page(figure, axes, heights, columns)
