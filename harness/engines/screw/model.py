@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant
@@ -27,6 +25,10 @@ from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values
+
+if TYPE_CHECKING:
+    from screwgauge.engines.screw.forward import TracedForward
+    from screwgauge.engines.screw.integrate import Trajectory
 
 BACKENDS = ("array", "numpy", "llvm")
 
@@ -94,6 +96,8 @@ class ScrewModel:
             return replace(solution, notes=(*solution.notes, f"all samples by the array solver: {error.what}"))
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
+        from screwgauge.engines.screw.integrate import integrate
+
         mechanism, method = self.lay.mechanism, task.integration
         traced, notes = self._traced(problem, task)
         path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress, traced)
@@ -117,6 +121,8 @@ class ScrewModel:
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
         """Programs of the accelerations, or why there are none."""
+        from screwgauge.engines.screw.forward import TracedForward
+
         if self.settings.backend == "array":
             return None, ()
         try:

@@ -9,8 +9,6 @@ import numpy as np
 
 from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
-from screwgauge.engines.tree.fixed_steps import step_through
-from screwgauge.engines.tree.integrate import simulate
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.models.loops import LoopsFile, read_loops
@@ -68,6 +66,9 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
+        from screwgauge.engines.tree.fixed_steps import step_through
+        from screwgauge.engines.tree.integrate import simulate
+
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
         return step_through(closed, dynamics.stepper(closed, problem, task), problem, task, dynamics.dt, progress)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.frame import Panel, draw_frame, room
 from screwgauge.report.figures.style import SMALL, Look
 from screwgauge.report.formatting import number
 
@@ -34,23 +34,34 @@ class Page:
     """A figure and its axes, row by row; each row will be so high."""
 
     figure: Figure
-    axes: list[Axes]
+    axes: list[Panel]
     heights: Sequence[float]
     columns: int
 
     @property
-    def rows(self) -> list[list[Axes]]:
+    def rows(self) -> list[list[Panel]]:
         """The axes of each row."""
         return [self.axes[i : i + self.columns] for i in range(0, len(self.axes), self.columns)]
 
 
-def panels(width: float, heights: Sequence[float], columns: int = 1, n: int | None = None, **shared: Any) -> Page:
-    """A page of `n` axes, by default as many as there is room for; `shared`: arguments of `Figure.subplots`."""
-    figure = Figure((width / 72.0, 1.0))
-    axes = figure.subplots(len(heights), columns, squeeze=False, **shared).ravel().tolist()
-    for ax in axes[n or len(axes) :]:
-        ax.remove()
-    return Page(figure, axes[:n], heights, columns)
+def panels(
+    width: float,
+    heights: Sequence[float],
+    columns: int = 1,
+    n: int | None = None,
+    *,
+    sharex: bool = False,
+    sharey: bool = False,
+) -> Page:
+    """A page of `n` axes, by default as many as there is room for; all may share x, those of a row y."""
+    figure, axes, n = Figure((width / 72.0, 1.0)), list[Panel](), n or len(heights) * columns
+    for k in range(n):
+        x, y = axes[0] if sharex and k else None, axes[k - k % columns] if sharey and k % columns else None
+        ax = Panel(figure, (0.0, 0.0, 1.0, 1.0), sharex=x, sharey=y)
+        ax.named = (not sharex or k + columns >= n, y is None)
+        figure.add_axes(ax)
+        axes.append(ax)
+    return Page(figure, axes, heights, columns)
 
 
 def linear_scale(axis: Axis) -> None:
@@ -114,7 +125,7 @@ def arrange(
     for one in around:
         spots.append((EDGE, y))
         y += one.get_window_extent().height + LINE
-    before, right = [_before(column) for column in (page.axes[i :: page.columns] for i in range(page.columns))], width
+    before, right = [EDGE + room(figure, page.axes[i :: page.columns]) for i in range(page.columns)], width
     if side:
         around.append(_legend(figure, side, 0.0))
         right -= around[-1].get_window_extent().width + EDGE
@@ -138,16 +149,11 @@ def arrange(
     figure.set_size_inches(width / 72.0, y / 72.0)
     for ax, (left, bottom, wide, high) in zip(page.axes, boxes, strict=True):
         ax.set_position((left / width, 1.0 - bottom / y, wide / width, high / y))
+    for k, ax in enumerate(page.axes):
+        draw_frame(figure, ax, boxes[k][0] - before[k % page.columns] + EDGE)
     for one, (left, top) in zip(around, spots, strict=True):
         at = (left / width, 1.0 - top / y)
         one.set_bbox_to_anchor(at) if isinstance(one, Legend) else one.set_position(at)
-
-
-def _before(column: Sequence[Axes]) -> float:
-    """Room for what is written to the left of axes."""
-    named = [ax for ax in column if ax.axison and ax.yaxis.get_tick_params()["labelleft"]]
-    boxes = [(ax.bbox.x0, ax.yaxis.get_tightbbox()) for ax in named]
-    return EDGE + max((left - box.x0 for left, box in boxes if box), default=0.0)
 
 
 def _legend(figure: Figure, looks: Looks, room: float, size: float | None = None) -> Legend:
@@ -164,5 +170,5 @@ def saved(page: Page, name: str) -> Picture:
     """The picture of a page that is arranged, without a date, places to a hundredth of a point."""
     text = StringIO()
     FigureCanvasSVG(page.figure).print_svg(text, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    svg = re.sub(r'(?<= d=")[^"]*', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text.getvalue())
+    svg = re.sub(r'(?<= d=")[^"]*', lambda path: re.sub(r"(?<=\.\d\d)\d+", "", path[0]), text.getvalue())
     return Picture(name, page.figure.texts[0].get_text(), svg[svg.index("<svg ") :])

@@ -69,7 +69,7 @@ def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
     looks = {label: _line(i) for i, label in enumerate(dict.fromkeys(x for some in drawn for x in some.values()))}
     columns, unit = len(drawn), unit_text(figure.unit)
     heights = [UPPER, LOWER] if pairs else [UPPER]
-    page = panels(WIDTHS[min(columns, 3)], heights, columns, sharex=True, sharey="row")
+    page = panels(WIDTHS[min(columns, 3)], heights, columns, sharex=True, sharey=True)
     for ax, (title, _), labels in zip(page.axes, subject.panels, drawn, strict=False):
         ax.set_title(title)
         _curves(ax, subject, {component: looks[label] for component, label in labels.items()}, shown)
