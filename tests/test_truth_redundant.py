@@ -165,4 +165,4 @@ def test_motion_that_nothing_drives_has_a_truth(name, scene):
     assert not results.failures
     assert results.pairs["max_scaled"].max() < LINEAR
     with pytest.raises(DescriptionError, match="the actuated joints drive 0 of 1 freedoms"):
-        screwgauge.run(motion, engines=["truth"])
+        screwgauge.run(motion, engines=["truth"], quantities=["actuator_force"])

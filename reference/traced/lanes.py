@@ -49,7 +49,7 @@ class Lanes:
             if value not in own and not free:
                 free, count = [count], count + 1
             at.append(own[value] if value in own else free.pop())
-            self.code.append((OPERATIONS[op], itemgetter(*rows, at[value])))
+            self.code.append((_maximum if op == "max" else OPERATIONS[op], itemgetter(*rows, at[value])))
         pairs = [(row, place(x)) for row, x in enumerate(program.outputs, program.inputs)]
         self.code += [(np.copyto, itemgetter(row, source)) for row, source in pairs if source != row]
         return count - first
@@ -79,3 +79,7 @@ class Lanes:
     def again(self) -> Lanes:
         """One that may run at the same time."""
         return Lanes(self.program, self.chunk)
+
+
+def _maximum(a: Array, b: Array, out: Array) -> None:
+    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument

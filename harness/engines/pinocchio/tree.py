@@ -171,7 +171,7 @@ class _Views:
         self.velocities, self.accelerations, self.forces, self.external = (
             _rows([one.vector for one in of], 6) for of in kept
         )
-        self.twists = data.J.T
+        self.twists = data.J.reshape(6, -1).T  # one column comes without its axis
 
 
 def _rows(parts: list[Array], size: int) -> Array:

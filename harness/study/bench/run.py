@@ -105,12 +105,13 @@ def check_generated(scene: Scene) -> None:
     Raises:
         DescriptionError: The scene names some.
     """
-    for name in [*scene.models, *scene.tables]:
-        raise DescriptionError(
-            f"the bench measures methods on models made from the description and reads none of your own ('{name}')",
-            str(scene.file or scene.name),
-            "remove [models] and [tables], or compare them by `screwgauge run`",
-        )
+    for entry, names in (("models", scene.models), ("tables", scene.tables)):
+        if names:
+            raise DescriptionError(
+                "the bench measures methods on models made from the description and reads none of your own",
+                f"{scene.file or scene.name}, {entry}",
+                f"remove [{entry}], or compare {', '.join(names)} by `screwgauge run`",
+            )
 
 
 def bench(
