@@ -98,13 +98,13 @@ def test_nothing_that_stands_around_the_axes_covers_anything_else() -> None:
     assert all(page.figure.bbox.count_contains(box.corners()) == 4 for box in boxes)
 
 
+@styled
 def test_names_stand_at_outer_axes_only_and_no_objects_are_made_for_ticks() -> None:
-    with styled:
-        page = panels(400.0, [80.0, 80.0], 2, sharex=True, sharey=True)
-        for ax in page.axes:
-            ax.plot([0.0, 1.0], [2.0, 3.0])
-        arrange(page, "title")
-        words = texts(saved(page, ""))
+    page = panels(400.0, [80.0, 80.0], 2, sharex=True, sharey=True)
+    for ax in page.axes:
+        ax.plot([0.0, 1.0], [2.0, 3.0])
+    arrange(page, "title")
+    words = texts(saved(page, ""))
     assert words.count("0.25") == 2  # below both columns
     assert words.count("2.5") == 2  # beside both rows
     for axis in (axis for ax in page.axes for axis in (ax.xaxis, ax.yaxis)):
