@@ -99,6 +99,19 @@ def test_nothing_that_stands_around_the_axes_covers_anything_else() -> None:
 
 
 @styled
+def test_names_stand_at_outer_axes_only_and_no_objects_are_made_for_ticks() -> None:
+    page = panels(400.0, [80.0, 80.0], 2, sharex=True, sharey=True)
+    for ax in page.axes:
+        ax.plot([0.0, 1.0], [2.0, 3.0])
+    arrange(page, "title")
+    words = texts(saved(page, ""))
+    assert words.count("0.25") == 2  # below both columns
+    assert words.count("2.5") == 2  # beside both rows
+    for axis in (axis for ax in page.axes for axis in (ax.xaxis, ax.yaxis)):
+        assert "majorTicks" not in vars(axis)  # matplotlib makes them as soon as they are asked for
+
+
+@styled
 def test_lines_of_a_camp_share_its_colour_and_differ_in_marker_and_dash() -> None:
     looks = by_camp([f"mujoco {k}" for k in range(12)] + ["screw", "pinocchio"])
     assert len({look["color"] for look in looks.values()}) == 3
