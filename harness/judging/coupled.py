@@ -56,10 +56,10 @@ def coupling_shares(mechanism: Mechanism, q: Array) -> Iterator[tuple[str, str, 
     """
     units = dict(zip(mechanism.coordinates, mechanism.units, strict=True))
     for one in mechanism.couplings:
-        shares: list[tuple[str, Array]] = [(one.coordinate, np.ones(len(q)))]
+        shares = [(one.coordinate, np.ones(len(q)))]
         if one.of:
             slope = polyval(q[:, mechanism.coordinates.index(one.of)], _slope(one.polynomial))
-            shares.append((one.of, -slope))
+            shares.append((one.of, np.negative(slope, dtype=float)))
         yield f"{one.name}.coupling", "N m" if units[one.coordinate] == "rad" else "N", shares
 
 
