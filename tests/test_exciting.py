@@ -51,7 +51,7 @@ def test_every_scene_with_a_given_motion_is_looked_at():
 def test_every_mechanism_moves_and_tests_all_that_it_can(name, monkeypatch):
     monkeypatch.setattr(motions, "SAMPLES", 13)  # and amplitudes that all of them can do: to find out takes long
     monkeypatch.setattr(motions, "AMPLITUDES", np.array([0.16, 0.08]))
-    scene = exciting(screwgauge.load_scene(name), 1)
+    scene = exciting(screwgauge.load_scene(name), 1, 13)
     assert far_from_home(scene) == ()
     found, failures = solve(scene, ["screw"], scene.quantities)
     assert not failures

@@ -28,6 +28,8 @@ STEP = 1e-6
 REFINED, STEPS = 8, 8
 #: Singular values below this share of the largest are directions that the torques do not tell.
 SEEN = 1e-9
+#: What is left of the torque difference after some changes, over the largest torques. Shape (n n_freedom,).
+Left = Callable[[Sequence[Change]], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,19 +141,27 @@ def fitted(reading: Reading, states: States, torques: Array, causes: Sequence[Fa
     def left(changes: Sequence[Change]) -> Array:
         return np.asarray(((inverse_dynamics(plant(applied(reading, changes)), states) - torques) / scale).ravel())
 
-    before = size((own - torques) / scale)
+    start = np.asarray(((own - torques) / scale).ravel())
+    before = size(start)
     if before <= ROUNDING:
         return []
-    first = [(cause, *_step(cause, left, np.zeros(len(cause.typical)))) for cause in causes or families(reading)]
-    best = sorted(first, key=lambda each: size(left(each[0].changes(each[1]))))[:REFINED]
-    found = sorted((_refined(cause, left, x, unseen, before) for cause, x, unseen in best), key=lambda fit: -fit.share)
+    first = []
+    for cause in causes or families(reading):
+        x, unseen = _step(cause, left, np.zeros(len(cause.typical)), start)
+        first.append((cause, x, unseen, left(cause.changes(x))))
+    best = sorted(first, key=lambda each: size(each[-1]))[:REFINED]
+    found = sorted((_refined(left, before, *each) for each in best), key=lambda fit: -fit.share)
     top = found[0].share
     alike = tuple(fit.name for fit in found[1:] if fit.share >= top - ALIKE)
     return [Fit(found[0].name, found[0].changes, top, found[0].unseen, alike), *found[1:]]
 
 
-def _step(cause: Family, left: Callable[[Sequence[Change]], Array], x: Array) -> tuple[Array, int]:
-    """A step of Gauss and Newton from `x`, and how many directions it does not tell."""
+def _step(cause: Family, left: Left, x: Array, there: Array) -> tuple[Array, int]:
+    """A step of Gauss and Newton from `x`, and how many directions it does not tell.
+
+    Args:
+        there: What is left at `x`.
+    """
     columns = []
     for i, typical in enumerate(cause.typical):
         h = np.zeros(len(x))
@@ -159,17 +169,16 @@ def _step(cause: Family, left: Callable[[Sequence[Change]], Array], x: Array) ->
         columns.append((left(cause.changes(x + h)) - left(cause.changes(x - h))) / (2.0 * STEP))
     if not columns:
         return x, 0
-    step, _, rank, _ = np.linalg.lstsq(np.stack(columns, axis=1), -left(cause.changes(x)), rcond=SEEN)
+    step, _, rank, _ = np.linalg.lstsq(np.stack(columns, axis=1), -there, rcond=SEEN)
     return x + step * cause.typical, len(x) - int(rank)
 
 
-def _refined(cause: Family, left: Callable[[Sequence[Change]], Array], x: Array, unseen: int, before: float) -> Fit:
+def _refined(left: Left, before: float, cause: Family, x: Array, unseen: int, there: Array) -> Fit:
     """The fit of a family, as long as steps bring it nearer."""
-    now = size(left(cause.changes(x)))
     for _ in range(STEPS if len(x) else 0):
-        other, _ = _step(cause, left, x)
-        then = size(left(cause.changes(other)))
-        if not then < 0.5 * now:
+        other, _ = _step(cause, left, x, there)
+        then = left(cause.changes(other))
+        if not size(then) < 0.5 * size(there):
             break
-        x, now = other, then
-    return Fit(cause.name, cause.changes(x), 1.0 - now / before, unseen)
+        x, there = other, then
+    return Fit(cause.name, cause.changes(x), 1.0 - size(there) / before, unseen)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
@@ -31,12 +31,22 @@ def coupling_residual(mechanism: Mechanism, joints: Array, order: int) -> Array:
     """
     out = np.empty((joints.shape[1], len(mechanism.couplings)))
     for k, coupling in enumerate(mechanism.couplings):
-        p, column = Polynomial(coupling.polynomial), mechanism.coordinates.index(coupling.coordinate)
+        p, column = coupling.polynomial, mechanism.coordinates.index(coupling.coordinate)
         q, v, a = joints[:, :, mechanism.coordinates.index(coupling.of)] if coupling.of else np.zeros((3, len(out)))
-        slope, curvature = p.deriv(1)(q), p.deriv(2)(q)
-        wanted = (p(q), slope * v, slope * a + curvature * v**2)[order]
+        slope = _slope(p)
+        if order == 0:
+            wanted = polyval(q, p)
+        elif order == 1:
+            wanted = polyval(q, slope) * v
+        else:
+            wanted = polyval(q, slope) * a + polyval(q, _slope(slope)) * v**2
         out[:, k] = joints[order, :, column] - wanted
     return out
+
+
+def _slope(polynomial: Array) -> Array:
+    """Coefficients of the derivative, lowest first, and a zero, which keeps those of a constant from being none."""
+    return np.append(polynomial[1:] * np.arange(1, len(polynomial)), 0.0)
 
 
 def coupling_shares(mechanism: Mechanism, q: Array) -> Iterator[tuple[str, str, list[tuple[str, Array]]]]:
@@ -48,8 +58,8 @@ def coupling_shares(mechanism: Mechanism, q: Array) -> Iterator[tuple[str, str, 
     for one in mechanism.couplings:
         shares = [(one.coordinate, np.ones(len(q)))]
         if one.of:
-            slope = Polynomial(one.polynomial).deriv()(q[:, mechanism.coordinates.index(one.of)])
-            shares.append((one.of, -slope))
+            slope = polyval(q[:, mechanism.coordinates.index(one.of)], _slope(one.polynomial))
+            shares.append((one.of, np.negative(slope, dtype=float)))
         yield f"{one.name}.coupling", "N m" if units[one.coordinate] == "rad" else "N", shares
 
 
