@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from bad_works import hang, hog, segfault
+from bad_works import hang, segfault
 from planar import Bar, four_bar
 
 from screwgauge.models.catalog import load_mechanism
@@ -51,7 +51,7 @@ def edited(file: Path, change: Callable[[str], str]) -> str:
 def tell(results: object) -> str:
     """Ends its process, or never ends, in scenes of such names; pickles."""
     name = results.scene.name
-    for work in (segfault, hang, hog):
+    for work in (segfault, hang):
         if name == work.__name__:
             work(lambda share: None)
     return f"told of {name}"

@@ -101,6 +101,11 @@ def given(loaded, scene) -> Problem:
 
 
 @pytest.fixture(scope="module")
+def answered(loaded, given) -> Solution:
+    return loaded.ask(given)
+
+
+@pytest.fixture(scope="module")
 def fall(loaded, scene) -> Problem:
     """A short fall of the loaded platform, held by constant forces that are not enough."""
     if InitialValue not in loaded.engine.tasks:
@@ -108,6 +113,11 @@ def fall(loaded, scene) -> Problem:
     applied = replace(scene.applied, motors=hold({"leg2.q3": -500.0, "leg4.q3": 500.0}))
     start, rates, t = np.array([0.1, 0.05]), np.array([0.3, -0.2]), np.array([0.0, 0.01, 0.03])
     return Problem(applied, InitialValue(start, rates, 0.0, t, Integration(rtol=1e-6, atol=1e-8)), MOTION)
+
+
+@pytest.fixture(scope="module")
+def fallen(loaded, fall) -> Solution:
+    return loaded.ask(fall)
 
 
 @pytest.fixture(scope="module")
@@ -136,8 +146,8 @@ def test_entry_says_what_the_engine_is(loaded):
                 check_engines([engine.name], task=task)
 
 
-def test_components_units_and_shapes_are_those_of_the_contract(loaded, given):
-    solution = loaded.ask(given)
+def test_components_units_and_shapes_are_those_of_the_contract(loaded, answered):
+    solution = answered
     assert {*solution.values} == {*loaded.quantities}
     assert solution.version
     assert solution.condition.shape == (2,)
@@ -149,8 +159,8 @@ def test_components_units_and_shapes_are_those_of_the_contract(loaded, given):
         assert np.isfinite(values.array).all(), name
 
 
-def test_a_simulation_has_joint_motions_work_and_cost(loaded, fall):
-    solution = loaded.ask(fall)
+def test_a_simulation_has_joint_motions_work_and_cost(fall, fallen):
+    solution = fallen
     assert {*solution.values} == MOTION
     for name, values in solution.values.items():
         assert dict(zip(values.components, values.units, strict=True)) == components(name, "")
@@ -201,32 +211,31 @@ def test_states_with_accelerations_give_forces_of_the_tree(loaded, scene, pushed
 
 
 @pytest.mark.parametrize("quantity", ["joint_position", "body_angular_velocity", "com_acceleration", "actuator_force"])
-def test_nothing_but_what_is_wanted_is_computed(loaded, scene, given, quantity):
+def test_nothing_but_what_is_wanted_is_computed(loaded, scene, answered, quantity):
     alone = loaded.ask(scene.problem([quantity]))
     assert {*alone.values} == {quantity}
     assert {*alone.estimate, *alone.conditions, *alone.radius} <= {quantity}
     if loaded.engine.name == "truth":  # encloses what is asked for, no tighter than that needs
         return
-    whole = loaded.ask(given)
-    assert {timing.stage for timing in alone.timings} < {timing.stage for timing in whole.timings}
-    assert np.array_equal(alone.values[quantity].array, whole.values[quantity].array)
+    assert {timing.stage for timing in alone.timings} < {timing.stage for timing in answered.timings}
+    assert np.array_equal(alone.values[quantity].array, answered.values[quantity].array)
 
 
-def test_the_input_stays_as_it_is_and_may_be_read_only(loaded, given):
+def test_the_input_stays_as_it_is_and_may_be_read_only(loaded, given, answered):
     motion = given.task
     mine = [x.copy() for x in (motion.t, motion.y, motion.yd, motion.ydd, given.applied.gravity)]
     for array in mine:
         array.setflags(write=False)
     applied = replace(given.applied, gravity=mine[4])
     loads = [load.numbers() for load in applied.loads]
-    check_same(loaded.ask(given), loaded.ask(replace(given, applied=applied, task=GivenMotion(*mine[:4]))))
+    check_same(answered, loaded.ask(replace(given, applied=applied, task=GivenMotion(*mine[:4]))))
     for array, before in zip(mine, (motion.t, motion.y, motion.yd, motion.ydd, given.applied.gravity), strict=True):
         assert np.array_equal(array, before)
     assert [load.numbers() for load in applied.loads] == loads
 
 
-def test_what_is_answered_cannot_be_changed(loaded, given):
-    for values in loaded.ask(given).values.values():
+def test_what_is_answered_cannot_be_changed(answered):
+    for values in answered.values.values():
         with pytest.raises(ValueError, match="read-only"):
             values.array[0, 0] = 1.0
 

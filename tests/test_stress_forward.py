@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -81,35 +78,6 @@ def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
     assert drift[1] > 5 * drift[0] > 1e-4
     assert labelled(found, "paper Euler").verdict == SILENT
     assert labelled(found, "paper RK4").error < 1e-10
-
-
-def test_memory_does_not_grow_with_the_samples() -> None:
-    """Five times the samples, in a fresh process: the peak stays where it was."""
-    code = """
-import re
-from pathlib import Path
-from screwgauge import load_scene, stream
-from screwgauge.study.stream import times
-
-def peak():
-    # ru_maxrss of a fresh process starts at what its parent, the whole run of tests, held when it forked
-    return int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
-
-def most(count):
-    wanted = ["body_angular_velocity", "joint_position"]
-    for t, solution in stream(scene, times(count, 1e-3, part=2048), quantities=wanted):
-        last = t[-1]
-    return last, peak()
-
-scene = load_scene("3ups-upu-s")
-(_, few), (last, many) = most(4096), most(20480)
-print(last, many - few, many)
-"""
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    last, growth, peak = (float(word) for word in said.split())
-    assert last == pytest.approx(20.479, rel=1e-12, abs=0)
-    assert growth < 5_000  # kB; all values would be 7 MB
-    assert peak < 500_000
 
 
 def test_a_forward_scene_is_not_streamed() -> None:

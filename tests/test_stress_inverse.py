@@ -96,19 +96,21 @@ def test_a_grain_sized_mechanism_is_solved_or_refused() -> None:
             assert finding.error <= REGULAR
 
 
-@pytest.mark.parametrize(
-    ("case", "severities"), [("upu-singularity", (1e-6, 1e-12)), ("u-lock", (1e-6, 1e-12)), ("wrist-chart", (1e-10,))]
-)
-def test_near_singular_poses_nobody_is_wrong_without_a_word(case: str, severities: tuple[float, ...]) -> None:
-    found = climb(case, *severities)
+def check_none_is_wrong_without_a_word(found: dict[tuple[float, str, str], Finding]) -> None:
     for finding in found.values():
         assert finding.verdict in (OK, DEGRADED, REFUSED), finding
         assert finding.verdict == OK or finding.reason
     assert any(finding.verdict != OK for finding in found.values())
 
 
+@pytest.mark.parametrize("case", ["upu-singularity", "u-lock"])
+def test_near_singular_poses_nobody_is_wrong_without_a_word(case: str) -> None:
+    check_none_is_wrong_without_a_word(climb(case, 1e-6, 1e-12))
+
+
 def test_a_locked_chart_costs_the_minimal_cut_no_force() -> None:
     found = climb("wrist-chart", 1e-10)
+    check_none_is_wrong_without_a_word(found)
     for chart in ("", " table2"):
         for engine in ENGINES:
             for quantity in (*FORCES, "reaction", "com_acceleration"):
