@@ -8,7 +8,8 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import OutputError
-from screwgauge.study.journal import Journal, stamp
+from screwgauge.study.bench.stamp import stamp
+from screwgauge.study.journal import Journal
 
 
 @pytest.fixture

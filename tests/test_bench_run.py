@@ -16,7 +16,7 @@ from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.bench.rows import COLUMNS, CUT, reach
 from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.journal import NAME
+from screwgauge.study.bench.stamp import NAME
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)

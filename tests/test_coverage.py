@@ -19,6 +19,7 @@ from screwgauge.reference.applied import Applied, JointSpring, Load, hold
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
+from screwgauge.study.gate.alarms import changed
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed
@@ -55,22 +56,6 @@ def shares(found, quantity: str, term: str) -> float:
     return max(row["share"] for row in found.shares if (row["quantity"], row["term"]) == (quantity, term))
 
 
-def changed(mechanism, parameter: str, length: float, step: float = STEP):
-    """The mechanism with one parameter of a body changed by a share of its size."""
-    what, _, name = parameter.rpartition(" of ")
-    body = mechanism.body(name)
-    if what == "mass":
-        new = replace(body, mass=body.mass * (1.0 + step))
-    elif what.startswith("com"):
-        new = replace(body, com=body.com + step * length * np.eye(3)["xyz".index(what[-1])])
-    else:
-        j, k = ("xyz".index(axis) for axis in what[-2:])
-        unit = np.zeros((3, 3))
-        unit[j, k] = unit[k, j] = np.abs(body.inertia).max()
-        new = replace(body, inertia=body.inertia + step * unit)
-    return replace(mechanism, bodies=tuple(new if one is body else one for one in mechanism.bodies))
-
-
 def effect(scene, counted, before, after) -> float:
     """Largest scaled change of a compared force."""
     scales, worst = natural_scales(scene.mechanism), 0.0
@@ -92,14 +77,14 @@ def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name,
     scene = loaded(scene.at(scene.t[5:12:3]))
     found, counted, before = looked_at(scene)
     assert found.missing == ""
-    bodies, length = len(scene.mechanism.bodies), natural_scales(scene.mechanism)["m"]
+    bodies = len(scene.mechanism.bodies)
     own = [row for row in found.parameters if "load" not in row["parameter"]]
     assert len(own) == 10 * bodies
     assert len(found.parameters) == 10 * bodies + 6
     rng = np.random.default_rng(1)
     some = [row for row in own if not row["tested"]][:5] + [own[i] for i in rng.permutation(len(own))[:9]]
     for row in some:
-        lay = layout(changed(scene.mechanism, row["parameter"], length))
+        lay = layout(changed(scene.mechanism, row["parameter"], STEP))
         after = solve_motion(lay, scene.problem(scene.quantities), scene.motion, quiet)
         change = effect(scene, counted, before, after) / STEP
         assert change == pytest.approx(row["effect"], rel=LINEAR, abs=NOTHING), row
@@ -112,7 +97,7 @@ def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_
     found, counted, before = looked_at(scene)
     assert 0 < len(found.untested) < len(found.parameters)
     for row in found.parameters:
-        mechanism = changed(scene.mechanism, row["parameter"], natural_scales(scene.mechanism)["m"], 1e-6)
+        mechanism = changed(scene.mechanism, row["parameter"], 1e-6)
         after = solve_motion(layout(mechanism), scene.problem(scene.quantities), scene.motion, quiet)
         assert (effect(scene, counted, before, after) > SOLVED) == row["tested"], row
 

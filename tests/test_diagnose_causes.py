@@ -9,9 +9,9 @@ from screwgauge.diagnosis.attribution import Torques, attribute
 from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
 from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.hypothesis import Hypothesis
-from screwgauge.diagnosis.matter import Matter, steiner
+from screwgauge.diagnosis.matter import Matter
 from screwgauge.diagnosis.words import vector
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.lookalikes import renamed
 from screwgauge.study.selftest.trees import mjcf, tree, urdf

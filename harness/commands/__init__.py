@@ -120,7 +120,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
-    from screwgauge.study.journal import NAME
+    from screwgauge.study.bench.stamp import NAME
 
     _imported(options.scene)
     scene = load_scene(options.scene)

@@ -10,7 +10,8 @@ from itertools import permutations, product
 
 import numpy as np
 
-from screwgauge.diagnosis.matter import Matter, steiner
+from screwgauge.diagnosis.matter import Matter
+from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array
 
 #: A slip has to explain all of a difference but this share of it, or else it is none.

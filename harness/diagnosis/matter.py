@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.reading import BodyReading
 from screwgauge.reference.rotations import Array
 
@@ -41,11 +41,6 @@ NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 def of_body(body: BodyReading) -> Matter:
     """That of a body."""
     return Matter(body.mass, body.com, body.inertia)
-
-
-def steiner(r: Array) -> Array:
-    """Inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
-    return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
 
 
 def relative(near: Array, far: Array) -> Array:

@@ -26,6 +26,7 @@ import screwgauge
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.study.gate.row import JUDGE
 from screwgauge.study.table import added_to, columns_of, rows_in
 
 #: Of an installation, and of a check [s].
@@ -202,7 +203,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         (digits(error["error"]), f"{row['scene']}: {error['quantity']}")
         for row in rows
         for error in row["errors"]
-        if error["ok"] and error["b"] != "judge" and error["error"] is not None
+        if error["ok"] and error["b"] != JUDGE and error["error"] is not None
     ]
     fewest, worst = min(pairs, default=(float("nan"), ""))
     failed = any(row["status"] in ("failed", "refused") for row in bad)

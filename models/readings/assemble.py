@@ -110,9 +110,13 @@ def joined(parts: Iterable[tuple[float, Array, Array, Array]]) -> tuple[float, A
     com = np.sum([m * c for (m, _, _, _), c in zip(parts, coms, strict=True)], axis=0) / (mass or 1.0)
     inertia = np.zeros((3, 3))
     for (m, _, I, T), c in zip(parts, coms, strict=True):
-        r = c - com
-        inertia += T[:3, :3] @ I @ T[:3, :3].T + m * (r @ r * np.eye(3) - np.outer(r, r))
+        inertia += T[:3, :3] @ I @ T[:3, :3].T + m * steiner(c - com)
     return mass, com, inertia
+
+
+def steiner(r: Array) -> Array:
+    """Inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
+    return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
 
 
 def matrix(p: Array, R: Array) -> Array:

@@ -8,9 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Heading, Items, Paragraph, Table, facts
-from screwgauge.report.write import write_report
+from screwgauge.report.write import write_table
 from screwgauge.study.gate.alarms import CHANGE, NAME
 
 DATA = (NAME, "environment.json")
@@ -42,12 +41,15 @@ def passed(found: pd.DataFrame) -> bool:
     return n > refused and bool(tried) and not alarms and not missed
 
 
+def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
+    """The blocks of ``report.md`` and ``report.html``."""
+    head = Heading("False alarms and missed changes", 1)
+    return [head, *terminal(found), Heading("Environment"), facts(record)]
+
+
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``alarms.csv``, the report and ``environment.json``."""
-    record = environment()
-    data = dict(zip(DATA, (found, record), strict=True))
-    head = Heading("False alarms and missed changes", 1)
-    return write_report(out, lambda: [head, *terminal(found), Heading("Environment"), facts(record)], data)
+    return write_table(out, NAME, found, report)
 
 
 def _counts(rows: pd.DataFrame) -> tuple[int, int, int, int, int]:

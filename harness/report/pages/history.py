@@ -9,12 +9,12 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
 from screwgauge.report.formatting import digits_text, duration, grouped, rows, size
-from screwgauge.report.write import write_report
+from screwgauge.report.write import write_table
 
-DATA = ("history.csv", "environment.json")
+NAME = "history.csv"
+DATA = (NAME, "environment.json")
 
 
 def terminal(found: pd.DataFrame) -> list[Block]:
@@ -22,16 +22,16 @@ def terminal(found: pd.DataFrame) -> list[Block]:
     return [block for name, of in grouped(rows(found), "scene").items() for block in _scene(name[0], of)]
 
 
-def write(found: pd.DataFrame, out: Path) -> Path:
-    """Writes ``history.csv``, the report with its plots and ``environment.json``."""
+def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
+    """The blocks of ``report.md`` and ``report.html``."""
     from screwgauge.report.figures.history import make_plots
 
-    record = environment()
-    return write_report(
-        out,
-        lambda: [Heading("History", 1), *terminal(found), *make_plots(found), Heading("Environment"), facts(record)],
-        dict(zip(DATA, (found, record), strict=True)),
-    )
+    return [Heading("History", 1), *terminal(found), *make_plots(found), Heading("Environment"), facts(record)]
+
+
+def write(found: pd.DataFrame, out: Path) -> Path:
+    """Writes ``history.csv``, the report with its plots and ``environment.json``."""
+    return write_table(out, NAME, found, report)
 
 
 def _scene(name: str, found: list[dict[str, Any]]) -> list[Block]:

@@ -9,10 +9,9 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.casebook.book import CASES
-from screwgauge.environment import environment
 from screwgauge.report.blocks import Block, Folded, Heading, Items, Marked, Paragraph, Table, facts
 from screwgauge.report.formatting import Row, number, rows
-from screwgauge.report.write import write_report
+from screwgauge.report.write import write_table
 from screwgauge.study.matrix import COLUMNS
 
 NAME = "matrix.csv"
@@ -49,8 +48,7 @@ def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
 
 def write(found: pd.DataFrame, out: Path) -> Path:
     """Writes ``matrix.csv``, the report and ``environment.json``."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), dict(zip(DATA, (found[[*COLUMNS]], record), strict=True)))
+    return write_table(out, NAME, found[[*COLUMNS]], report)
 
 
 def _pairs(found: pd.DataFrame) -> Table:

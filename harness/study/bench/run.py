@@ -27,8 +27,9 @@ from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
+from screwgauge.study.bench.stamp import stamp
 from screwgauge.study.bench.threads import one_thread
-from screwgauge.study.journal import Journal, stamp
+from screwgauge.study.journal import Journal
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.whole import check_whole

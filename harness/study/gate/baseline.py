@@ -13,13 +13,12 @@ from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import read_file, replace_file
 from screwgauge.study.gate.row import Error, Row
-from screwgauge.study.gate.store import latest
+from screwgauge.study.gate.store import FIRST, latest
 
 SCHEMA = 1
 #: An error has grown when it is so many times what it was, or what rounding makes of it on another machine, whichever
 #: is more: one digit, and a hundredth of the tolerance of what is solved.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
-_FIRST = "run screwgauge check --store with this folder first"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +64,7 @@ def write_latest(file: Path, store: Path, smoke: bool) -> None:
     """
     found = latest(store, smoke)
     if not found["scenes"]:
-        raise DescriptionError(f"has no check that passed {'with' if smoke else 'without'} --smoke", str(store), _FIRST)
+        raise DescriptionError(f"has no check that passed {'with' if smoke else 'without'} --smoke", str(store), FIRST)
     replace_file(file, json_text({"schema": SCHEMA, **found}))
 
 

@@ -200,7 +200,8 @@ def _pair(item: Item, settings: Settings) -> Row:
     within = given is not None and all(each.size <= given for each in found.differences)
     agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
     status: Status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
-    packages = {name: environment()["packages"][name] for name in ("pin", "mujoco")}
+    known = environment()["packages"]
+    packages = {name: known[name] for name in ("pin", "mujoco")}
     hashes = {model.label: model.sha256 for model in (found.a, found.b)}
     where = _line(b, found.differences)
     return Row(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)

@@ -17,7 +17,7 @@ from screwgauge.problem import GivenMotion, Progress
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Failure
-from screwgauge.study.apart import Limits
+from screwgauge.study import apart
 from screwgauge.study.gate.items import Item
 from screwgauge.study.gate.measure import Settings, measured
 from screwgauge.study.gate.row import Row, row_from
@@ -31,7 +31,7 @@ def check_items(
     settings: Settings,
     *,
     jobs: int = 1,
-    limits: Limits | None = None,
+    limits: apart.Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
 ) -> list[Row]:
@@ -60,8 +60,6 @@ def check_items(
             progress(name, i / len(works))
             keep(name, work(lambda share: None))
     else:
-        from screwgauge.study import apart
-
         with TemporaryDirectory(prefix="screwgauge-") as folder:
             found = apart.apart(works, limits, Path(folder), progress, lanes=jobs, keep=keep)
         for name in found.keys() - rows.keys():

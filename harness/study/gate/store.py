@@ -22,6 +22,8 @@ from screwgauge.study.gate.row import Row
 
 #: Of the columns.
 SCHEMA = 1
+#: What to do where there is none.
+FIRST = "run screwgauge check --store with this folder first"
 _ERRORS = "read_parquet($files, union_by_name = true)"
 
 
@@ -83,7 +85,7 @@ def asked(store: Path, query: str, **values: Any) -> pd.DataFrame:
 
     files = sorted(map(str, store.glob("*.parquet")))
     if not files:
-        raise DescriptionError("has no history", str(store), "run screwgauge check --store with this folder first")
+        raise DescriptionError("has no history", str(store), FIRST)
     with duckdb.connect() as database:
         try:
             return database.execute(query.replace("ERRORS", _ERRORS), {"files": files, **values}).df()

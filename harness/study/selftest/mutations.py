@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from screwgauge.diagnosis.matter import steiner
 from screwgauge.diagnosis.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text
+from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array
 from screwgauge.study.selftest.marks import Inertial, inertials, joints
 from screwgauge.study.selftest.mutant import EVERYWHERE, CannotError, Expected
