@@ -17,6 +17,8 @@ Evaluation = Callable[[Array, Array], tuple[Array, Array]]
 ROUNDING = 2 * linear.EPS
 #: A loop whose closure residual stays above this does not close.
 OPEN = 1e-10
+#: Steps in which the residual has to halve at least once: else no solution is near. At a double root it does in each.
+PATIENCE = 12
 
 
 def newton(
@@ -37,6 +39,7 @@ def newton(
     residual, matrix = evaluate(q, y) if begun is None else (array.copy() for array in begun)
     error = np.abs(residual).max(axis=1, initial=0.0)
     active = np.flatnonzero(~(error <= ROUNDING))
+    goal, idle = 0.5 * error, np.zeros(len(q), dtype=np.intp)
     for _ in range(most):
         if not active.size:
             break
@@ -53,7 +56,10 @@ def newton(
         pairs = (q, trial), (residual, residual_new), (matrix, matrix_new), (error, after)
         for kept, new in pairs:
             kept[rows] = new[take]
-        active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after)]
+        halved = after <= goal[active]
+        goal[active[halved]] = 0.5 * after[halved]
+        idle[active] = np.where(halved, 0, idle[active] + 1)
+        active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after) & (idle[active] < PATIENCE)]
     return q, matrix, error
 
 
