@@ -6,8 +6,8 @@ import numpy as np
 
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.pose import Layout, across, place
-from screwgauge.reference.rotations import Array, triad, triad_angles
+from screwgauge.reference.pose import Layout, place, unplace
+from screwgauge.reference.rotations import Array, rotation, triad, triad_angles
 
 #: Home is given to ten digits; another branch is farther away.
 HOME = 1e-8
@@ -59,8 +59,10 @@ def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
 
 def _from_ground(joint: Joint, q: Array) -> tuple[Array, Array]:
     """Pose of the child of a joint whose parent is the ground. Shapes (n, 3, 3), (n, 3)."""
-    ground = np.tile(np.eye(3, dtype=q.dtype), (len(q), 1, 1)), np.zeros((len(q), 3), dtype=q.dtype)
-    return across(joint, q, *ground)[:2]
+    R, p = place(np.tile(np.eye(3, dtype=q.dtype), (len(q), 1, 1)), np.zeros((len(q), 3), q.dtype), joint.parent_frame)
+    for (turns, axis), value in zip(joint.freedoms, q.T, strict=True):
+        R, p = (R @ rotation(axis, value), p) if turns else (R, p + R @ axis * value[:, None])
+    return unplace(R, p, joint.child_frame)
 
 
 def _leg(lay: Layout, chain: tuple[Edge, ...], R: Array, p: Array, q: Array) -> None:

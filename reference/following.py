@@ -201,7 +201,7 @@ class Follower:
         if count == len(far) and not moved:
             return
         i = int(np.argmax(far[:count])) if moved else count
-        growth = np.nan_to_num(MARGIN * CHANGE / np.maximum(change[i], 1e-3), nan=0.1)
+        growth = MARGIN * CHANGE / max(float(change[i]), 1e-3) if np.isfinite(change[i]) else 0.1
         reach = float(far[i] * np.clip(growth, 0.1, 3.0 if moved else 0.5))
         self.reach = min(STEP, max(reach, self.reach) if count == len(far) else reach)
 

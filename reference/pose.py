@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.reference.crossing import Crossing, crossing
 from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
-from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, cross, rotation, skew, vee
+from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
+from screwgauge.reference.rotations import Array, cross, skew, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,11 +70,45 @@ class Layout:
         K = skew(axes)
         return K, K @ K
 
-    def rotations(self, q: Array) -> Array:
-        """Rotation by each coordinate about its own axis, see `rotation`. Shape (n, n_q) -> (n, n_q, 3, 3)."""
-        K, K2 = self._turning
-        q = q[..., None, None]
-        return np.asarray(np.eye(3, dtype=K.dtype) + np.sin(q) * K + 2.0 * np.sin(0.5 * q) ** 2 * K2)
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Rotation by each angle about its own axis, see `rotation`, and way along each slide, as they are walked over.
+
+        Args:
+            q: Joint coordinates. Shape (n, n_q).
+
+        Returns:
+            Shapes (n, n_q, 3, 3), one for slides, and (n, n_q), zero for angles.
+        """
+        (K, K2), walked = self._turning, self._sign * q
+        angle = np.where(self.turns, walked, 0.0)[..., None, None]
+        turned = np.eye(3, dtype=K.dtype) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * K2
+        return turned, np.where(self.turns, 0.0, walked)
+
+    @cached_property
+    def _sign(self) -> Array:
+        """-1 for the coordinates of joints that the tree walks over from child to parent. Shape (n_q,)."""
+        sign = np.ones(len(self.turns), dtype=self.path.dtype)
+        for edge in self.tree.edges:
+            if edge.reverse:
+                sign[self.columns[edge.joint.name]] = -1.0
+        return sign
+
+    @cached_property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """The joints of the tree, those first that are next to ground."""
+        depth, levels = {GROUND: 0}, dict[int, list[Edge]]()
+        for edge in self.tree.edges:
+            depth[edge.far] = depth[edge.near] + 1
+            levels.setdefault(depth[edge.far], []).append(edge)
+        return tuple(self._crossing(levels[level]) for level in sorted(levels))
+
+    @cached_property
+    def cut_crossing(self) -> Crossing:
+        """The cut joints."""
+        return self._crossing([Edge(joint, joint.parent, joint.child, False) for joint in self.tree.cuts])
+
+    def _crossing(self, edges: Sequence[Edge]) -> Crossing:
+        return crossing(edges, self.mechanism.body_index, self.columns, self.turns)
 
     @cached_property
     def cut_columns(self) -> list[int]:
@@ -150,49 +185,16 @@ def unplace(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     return R_body, p - R_body @ frame.p
 
 
-def across(
-    joint: Joint, q: Array, R: Array, p: Array, *, reverse: bool = False, turned: Array | None = None
-) -> tuple[Array, Array, Array, Array]:
-    """Walks over a joint from the pose of one body to that of the other (eq. 24, for any joint).
-
-    Args:
-        q: Its coordinates. Shape (n, n_freedom).
-        R, p: Pose of its parent (of its child, if `reverse`). Shapes (n, 3, 3), (n, 3).
-        turned: Rotation by each of its angles, if these are known already. Shape (n, n_freedom, 3, 3).
-
-    Returns:
-        Pose of the other body; direction and point of each freedom's axis in the joint's own order, (n, f, 3) each.
-    """
-    start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
-    R, p = place(R, p, start)
-    directions, points = np.empty((2, len(R), q.shape[1], 3), dtype=q.dtype)
-    steps = list(enumerate(joint.freedoms))
-    for i, (turns, axis) in reversed(steps) if reverse else steps:
-        e = R @ axis
-        directions[:, i], points[:, i] = e, p
-        if turns:
-            turn = rotation(axis, q[:, i]) if turned is None else turned[:, i]
-            R = R @ (turn.swapaxes(1, 2) if reverse else turn)
-        else:
-            p = p + e * (-q[:, i] if reverse else q[:, i])[:, None]
-    R, p = unplace(R, p, end)
-    return R, p, directions, points
-
-
 def tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
     """Orientations, origins and screws (see `Pose`) by the joints of the tree; screws of cut joints are zero."""
-    n, index = len(q), lay.mechanism.body_index
-    R = np.empty((n, len(index), 3, 3), dtype=q.dtype)
-    p = np.zeros((n, len(index), 3), dtype=q.dtype)
+    n, n_body = len(q), len(lay.mechanism.body_index)
+    R = np.empty((n, n_body, 3, 3), dtype=q.dtype)
+    p = np.zeros((n, n_body, 3), dtype=q.dtype)
     directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
     R[:, 0] = np.eye(3)
-    turned = lay.rotations(q)
-    for edge in lay.tree.edges:
-        near, far, columns = index[edge.near], index[edge.far], lay.columns[edge.joint.name]
-        start = q[:, columns], R[:, near], p[:, near]
-        R[:, far], p[:, far], directions[:, columns], points[:, columns] = across(
-            edge.joint, *start, reverse=edge.reverse, turned=turned[:, columns]
-        )
+    moved = lay.moved(q)
+    for joints in lay.crossings:
+        R[:, joints.far], p[:, joints.far] = joints.walk(R, p, moved, directions, points)
     return R, p, _screws(lay, directions, points)
 
 
@@ -212,18 +214,12 @@ def pose(lay: Layout, q: Array) -> Pose:
 
 def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     """The same from what `tree_pose` gives, if that is known: adds the cut joints."""
-    n, index = len(q), lay.mechanism.body_index
+    n = len(q)
     residual = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
     if not lay.tree.cuts:
         return Pose(q, R, p, S, residual)
-    turned = lay.rotations(q)
     directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
-    R_via, p_via = np.empty((*residual.shape[:2], 3, 3), dtype=q.dtype), np.empty_like(residual[..., :3])
-    for c, joint in enumerate(lay.tree.cuts):
-        parent, columns = index[joint.parent], lay.columns[joint.name]
-        R_via[:, c], p_via[:, c], directions[:, columns], points[:, columns] = across(
-            joint, q[:, columns], R[:, parent], p[:, parent], turned=turned[:, columns]
-        )
+    R_via, p_via = lay.cut_crossing.walk(R, p, lay.moved(q), directions, points)
     cut = lay.cut_columns
     S = S.copy()
     S[:, cut] = _screws(lay, directions, points)[:, cut]

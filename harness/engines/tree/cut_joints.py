@@ -31,14 +31,20 @@ class Chart:
         R: Orientation of its parent side in the world. Shape (n, 3, 3).
         inverse: Maps a relative angular velocity, in the parent side's axes, to rates. Shape (n, m, 3).
         axes: Current directions of its axes in the parent side's axes. Shape (n, m, 3).
-        condition: How much the reading of its rates loses, 1 at best. Shape (n,).
     """
 
     q: Array
     R: Array
     inverse: Array
     axes: Array
-    condition: Array
+
+    @property
+    def condition(self) -> Array:
+        """How much the reading of its rates loses, 1 at best. Shape (n,)."""
+        if self.q.shape[1] < 3:
+            return np.ones(len(self.q))
+        size = np.linalg.norm(self.axes, axis=(1, 2)) * np.linalg.norm(self.inverse, axis=(1, 2)) / 3.0  # 3 at best
+        return np.where(np.isnan(size) & np.isfinite(self.axes).all(axis=(1, 2)), np.inf, size)
 
     def rates(self, omega: Array) -> Array:
         """Coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
@@ -76,7 +82,7 @@ class Chart:
             return self
         two = other_triple(self.q)
         swapped = np.abs(within_half_turn(two[:, i] - angle)) < np.abs(within_half_turn(self.q[:, i] - angle))
-        return self._swapped(swapped, np.where(swapped[:, None], two, self.q))
+        return self._swapped(swapped, np.where(swapped[:, None], two, self.q)) if swapped.any() else self
 
     def _swapped(self, where: Flags, q: Array) -> Chart:
         """With the second triples somewhere: their middle axis, and with it its rate, points the other way."""
@@ -99,11 +105,7 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     duals = cross(turned[:, NEXT], turned[:, NEXT[NEXT]])
     volume = np.sum(turned[:, 0] * duals[:, 0], axis=1)[:, None, None]
     inverse = duals / np.where(volume == 0.0, np.nan, volume)
-    condition = np.ones(len(R))
-    if m == 3:  # in the Frobenius norm, 3 at best
-        condition = np.linalg.norm(turned, axis=(1, 2)) * np.linalg.norm(inverse, axis=(1, 2)) / 3.0
-        condition = np.where(np.isnan(condition) & np.isfinite(turned).all(axis=(1, 2)), np.inf, condition)
-    return Chart(angles[:, :m], R, inverse[:, :m], turned[:, :m], condition)
+    return Chart(angles[:, :m], R, inverse[:, :m], turned[:, :m])
 
 
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
