@@ -8,7 +8,7 @@ mechanism's own length, so that thresholds mean the same for every size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -48,10 +48,12 @@ class LoopEquations:
 
     Attributes:
         fixed: Columns of tree coordinates that keep their home value.
+        last: Orientations of the last single pose, and its rows.
     """
 
     lay: Layout
     fixed: tuple[int, ...] = ()
+    last: list[tuple[Array, Rows]] = field(default_factory=list)
 
     @cached_property
     def length(self) -> float:
@@ -92,6 +94,14 @@ class LoopEquations:
 
     def rows(self, R: Array, p: Array) -> Rows:
         """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
+        for orientation, rows in self.last[:]:
+            if orientation is R:
+                return rows
+        rows = self._rows(R, p)
+        self.last[:] = [(R, rows)] if len(R) == 1 else []
+        return rows
+
+    def _rows(self, R: Array, p: Array) -> Rows:
         cuts, (parents, children) = self.lay.tree.cuts, self.lay.sides
         (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
         R_child, shift = R[:, children[0]], point - start

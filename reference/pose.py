@@ -50,6 +50,7 @@ class Layout:
         path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
         loop: The same for the loop of each cut joint: parent's path + joint - child's path. (n_cut, n_q).
         kept: What `loops.loop_equations` made of it.
+        last: Coordinates of the tree, as bytes -> what `tree_pose` gave for these, of the last single pose.
     """
 
     mechanism: Mechanism
@@ -58,6 +59,7 @@ class Layout:
     path: Array
     loop: Array
     kept: dict[tuple[int, ...], Any] = field(default_factory=dict)
+    last: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict)
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
@@ -186,7 +188,24 @@ def unplace(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
 
 
 def tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
-    """Orientations, origins and screws (see `Pose`) by the joints of the tree; screws of cut joints are zero."""
+    """Orientations, origins and screws (see `Pose`) by the joints of the tree; screws of cut joints are zero.
+
+    Of a single pose they are kept: where Newton's method ends, velocities and accelerations are asked for next.
+    """
+    if len(q) > 1:
+        return _tree_pose(lay, q)
+    key = q[:, lay.tree_columns].tobytes()
+    made = lay.last.get(key)
+    if made is None:
+        made = _tree_pose(lay, q)
+        for array in made:
+            array.setflags(write=False)
+        lay.last.clear()
+        lay.last[key] = made
+    return made
+
+
+def _tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
     n, n_body = len(q), len(lay.mechanism.body_index)
     R = np.empty((n, n_body, 3, 3), dtype=q.dtype)
     p = np.zeros((n, n_body, 3), dtype=q.dtype)

@@ -24,7 +24,7 @@ def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool, samples: in
     record = {
         "models": model_texts(scene.mechanism),
         "text": [mechanism_tables(scene.mechanism_file), scene.text],  # which the truth reads unrounded
-        "motion": [motion.t, motion.y, motion.yd, motion.ydd],
+        "motion": [array.tobytes().hex() for array in (motion.t, motion.y, motion.yd, motion.ydd)],
         "applied": [applied.g, *(load.numbers() for load in applied.loads)],
         "environment": environment,
         "extent": [quick, samples],
