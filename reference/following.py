@@ -33,6 +33,7 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 #: Passing a singular pose where the least singular value is a smaller share of the largest cannot be told from
 #: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
 FAINT = 1e-9
+NEARER = 1e-3  # share of the least singular value where a way begins, below which it leads towards a singular pose
 BLOCK = 1024  # samples corrected at a time
 EVERY, SPREAD = 16, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
 MANY, FEW = 100, 8  # samples from which on this pays, and steps of Newton's method that it is worth
@@ -54,11 +55,15 @@ class PathEnd(ClosureError):
         t: Time of the sample that cannot be reached [s].
         singular: Whether that pose is singular; otherwise the way is too long, or too near to a singular pose.
         beyond: Whether the loops close beyond it, too.
+        landing: The pose there, if so, and its share of the way.
     """
 
-    def __init__(self, at: Anchor, size: Array | float, t: float, *, singular: bool, beyond: bool) -> None:
+    def __init__(
+        self, at: Anchor, size: Array | float, t: float, singular: bool, landing: tuple[Anchor, float] | None
+    ) -> None:
         super().__init__(no_further(at.y * size), f"t = {t:g} s", REMEDY)
-        self.z, self.y, self.t, self.singular, self.beyond = at.z, at.y, t, singular, beyond
+        self.z, self.y, self.t, self.singular, self.landing = at.z, at.y, t, singular, landing
+        self.beyond = landing is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,19 +240,18 @@ class Follower:
                 self.anchor, self.reach = self.home, STEP
                 if self._along(way, target, t) is None:
                     return
-        if not (strict or self.begun):
-            self.anchor, self.reach = origin, STEP
-            if self._along(straight, target, t, over=True) is None:
+        end, done = ends[0], 0.0
+        while not (strict or self.begun) and end.landing and end.landing[1] < 1.0:  # goes straight on over it
+            self.anchor, self.reach = end.landing[0], STEP
+            done += end.landing[1] * (1.0 - done)
+            if (further := self._along(lambda s, d=done: straight(d + s * (1.0 - d)), target, t)) is None:
                 return
+            end = further
         self.anchor = origin
         raise ends[0]
 
-    def _along(self, way: Way, target: Array, t: float, *, over: bool = False) -> PathEnd | None:
-        """Goes along a way in steps that stay on the branch; why it ends early, if it does.
-
-        Args:
-            over: Whether it goes straight on over singular poses, where a branch that turns off does not.
-        """
+    def _along(self, way: Way, target: Array, t: float) -> PathEnd | None:
+        """Goes along a way in steps that stay on the branch; why it ends early, if it does."""
         done, step, singular, edge = 0.0, 1.0, False, None
         first = low = self.anchor.s[-1]
         for i in range(MOST + int(20.0 * np.abs(target - self.anchor.y).max(initial=0.0) / STEP)):
@@ -263,7 +267,9 @@ class Follower:
             arriving = bool(far <= short)
             edge = self.anchor.y if edge is None and self.anchor.blurred else edge
             hidden = edge is not None and bool(np.abs(goal - edge).max() > BLUR)
-            singular = self.anchor.singular and not arriving
+            faint = self.anchor.s[-1] < min(FAINT * self.anchor.s[0], NEARER * first)
+            passing = faint and bool(np.abs(target - self.anchor.y).max() > MOST * max(self.reach, short))
+            singular = (self.anchor.singular or passing) and not arriving
             if hidden or singular:
                 break
             if len(self._correct(goal[None], arriving=arriving)[0]):
@@ -275,15 +281,18 @@ class Follower:
                     return None
             elif singular := bool(self.reach <= short):
                 break
+        return self._end(way, done, t, singular=singular)
+
+    def _end(self, way: Way, done: float, t: float, *, singular: bool) -> PathEnd:
+        """That the way ends here, after a share of it, and where straight on leads."""
         at, beyond = self.anchor, min(1.0, done + LEAP)
         y = way(beyond)
         start = at.z + np.linalg.pinv(at.matrix, rcond=BLUR)[:, -len(y) :] @ (y - at.y)
         z, matrix, error = newton(self.evaluate, start[None], y[None])
-        closes = bool(error[0] < OPEN and np.abs(z - start).max() < FARTHEST)
-        if over and closes and beyond < 1.0:
-            self.anchor = Anchor.at(z[0], y, matrix[0], float(error[0]), self.read(z[0], at.all))
-            return self._along(lambda s: way(beyond + s * (1.0 - beyond)), target, t, over=True)
-        return PathEnd(at, self.size, t, singular=singular, beyond=closes)
+        landing = None
+        if error[0] < OPEN and np.abs(z - start).max() < FARTHEST:
+            landing = Anchor.at(z[0], y, matrix[0], float(error[0]), self.read(z[0], at.all)), beyond
+        return PathEnd(at, self.size, t, singular, landing)
 
 
 def _leading(flags: NDArray[np.bool_]) -> int:

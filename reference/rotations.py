@@ -90,7 +90,7 @@ def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -
 def _handed(axes: bytes, dtype: str, shape: tuple[int, ...]) -> Array:
     """1 for right-handed triads of axes, -1 for others: axes are those of joints, always the same. Shape (..., 1)."""
     first, second, third = np.moveaxis(np.frombuffer(axes, dtype=dtype).reshape(shape), -2, 0)
-    return np.sign(np.sum(cross(first, second) * third, axis=-1, keepdims=True))
+    return np.asarray(np.sign(np.sum(cross(first, second) * third, axis=-1, keepdims=True)))
 
 
 def triad(axes: Array) -> Array:
