@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -90,6 +91,12 @@ class Mobility:
 
 def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
     """A mechanism and its pose with its own length as the unit, so that ranks do not depend on its size."""
+    scaled = _in_lengths(lay)
+    return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / length(lay)))
+
+
+@lru_cache(maxsize=16)
+def _in_lengths(lay: Layout) -> Layout:
     unit, old = length(lay), lay.mechanism
     joints = [
         replace(
@@ -103,8 +110,7 @@ def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
     bodies = tuple(replace(body, com=body.com / unit) for body in old.bodies)
     size = {name: 1.0 if turns else unit for name, turns in zip(old.coordinates, lay.turns, strict=True)}
     couplings = tuple(one.scaled(size[one.coordinate], size.get(one.of, 1.0)) for one in old.couplings)
-    scaled = layout(replace(old, bodies=bodies, joints=tuple(joints), couplings=couplings))
-    return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / unit))
+    return layout(replace(old, bodies=bodies, joints=tuple(joints), couplings=couplings))
 
 
 def mobility(lay: Layout, at: Pose) -> Mobility:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -257,6 +257,7 @@ def centres_of_mass(lay: Layout, at: Pose) -> Array:
     return np.asarray(at.p[:, 1:] + (at.R[:, 1:] @ com[..., None])[..., 0])
 
 
+@lru_cache(maxsize=64)
 def length(lay: Layout) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
     mechanism = lay.mechanism
