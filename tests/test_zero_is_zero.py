@@ -75,9 +75,10 @@ def test_a_share_of_any_force_is_noticed(write):
         counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
         for quantity in ("joint_velocity", "joint_acceleration", "com_acceleration", *FORCES):
             values = right.values[quantity]
+            alone = replace(right, values={quantity: values})
             for unit in dict.fromkeys(values.units):
-                for wrong, size in disturbed(right, quantity, unit):
-                    problem, both = scene.problem(()), {"screw": right, "other": wrong}
+                for wrong, size in disturbed(alone, quantity, unit):
+                    problem, both = scene.problem(()), {"screw": alone, "other": wrong}
                     errors, _ = compare(scene.mechanism, problem, both, {}, counts, scene.tolerance)
                     rows = errors[(errors["quantity"] == quantity) & (errors["unit"] == unit)]
                     if size < rows["scale"].max() or size < 1e3 * right.tolerances[quantity][unit]:
