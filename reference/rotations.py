@@ -78,7 +78,7 @@ def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -
         Angles [rad], the middle one of three within +-pi/2. Shape (..., 3).
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
-    sign = _handed(axes.tobytes(), axes.dtype.str, axes.shape)
+    sign = _handed(axes.tobytes(), axes.dtype.str, axes.shape).astype(R.dtype, copy=False)
     M = axes @ R @ axes.swapaxes(-1, -2)
     q1 = np.arctan2(np.where(few, M[..., 2, 1], -M[..., 1, 2]), np.where(few, M[..., 1, 1], M[..., 2, 2]))
     q2 = np.arctan2(M[..., 0, 2], np.where(few, M[..., 0, 0], np.hypot(M[..., 1, 2], M[..., 2, 2])))
@@ -90,7 +90,7 @@ def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -
 def _handed(axes: bytes, dtype: str, shape: tuple[int, ...]) -> Array:
     """1 for right-handed triads of axes, -1 for others: axes are those of joints, always the same. Shape (..., 1)."""
     first, second, third = np.moveaxis(np.frombuffer(axes, dtype=dtype).reshape(shape), -2, 0)
-    return np.asarray(np.sign(np.sum(cross(first, second) * third, axis=-1, keepdims=True)))
+    return np.where(np.sum(cross(first, second) * third, axis=-1, keepdims=True) > 0, 1.0, -1.0)
 
 
 def triad(axes: Array) -> Array:
