@@ -20,7 +20,7 @@ from screwgauge.reference.between import Rows, knots, predicted
 from screwgauge.reference.continuation import OPEN, Evaluation, newton
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.ways import Way, quintic, straight_and_bent
+from screwgauge.reference.ways import Way, quintic, rest, straight_and_bent
 
 #: How much the derivative may change in a step; below one no other solution lies between.
 CHANGE = 0.5
@@ -244,7 +244,7 @@ class Follower:
         while not (strict or self.begun) and end.landing and end.landing[1] < 1.0:  # goes straight on over it
             self.anchor, self.reach = end.landing[0], STEP
             done += end.landing[1] * (1.0 - done)
-            if (further := self._along(lambda s, d=done: straight(d + s * (1.0 - d)), target, t)) is None:
+            if (further := self._along(rest(straight, done), target, t)) is None:
                 return
             end = further
         self.anchor = origin

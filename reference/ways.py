@@ -38,3 +38,8 @@ def straight_and_bent(origin: Array, target: Array) -> list[Way]:
         return lambda s: np.asarray(origin + s * along + sign * np.sin(np.pi * s) * bends)
 
     return [bent(sign) for sign in ((0.0, 1.0, -1.0) if len(along) > 1 else (0.0,))]
+
+
+def rest(way: Way, done: float) -> Way:
+    """What is left of a way after a share of it."""
+    return lambda s: way(done + s * (1.0 - done))
