@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -91,11 +90,12 @@ class Mobility:
 
 def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
     """A mechanism and its pose with its own length as the unit, so that ranks do not depend on its size."""
-    scaled = _in_lengths(lay)
+    if "in lengths" not in lay.kept:
+        lay.kept["in lengths"] = _in_lengths(lay)
+    scaled: Layout = lay.kept["in lengths"]
     return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / length(lay)))
 
 
-@lru_cache(maxsize=16)
 def _in_lengths(lay: Layout) -> Layout:
     unit, old = length(lay), lay.mechanism
     joints = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class Layout:
     Attributes:
         path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
         loop: The same for the loop of each cut joint: parent's path + joint - child's path. (n_cut, n_q).
-        kept: What `loops.loop_equations` made of it.
+        kept: What was made of it once, as by `loops.loop_equations`.
         last: Coordinates of the tree, as bytes -> what `tree_pose` gave for these, of the last single pose.
     """
 
@@ -58,7 +58,7 @@ class Layout:
     columns: dict[str, list[int]]
     path: Array
     loop: Array
-    kept: dict[tuple[int, ...], Any] = field(default_factory=dict)
+    kept: dict[tuple[int, ...] | str, Any] = field(default_factory=dict)
     last: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -257,9 +257,14 @@ def centres_of_mass(lay: Layout, at: Pose) -> Array:
     return np.asarray(at.p[:, 1:] + (at.R[:, 1:] @ com[..., None])[..., 0])
 
 
-@lru_cache(maxsize=64)
 def length(lay: Layout) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
+    if "length" not in lay.kept:
+        lay.kept["length"] = _length(lay)
+    return float(lay.kept["length"])
+
+
+def _length(lay: Layout) -> float:
     mechanism = lay.mechanism
     R, p, _ = tree_pose(lay, mechanism.home[None])
     index = mechanism.body_index
