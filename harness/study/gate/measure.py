@@ -36,7 +36,7 @@ from screwgauge.study.run import run
 #: takes time is the way there.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
 #: Share of its duration that a smoke test integrates a simulation of so many bodies at most; others take too long.
-BEGINNING, MOST = 1e-2, 40
+BEGINNING, MOST = 1e-2, 4000
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
 
