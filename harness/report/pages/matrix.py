@@ -64,7 +64,12 @@ def _pairs(found: pd.DataFrame) -> Table:
 
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
-    said = [f"pin {row['pin']}, mujoco {row['mujoco']}: {row['reason']}" for row in rows(found) if row["reason"]]
+    said = [
+        f"pin {row['pin']}, mujoco {row['mujoco']}: out of tolerance in {row['differing'] or 'nothing'} (scenes); first "
+        + row["reason"]
+        for row in rows(found)
+        if row["reason"]
+    ]
     return [Folded("What does not pass", (Items(tuple(said)),))] if said else []
 
 
