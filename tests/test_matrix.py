@@ -17,8 +17,8 @@ from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
-SKIPPED = {**AGREE, "scene": "large", "status": "skipped"}
-DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ"}
+ERRORS = [{"quantity": name, "b": b, "ok": False, "error": 1.0} for name, b in (("reaction", "mujoco"), ("power", "judge"))]
+DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ", "errors": [*ERRORS, *ERRORS]}
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def made(monkeypatch):
 
     def run(command, folder=None, ends=(0,)):
         if "check" in command:
-            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER, SKIPPED]}))
+            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
         return told.cases.get(command[0], "".join(f"{name}\tshown\n" for name in command[3:]))
 
     monkeypatch.setattr(study, "fresh", make)
@@ -51,10 +51,17 @@ def test_one_row_a_pair_and_only_these_versions_are_pinned(made, tmp_path):
         ["4.1.0", "3.6.0", "differ", 1, 2],
     ]
     assert {*found["reason"]} == {"t: they differ"}
+    assert {*found["differing"]} == {"reaction 1"}
     assert {*found["shown"]} == {CASE}
     first = made.asked[0]
     assert {"pin==3.9.0", "mujoco==3.6.0", "numpy>=2.0"} <= {*first}
     assert not any("extra" in text or "pytest" in text for text in first)
+
+
+def test_what_pin_3_was_built_with_is_asked_for():
+    """It asks for newer libraries itself, beside which it cannot be imported."""
+    asked = {pin: {*study.requirements(pin=pin, mujoco="4.0.0")} for pin in ("3.9.0", "4.1.0")}
+    assert asked["3.9.0"] - asked["4.1.0"] == {"pin==3.9.0", "cmeel-tinyxml2<11", "cmeel-urdfdom<5"}
 
 
 def test_rows_that_are_there_are_not_made_again(made, tmp_path):
