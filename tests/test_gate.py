@@ -235,7 +235,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
         text = scene(quantities='["joint_position"]').replace('"mujoco"', f'"{name}"')
         (theirs / f"with-{name}.toml").write_text(text)
     items = [Item(f"with-{name}", (f"{theirs}/with-{name}.toml",)) for name in names]
-    rows = check_items(items, Settings(told), limits=Limits(memory=0.75))
+    rows = check_items(items, Settings(told), jobs=2, limits=Limits(memory=0.75))
     assert [row.status for row in rows] == ["failed", "failed", "agree"], [row.sentence for row in rows]
     assert rows[0].sentence == "with-segfault: segfault: crashed: its process got SIGSEGV"
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence
@@ -249,6 +249,9 @@ def test_what_hangs_costs_its_row(theirs, monkeypatch):
     assert "stopped after 0.5 s" in rows[0].sentence
 
 
+OTHER = json.dumps(
+    {"schema": 1, "smoke": False, "environment": {}, "scenes": {"left": {"versions": {}, "files": {}, "errors": {}}}}
+)
 BAD = {
     "unknown quantity": (["turn.toml", "--tolerances", "t.toml"], "colour = 1\n", "unknown key 'colour'"),
     "negative": (["turn.toml", "--tolerances", "t.toml"], "reaction = -1\n", "-1 is not positive"),
@@ -266,6 +269,7 @@ BAD = {
     "no baseline": (["turn.toml", "--baseline", "none.json"], "", "it does not exist"),
     "no JSON": (["turn.toml", "--baseline", "t.toml"], "colour", "is no baseline"),
     "other schema": (["turn.toml", "--baseline", "t.toml"], '{"schema": 99, "scenes": {}, "environment": {}}', "99"),
+    "other scene": (["turn.toml", "--baseline", "t.toml"], OTHER, "is a baseline of left, not of turn"),
 }
 
 

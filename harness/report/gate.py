@@ -209,6 +209,6 @@ def check(
     asked = items(what)
     settings = Settings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
-        read_baseline(Path(baseline), smoke)
+        read_baseline(Path(baseline), smoke, [item.name for item in asked])
     rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
     return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke))
