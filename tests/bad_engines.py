@@ -12,7 +12,9 @@ from screwgauge.problem import GivenMotion
 
 NAMES = ("segfault", "hog")
 load_segfault, load_hog = (partial(load, work=work) for work in (segfault, hog))
-SEGFAULT, HOG = (Engine(name, name, f"bad_engines:load_{name}", frozenset((GivenMotion,)), "screwgauge") for name in NAMES)
+SEGFAULT, HOG = (
+    Engine(name, name, f"bad_engines:load_{name}", frozenset((GivenMotion,)), "screwgauge") for name in NAMES
+)
 
 
 def install(folder: Path) -> None:

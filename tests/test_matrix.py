@@ -17,7 +17,8 @@ from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
-ERRORS = [{"quantity": name, "b": b, "ok": False, "error": 1.0} for name, b in (("reaction", "mujoco"), ("power", "judge"))]
+BEYOND = {"reaction": "mujoco", "power": "judge"}
+ERRORS = [{"quantity": name, "b": b, "ok": False, "error": 1.0} for name, b in BEYOND.items()]
 DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ", "errors": [*ERRORS, *ERRORS]}
 
 
@@ -100,6 +101,7 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert [*pd.read_csv(tmp_path / "out" / page.NAME).columns] == [*study.COLUMNS]
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
+    assert "pin 4.1.0, mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they differ" in text
     assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
     assert "pin 3.9.0: no case runs at all." in text
 
