@@ -75,11 +75,19 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A finished picture; `name` is its file name without ending."""
+    """A finished picture, and what a page makes of it that can run scripts.
+
+    Attributes:
+        name: File name without ending.
+        chart: The same to zoom and ask, as JSON of Vega-Lite; empty if there is none.
+        stage: The same in space, as JSON of what ``stage.js`` draws; empty if there is none.
+    """
 
     name: str
     title: str
     svg: str
+    chart: str = ""
+    stage: str = ""
 
 
 @dataclass(frozen=True, slots=True)
