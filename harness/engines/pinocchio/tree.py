@@ -24,8 +24,7 @@ from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this share of the largest are those of couplings that the loops keep already.
 REDUNDANT = 1e-9
-#: Since then constraints have data of their own, which want to be initialised and placed (casebook:
-#: pin-4-constraint-api).
+#: Whether the data of constraints want to be initialised and placed, too (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
