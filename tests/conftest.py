@@ -57,7 +57,12 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 def here():
     """The command line, too, runs engines in this process, where tests put others in their place."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(apart, "apart", lambda works, limits, folder, report, **more: in_turn(works, report))
+        # a check says what it is at, too
+        patch.setattr(
+            apart,
+            "apart",
+            lambda works, limits, folder, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
+        )
         yield
 
 

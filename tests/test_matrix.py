@@ -17,8 +17,9 @@ from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
-SKIPPED = {**AGREE, "scene": "large", "status": "skipped"}
-DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ"}
+BEYOND = {"reaction": "mujoco", "power": "judge"}
+ERRORS = [{"quantity": name, "b": b, "ok": False, "error": 1.0} for name, b in BEYOND.items()]
+DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ", "errors": [*ERRORS, *ERRORS]}
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def made(monkeypatch):
 
     def run(command, folder=None, ends=(0,)):
         if "check" in command:
-            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER, SKIPPED]}))
+            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
         return told.cases.get(command[0], "".join(f"{name}\tshown\n" for name in command[3:]))
 
     monkeypatch.setattr(study, "fresh", make)
@@ -51,10 +52,17 @@ def test_one_row_a_pair_and_only_these_versions_are_pinned(made, tmp_path):
         ["4.1.0", "3.6.0", "differ", 1, 2],
     ]
     assert {*found["reason"]} == {"t: they differ"}
+    assert {*found["differing"]} == {"reaction 1"}
     assert {*found["shown"]} == {CASE}
     first = made.asked[0]
     assert {"pin==3.9.0", "mujoco==3.6.0", "numpy>=2.0"} <= {*first}
     assert not any("extra" in text or "pytest" in text for text in first)
+
+
+def test_what_pin_3_was_built_with_is_asked_for():
+    """It asks for newer libraries itself, beside which it cannot be imported."""
+    asked = {pin: {*study.requirements(pin=pin, mujoco="4.0.0")} for pin in ("3.9.0", "4.1.0")}
+    assert asked["3.9.0"] - asked["4.1.0"] == {"pin==3.9.0", "cmeel-tinyxml2<11", "cmeel-urdfdom<5"}
 
 
 def test_rows_that_are_there_are_not_made_again(made, tmp_path):
@@ -93,6 +101,7 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert [*pd.read_csv(tmp_path / "out" / page.NAME).columns] == [*study.COLUMNS]
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
+    assert "pin 4.1.0, mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they differ" in text
     assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
     assert "pin 3.9.0: no case runs at all." in text
 

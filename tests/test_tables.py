@@ -235,7 +235,8 @@ def test_a_bad_entry_is_refused(entries, said, write, refused):
 
 def test_a_simulation_has_no_tables(write, refused):
     text = 'mechanism = "a02-fourbar-2"\nforward = {}\ntime.times = [0, 1]\ntables.mine = "mine.csv"\n'
-    assert "'tables' does not belong to a forward scene" in refused("run", write("scene.toml", text))
+    said = "'tables' does not belong to a forward scene; give observables of your own as [reference]"
+    assert said in refused("run", write("scene.toml", text))
 
 
 def test_an_exciting_motion_has_no_tables(scene, right, refused):

@@ -96,17 +96,18 @@ class Motions:
     Attributes:
         bodies: Frames of the bodies side by side, by the spanning tree, ground first. Shape (n, n_body + 1, ...).
         com: Their centres of mass, without ground. Shape (n, n_body, ...).
-        cuts: Child of each cut joint, by the tree and by that joint: one motion where the loop is closed.
+        cuts: Ground and the children of the cut joints side by side, by the tree and by these joints: one motion where
+            the loop is closed. Shape (n, n_cut + 1, ...).
     """
 
     bodies: Moving
     com: Moving
-    cuts: list[tuple[Moving, Moving]]
+    cuts: tuple[Moving, Moving]
 
     def part(self, rows: slice) -> Motions:
         """The same for some of the samples."""
-        cuts = [(tree.part(rows), cut.part(rows)) for tree, cut in self.cuts]
-        return Motions(self.bodies.part(rows), self.com.part(rows), cuts)
+        tree, cut = self.cuts
+        return Motions(self.bodies.part(rows), self.com.part(rows), (tree.part(rows), cut.part(rows)))
 
     @property
     def velocities(self) -> Array:
@@ -119,12 +120,11 @@ class Motions:
         Returns:
             For each cut joint an angular and a linear part in world axes. Shape (n, n_cut, 2, 3).
         """
-        out = np.empty((len(self.com.p), len(self.cuts), 2, 3))
-        for k, (tree, cut) in enumerate(self.cuts):
-            angular = (vee(cut.R @ tree.R.swapaxes(1, 2)), cut.w - tree.w, cut.b - tree.b)
-            linear = (cut.p - tree.p, cut.v - tree.v, cut.a - tree.a)
-            out[:, k, 0], out[:, k, 1] = angular[order], linear[order]
-        return out
+        tree, cut = self.cuts
+        linear = getattr(cut, "pva"[order]) - getattr(tree, "pva"[order])
+        turn = "Rwb"[order]
+        angular = getattr(cut, turn) - getattr(tree, turn) if order else vee(cut.R @ tree.R.swapaxes(2, 3))
+        return np.stack([angular, linear], axis=2)[:, 1:]
 
 
 def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
@@ -139,8 +139,9 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
     for edge in tree.edges:
         bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
     com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
-    cuts = [(bodies[index[joint.child]], over(joint, joint.parent)) for joint in tree.cuts]
-    return Motions(beside(bodies), beside(com), cuts)
+    by_tree = beside([bodies[0], *(bodies[index[joint.child]] for joint in tree.cuts)])
+    by_joint = beside([bodies[0], *(over(joint, joint.parent) for joint in tree.cuts)])
+    return Motions(beside(bodies), beside(com), (by_tree, by_joint))
 
 
 def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:

@@ -25,7 +25,7 @@ from screwgauge.study.gate.row import EXIT, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
-WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused", "skipped": "skipped"}
+WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -50,7 +50,7 @@ class Check:
     @property
     def exit_status(self) -> int:
         """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
-        worst = max((EXIT[row.status] for row in self.rows if row.status != "skipped"), default=1)
+        worst = max((EXIT[row.status] for row in self.rows), default=1)
         return worst or int(bool(self.against and self.against.worse))
 
     @property
@@ -77,8 +77,7 @@ class Check:
 
     def blocks(self) -> list[Block]:
         """What is printed, and shown as the summary of a job."""
-        good, left = (sum(row.status == status for row in self.rows) for status in ("agree", "skipped"))
-        text, said = f"{good} of {len(self.rows)} pass{f', {left} left out' if left else ''}.", list[Block]()
+        text, said = f"{sum(row.ok for row in self.rows)} of {len(self.rows)} pass.", list[Block]()
         banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
         if self.against is not None:
             known = self.against
@@ -129,7 +128,7 @@ class Check:
             cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
         kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
-        for name, kind in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        for name, kind in (("failures", "failure"), ("errors", "error")):
             suite.set(name, str(kinds[kind]))
         for name, seconds, status, said in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
@@ -147,7 +146,7 @@ class Check:
 
 
 #: Elements of JUnit by the status of what they are about.
-_KINDS = {"differ": "failure", "failed": "error", "refused": "error", "skipped": "skipped"}
+_KINDS = {"differ": "failure", "failed": "error", "refused": "error"}
 
 
 def _shown(text: str) -> str:
@@ -210,6 +209,6 @@ def check(
     asked = items(what)
     settings = Settings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
-        read_baseline(Path(baseline), smoke)
+        read_baseline(Path(baseline), smoke, [item.name for item in asked])
     rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
     return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke))

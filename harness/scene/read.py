@@ -117,7 +117,8 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     where = str(path)
     for key in ("motion", "rule", "tables"):
         if key in data:
-            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, f"remove [forward] or {key}")
+            remedy = "give observables of your own as [reference]" if key == "tables" else f"remove [forward] or {key}"
+            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)
     observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):

@@ -10,7 +10,7 @@ import signal
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -67,14 +67,15 @@ def apart(
     """Does all works at once, as far as cores allow, each in the process of its name.
 
     Args:
-        works: Pickle, and take a progress.
+        works: Pickle, and take a progress, which takes what they are at, too, beside the share.
         folder: Where they say how far they are: what a file says outlives who wrote it, and nobody waits for it.
         report: Takes the names of those under way, and the share of all that is done.
         lanes: So many processes instead, each of which does one work after the other.
         keep: Takes each result as soon as it is there.
 
     Returns:
-        What each returns, or that it crashed or met a limit, in the order of the works.
+        What each returns, or that it crashed or met a limit, in the order of the works; of those that said what they
+        were at, a failure names that.
 
     Raises:
         ScrewgaugeError: Raised by a work; the others are stopped.
@@ -84,6 +85,8 @@ def apart(
     most = lanes or cpu_count()
 
     def done(name: str, process: str, result: T | Failure) -> None:
+        if isinstance(result, Failure) and (step := _share(_file(folder, name))[1]):
+            result = replace(result, engine=step)
         found[name] = result
         free.append(process)
         keep(name, result)
@@ -98,7 +101,7 @@ def apart(
             for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
                 name, process, _ = running.pop(future)
                 done(name, process, _result(name, future))
-            shares = {name: _share(_file(folder, name)) for name, _, _ in running.values()}
+            shares = {name: _share(_file(folder, name))[0] for name, _, _ in running.values()}
             for future, (name, process, begin) in [*running.items()]:
                 if monotonic() - begin > limits.seconds:
                     del running[future]
@@ -123,7 +126,7 @@ def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits,
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
         try:
-            return work(lambda share: _say(file, share))
+            return work(partial(_say, file))
         except MemoryError:
             return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
 
@@ -170,13 +173,14 @@ def _file(folder: Path, name: str) -> Path:
     return folder / f"{name}.share"
 
 
-def _say(file: Path, share: float) -> None:
-    file.write_text(f"{share:.4f}", encoding="utf-8")
+def _say(file: Path, share: float, step: str = "") -> None:
+    file.write_text(f"{share:.4f} {step}", encoding="utf-8")
 
 
-def _share(file: Path) -> float:
-    """Share that was said last; 0 before anything was, or while it is being said."""
+def _share(file: Path) -> tuple[float, str]:
+    """Share that was said last, and of what; 0 before anything was, or while it is being said."""
     try:
-        return float(file.read_text(encoding="utf-8"))
+        share, _, step = file.read_text(encoding="utf-8").partition(" ")
+        return float(share), step
     except (OSError, ValueError):
-        return 0.0
+        return 0.0, ""

@@ -81,7 +81,8 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
     """What a method raised, in one line and without the folder of generated files, which goes with them."""
-    reason = f"{type(error).__name__}: {' '.join(str(error).split()).replace(f'{folder}/', '')}"
+    said = str(error) or "nothing more is said"  # as Python does of memory
+    reason = f"{type(error).__name__}: {' '.join(said.split()).replace(f'{folder}/', '')}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
     return Failure(name, reason, "".join(traceback.format_exception(error)))

@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -29,6 +30,9 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.gate.row import JUDGE
 from screwgauge.study.table import added_to, columns_of, rows_in
 
+#: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
+#: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
+BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 #: Of an installation, and of a check [s].
 LIMIT = 3600.0
 CRASHED = "crashed"
@@ -42,6 +46,7 @@ class Row:
         status: ``agree``, ``differ``, ``failed`` or ``not installed``.
         passing, scenes: Scenes that pass, of so many.
         digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
+        differing: Quantities out of tolerance, with the number of scenes.
         reason: What is said of the first scene that does not pass, or why there is none.
         shown, not_shown, failed: Cases of the casebook by what became of them.
     """
@@ -53,6 +58,7 @@ class Row:
     scenes: int = 0
     digits: float = float("nan")
     worst: str = ""
+    differing: str = ""
     reason: str = ""
     shown: str = ""
     not_shown: str = ""
@@ -131,10 +137,11 @@ def _row(pin: str, mujoco: str, folder: Path, make: Maker, what: tuple[Sequence[
 
 
 def requirements(**pinned: str) -> list[str]:
-    """What this package needs, some of it in one version only."""
+    """What this package needs, some of it in one version only, with what that was built with."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
-    return [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
+    found = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
+    return [*found, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
 
 
 def fresh(folder: Path, wanted: Sequence[str]) -> Path:
@@ -197,7 +204,6 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         rows = json.loads(text)["rows"]
     except (ValueError, KeyError, TypeError):
         raise CannotError("the check printed no JSON") from None
-    rows = [row for row in rows if row["status"] != "skipped"]  # by a smoke test
     bad = [row for row in rows if row["status"] != "agree"]
     pairs = [
         (digits(error["error"]), f"{row['scene']}: {error['quantity']}")
@@ -206,6 +212,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         if error["ok"] and error["b"] != JUDGE and error["error"] is not None
     ]
     fewest, worst = min(pairs, default=(float("nan"), ""))
+    out = Counter(name for row in bad for name in dict.fromkeys(_beyond(row["errors"])))
     failed = any(row["status"] in ("failed", "refused") for row in bad)
     said: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
     return {
@@ -214,8 +221,14 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         "scenes": len(rows),
         "digits": round(fewest, 1),
         "worst": worst,
+        "differing": ", ".join(f"{name} {n}" for name, n in out.most_common()),
         "reason": f"{said['scene']}: {said['sentence']}" if bad else "",
     }
+
+
+def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    """Quantities in which two engines are out of tolerance."""
+    return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)
 
 
 def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, str]]:

@@ -64,13 +64,12 @@ class PinocchioMover:
         if not len(self.constraints) and not len(couplings):
             return np.zeros(0), np.zeros((0, self.model.nv))
         self._refresh()
-        gaps = []
+        gaps, J = [], self.constraints.jacobian(self.kinematics, self.q)
         for model, data in zip(self.constraints.models, self.constraints.datas, strict=True):
-            model.calc(self.model, self.kinematics, data)
             apart = data.c1Mc2
             gaps.append(apart.translation if model.type == pin.ContactType.CONTACT_3D else pin.log6(apart).vector)
         gaps.append(couplings.residuals(self.q[None])[0])
-        return np.concatenate(gaps), self.constraints.jacobian(self.kinematics, self.q)
+        return np.concatenate(gaps), J
 
     def accelerate(self, tau: Array) -> Array:
         a, left, size = self._solve(tau, self.settings)

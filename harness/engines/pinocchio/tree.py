@@ -24,6 +24,8 @@ from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this share of the largest are those of couplings that the loops keep already.
 REDUNDANT = 1e-9
+#: Whether the data of constraints want to be initialised and placed, too (casebook: pin-4-constraint-api).
+PIN_4 = int(pin.__version__.split(".")[0]) >= 4
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
@@ -212,7 +214,7 @@ class Constraints:
                 model.m_baumgarte_parameters.Kp, model.m_baumgarte_parameters.Kd = gains
             self.datas.append(model.createData())
         if len(self.models):
-            pin.initConstraintDynamics(self.model, self.data, self.models, self.datas)
+            initialise(self.model, self.data, self.models, self.datas)
 
     def __len__(self) -> int:
         return len(self.models)
@@ -246,11 +248,21 @@ class Constraints:
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Derivative of the gaps for a placed `data`: velocity of the second side less that of the first, couplings."""
+        """Derivative of the gaps for a placed `data`: velocity of the second side less that of the first, couplings.
+
+        Puts `datas` there, too.
+        """
         couplings: Array = self.couplings.matrix(q[None])[0]
         if not len(self.models):
             return couplings
+        for model, there in zip(self.models, self.datas, strict=True) if PIN_4 else ():  # Pinocchio 3 does it itself
+            model.calc(self.model, data, there)
         return np.vstack([-pin.getConstraintsJacobian(self.model, data, self.models, self.datas), couplings])
+
+
+def initialise(model: Any, data: Any, models: Any, datas: Any) -> None:
+    """`initConstraintDynamics`, which wants the data of the constraints, too, since Pinocchio 4."""
+    pin.initConstraintDynamics(model, data, models, *([datas] if PIN_4 else []))
 
 
 def _contacts(tree: PinocchioTree, frames: bool) -> Any:

@@ -64,8 +64,17 @@ def _pairs(found: pd.DataFrame) -> Table:
 
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
-    said = [f"pin {row['pin']}, mujoco {row['mujoco']}: {row['reason']}" for row in rows(found) if row["reason"]]
+    said = [
+        f"pin {row['pin']}, mujoco {row['mujoco']}: {_amount(row)}{row['reason']}"
+        for row in rows(found)
+        if row["reason"]
+    ]
     return [Folded("What does not pass", (Items(tuple(said)),))] if said else []
+
+
+def _amount(row: Row) -> str:
+    """In how many scenes which quantities differ."""
+    return f"scenes out of tolerance in {row['differing']}; the first: " if row["differing"] else ""
 
 
 def _cases(found: pd.DataFrame) -> list[Block]:

@@ -86,11 +86,8 @@ def against(file: Path, rows: Sequence[Row], smoke: bool) -> Against:
     Raises:
         DescriptionError: There is none, or it is one of another schema, of other scenes, or made otherwise.
     """
-    known = read_baseline(file, smoke)
+    known = read_baseline(file, smoke, [row.scene for row in rows])
     before, now = known["scenes"], state(rows, smoke)
-    if not before.keys() & now["scenes"].keys():
-        what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(now['scenes'])}"
-        raise DescriptionError(what, str(file), "name another file, or make one by --update")
     changed = [*_changes("", known["environment"], now["environment"])]
     worse, improved, notes = list[str](), list[str](), list[str]()
     for row in rows:
@@ -111,17 +108,17 @@ def against(file: Path, rows: Sequence[Row], smoke: bool) -> Against:
     return Against(str(file), list(dict.fromkeys(changed)), worse, improved, notes)
 
 
-def read_baseline(file: Path, smoke: bool) -> dict[str, Any]:
+def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
     """The entries of a baseline.
 
     Raises:
-        DescriptionError: It is none, or of another schema, or not as asked for.
+        DescriptionError: It is none, or of another schema, or of other scenes, or not as asked for.
     """
     try:
         known = json.loads(read_file(file))
-        schema, scenes, packages = known["schema"], known["scenes"], known["environment"]
-        sound = all(isinstance(part, dict) for part in (scenes, packages)) and all(
-            isinstance(entry[key], dict) for entry in scenes.values() for key in ("versions", "files", "errors")
+        schema, before, packages = known["schema"], known["scenes"], known["environment"]
+        sound = all(isinstance(part, dict) for part in (before, packages)) and all(
+            isinstance(entry[key], dict) for entry in before.values() for key in ("versions", "files", "errors")
         )
     except (ValueError, TypeError, KeyError):
         sound, schema = False, SCHEMA
@@ -131,6 +128,9 @@ def read_baseline(file: Path, smoke: bool) -> dict[str, Any]:
     if known.get("smoke") is not smoke:
         made = "with" if known.get("smoke") else "without"
         raise DescriptionError(f"was made {made} --smoke", str(file), "check likewise, or make another by --update")
+    if not before.keys() & {*scenes}:
+        what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(scenes)}"
+        raise DescriptionError(what, str(file), "name another file, or make one by --update")
     return dict(known)
 
 

@@ -18,7 +18,6 @@ from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.conditioning import LIMIT
-from screwgauge.problem import Progress, quiet
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
@@ -35,8 +34,8 @@ from screwgauge.study.run import run
 #: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
 #: takes time is the way there.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
-#: Share of its duration that a smoke test integrates a simulation of so many bodies at most; others take too long.
-BEGINNING, MOST = 1e-2, 40
+#: Share of its duration that a smoke test integrates of a simulation.
+BEGINNING = 1e-2
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
 
@@ -55,8 +54,8 @@ class Settings:
     tolerances: Mapping[str, float] | None = None
 
 
-def measured(item: Item, settings: Settings, progress: Progress) -> Row:
-    """The row of an item; bad input and engines that fail are rows, too."""
+def measured(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
+    """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
     try:
         if len(item.files) == 2:
             return _pair(item, settings)
@@ -65,22 +64,22 @@ def measured(item: Item, settings: Settings, progress: Progress) -> Row:
         return Row(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
 
 
-def _scene(item: Item, settings: Settings, progress: Progress) -> Row:
+def _scene(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
     scene, note = load_scene(item.files[0]), ""
     if settings.smoke:
-        if scene.simulated and (n := len(scene.mechanism.bodies)) > MOST:
-            return Row(item.name, "skipped", f"left out, as a simulation of {n} bodies is no matter of seconds")
         scene, note = smoked(scene)
     row = compared(scene, settings, progress)[0]
     return replace(row, scene=item.name, coverage=f"{note}{row.coverage}", file=row.file or item.files[0])
 
 
-def compared(scene: Scene, settings: Settings, progress: Progress = quiet) -> tuple[Row, Comparison]:
-    """A scene as it is: its row, and what was compared."""
+def compared(
+    scene: Scene, settings: Settings, progress: Callable[..., None] = lambda share, step: None
+) -> tuple[Row, Comparison]:
+    """A scene as it is: its row, and what was compared. `progress`: takes a share and the engine that is at it."""
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
-    results = run(scene, progress=lambda step, share: progress(share))
+    results = run(scene, progress=lambda step, share: progress(share, step))
     errors = tuple(_errors(results, given))
     agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
     status: Status = "agree" if agree else "failed" if results.failures else "differ"

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 #: Stands for the second engine where equations judge one alone.
 JUDGE = "judge"
-Status = Literal["agree", "skipped", "differ", "failed", "refused"]
+Status = Literal["agree", "differ", "failed", "refused"]
 #: Exit status of the command by what became of a row; the highest of all rows counts.
-EXIT: dict[Status, int] = {"agree": 0, "skipped": 0, "differ": 1, "refused": 2, "failed": 3}
+EXIT: dict[Status, int] = {"agree": 0, "differ": 1, "refused": 2, "failed": 3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,7 @@ class Row:
 
     Attributes:
         scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: ``agree``, ``skipped`` (nothing was looked at), ``differ``, ``failed`` (an engine, or its process) or
-            ``refused`` (bad input).
+        status: ``agree``, ``differ``, ``failed`` (an engine, or its process) or ``refused`` (bad input).
         sentence: What was found, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.

@@ -13,7 +13,7 @@ from time import perf_counter
 from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.importing.model import is_model
-from screwgauge.problem import GivenMotion, Progress
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Failure
@@ -50,7 +50,8 @@ def check_items(
 
     def keep(name: str, result: Row | Failure) -> None:
         if isinstance(result, Failure):
-            result = Row(name, "failed", f"{name}: {result.reason}")
+            engine = f"{result.engine}: " * (result.engine != name)
+            result = Row(name, "failed", f"{name}: {engine}{result.reason}")
         rows[name] = result
         if keys:
             kept.keep(keys[name], asdict(result))
@@ -58,7 +59,7 @@ def check_items(
     if limits is None:
         for i, (name, work) in enumerate(works.items()):
             progress(name, i / len(works))
-            keep(name, work(lambda share: None))
+            keep(name, work(lambda share, step: None))
     else:
         with TemporaryDirectory(prefix="screwgauge-") as folder:
             found = apart.apart(works, limits, Path(folder), progress, lanes=jobs, keep=keep)
@@ -68,7 +69,7 @@ def check_items(
     return [rows[item.name] for item in items]
 
 
-def _timed(item: Item, settings: Settings, progress: Progress) -> Row:
+def _timed(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
     begin = perf_counter()
     row = measured(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)

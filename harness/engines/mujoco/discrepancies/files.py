@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import mujoco
+import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, mass, measured, moment
 from screwgauge.engines.samples import ARM, INERTIA, INERTIAL, MASS, WEIGHT, G, body, joint, link, mjcf, numbers, robot
@@ -73,6 +74,25 @@ def tensor_order() -> Shown:
 
     wrong, said = listed(xx, xy, xz, yy, yz, zz)
     return Shown(wrong, yy, listed(xx, yy, zz, xy, xz, yz)[0], "kg m^2", said)
+
+
+def principal_axes() -> Shown:
+    """Largest error of a body's tensor, of its largest moment: written out, and as principal moments and axes."""
+    tensor = np.array([[0.02, 6e-6, 8e-6], [6e-6, 0.023, -3e-6], [8e-6, -3e-6, 0.023]])
+    moments, axes = np.linalg.eigh(tensor)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, (axes * np.linalg.det(axes)).ravel())
+
+    def error(said: str) -> float:
+        model = load(mjcf(f'<body><joint axis="0 1 0"/><inertial pos="0 0 0" mass="1" {said}/></body>'))
+        R = np.empty(9)
+        mujoco.mju_quat2Mat(R, model.body_iquat[1])
+        found = R.reshape(3, 3) * model.body_inertia[1] @ R.reshape(3, 3).T
+        return float(np.abs(found - tensor).max() / moments[-1])
+
+    six = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    written = f'fullinertia="{numbers(six)}"', f'diaginertia="{numbers(moments)}" quat="{numbers(quat)}"'
+    return Shown(error(written[0]), 0.0, error(written[1]), "")
 
 
 def massless_link() -> Shown:

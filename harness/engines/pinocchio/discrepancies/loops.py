@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import four_bar
+from screwgauge.engines.pinocchio.tree import initialise
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
 from screwgauge.reference.rotations import Array
@@ -38,7 +39,7 @@ class _Closed:
             )
             self.contacts.append(contact)
             self.datas.append(contact.createData())
-        pin.initConstraintDynamics(self.model, self.data, self.contacts, self.datas)
+        initialise(self.model, self.data, self.contacts, self.datas)
         self.force = np.zeros(6)
 
     def accelerate(self, settings: Any) -> Array:
