@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from screwgauge.environment import environment
+from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import digits
 from screwgauge.reference.applied import Applied, Load
@@ -113,7 +114,7 @@ def judged(engine: str, ok: bool = True) -> dict[str, Any]:
 
 
 def scene(n: int, figures: tuple[Figure, ...]) -> Any:
-    mechanism = SimpleNamespace(name="toy", title="A toy", source="", independent={"a": "leg1.q1"})
+    mechanism = replace(load_mechanism("slider-crank"), name="toy", title="A toy", source="")
     task = GivenMotion(np.linspace(0.0, 1.0, n), *(np.zeros((n, 1)) for _ in range(3)))
     load = Load("platform", None, np.array([0.0, 0.0, 1000.0]), np.zeros(3))
     return SimpleNamespace(

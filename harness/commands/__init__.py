@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.reference.errors import ScrewgaugeError
@@ -140,7 +139,7 @@ def bench(options: argparse.Namespace) -> int:
 
 def _random(options: argparse.Namespace) -> int:
     """Random mechanisms of all families; those whose rows are there are not done again."""
-    from screwgauge.report.pages import random as page
+    from screwgauge.report.pages.random import PAGE as page
     from screwgauge.study.campaign import campaign
 
     out, names = options.out or OUT / "random", _names(options.contestants)
@@ -213,7 +212,8 @@ def diagnose(options: argparse.Namespace) -> int:
 def _self_test(options: argparse.Namespace) -> int:
     """Diagnoses models changed at random; those whose rows are there are not done again."""
     from screwgauge.reference.errors import DescriptionError
-    from screwgauge.report.pages import selftest as page
+    from screwgauge.report.pages.selftest import PAGE as page
+    from screwgauge.report.pages.selftest import passed
     from screwgauge.study.selftest.run import counts, selftest
 
     taken = ("self_test", "count", "quick", "seed", "out", "command", "debug")
@@ -224,7 +224,7 @@ def _self_test(options: argparse.Namespace) -> int:
     found = carry_out(
         page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME
     )
-    return 0 if page.passed(found) else 1
+    return 0 if passed(found) else 1
 
 
 def _case(options: argparse.Namespace) -> int:
@@ -242,7 +242,7 @@ def _case(options: argparse.Namespace) -> int:
 
 
 def carry_out(
-    page: ModuleType,
+    page: Any,
     out: Path,
     work: Callable[[Any], Any],
     *,
@@ -253,6 +253,7 @@ def carry_out(
     """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
     Args:
+        page: Has DATA, write and terminal: a module of pages, or a study's.
         work: Takes the progress.
         tell: What to print of what was found; by default what the page has for a terminal.
         again: File that the same command goes on from.

@@ -99,23 +99,24 @@ def worst_three(results: Comparison) -> list[Block]:
 
 def what(results: Comparison) -> dict[str, str]:
     """What was judged, short enough for a first screen."""
-    files, t = results.provenance, results.times
-    models = files.get("models", {})
-    scene_file = {"file": files.get("scene_file"), "sha256": files.get("scene_sha256")}
-    ran = {name: (s.version, models.get(name, {})) for name, s in results.solutions.items()}
-    ran |= {name: ("failed", models.get(name, {})) for name in results.failures}
+    files, t, versions = short_judged(results.provenance), results.times, dict[str, str]()
+    for name in (*results.solutions, *results.failures):
+        version = results.solutions[name].version if name in results.solutions else "✗ failed"
+        versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
     samples = f"{len(t)} sample{'s' * (len(t) != 1)}, t = {span(number(t[0]), number(t[-1]))} s"
-    return {
-        "scene": ", ".join(filter(None, (_short(scene_file) or results.scene.name, samples))),
-        "mechanism": _short(files.get("description", {})) or results.scene.mechanism.name,
-        **{name: ", ".join(filter(None, (version, _short(model)))) for name, (version, model) in ran.items()},
-        "date": files.get("date", ""),
-    }
+    scene = ", ".join((files.pop("scene file", results.scene.name), samples))
+    mechanism = files.pop("description", results.scene.mechanism.name)
+    return {"scene": scene, "mechanism": mechanism, **versions, **files}
 
 
-def _short(file: Mapping[str, Any]) -> str:
-    """Name and beginning of the hash of a file."""
-    return f"{PurePath(str(file['file'])).name} (SHA-256 {str(file['sha256'])[:8]})" if file.get("file") else ""
+def short_judged(provenance: Mapping[str, Any]) -> dict[str, str]:
+    """As `judged`, with names of files alone and the beginnings of their hashes."""
+
+    def short(text: str) -> str:
+        file, sha, digest = text.rpartition(", SHA-256 ")
+        return f"{PurePath(file).name} (SHA-256 {digest[:8]})" if sha else text
+
+    return {what: short(text) for what, text in judged(provenance).items() if text}
 
 
 def differing(results: Comparison) -> list[Block]:
