@@ -10,6 +10,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths, reciprocal_screws
 from screwgauge.reference.pose import Layout, Pose, constraint_matrix, layout, length, pose
@@ -159,6 +160,14 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
         redundant = both.shape[1] - (linear.rank(both) if both.size else 0)
         found.append(Held(body, ways, wrenches, _in_metres(elements(free[k], middle), unit), redundant))
     return tuple(found)
+
+
+def idle_forces(lay: Layout, at: Pose) -> Array:
+    """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal."""
+    rates = [velocities(lay, at, e[None]).w[0] for e in np.eye(len(lay.mechanism.independent))]
+    sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
+    work = np.array(rates)[:, lay.mechanism.actuated_columns] / sizes
+    return linear.null_space(work) if work.size else np.zeros((work.shape[1], 0))
 
 
 def _in_metres(found: Sequence[Element], unit: float) -> tuple[Element, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.report.stage.shapes import CUT, DRIVEN, KINDS, colour_of, cut_joints, ends, mark, segments
+from screwgauge.models.shapes import CUT, DRIVEN, KINDS, colour_of, cut_joints, ends, mark, segments
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 56.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven, cut or independent are named

@@ -1,6 +1,6 @@
 "use strict";
 /* The mechanism in space, drawn by MeshCat's viewer. `data` is what stage/picture.py writes: lengths in lengths of the
-   mechanism, z up. Returns what steers it, or null where there is no WebGL; the element is left as it was then. */
+   mechanism, z up. Returns what steers it; throws where there is no WebGL, and the element is left as it was. */
 function screwgaugeStage(element, data) {
   const wrap = make("div", {className: "stage"}), pane = make("div", {tabIndex: 0});
   const style = `position:relative;height:min(62vh,${element.clientWidth < 600 ? 340 : 480}px);min-height:260px;overflow:hidden;outline-offset:-2px`;
@@ -15,7 +15,7 @@ function screwgaugeStage(element, data) {
     viewer = new MeshCat.Viewer(pane);
   } catch (error) {
     wrap.remove();
-    return null;
+    throw error;
   } finally {
     window.onload = loaded; // the viewer takes it for its own
   }
@@ -38,7 +38,7 @@ function screwgaugeStage(element, data) {
     return matrix(times(x, thick), times(y, Math.max(long, 1e-6)), times(cross(x, y), thick), times(add(a, b), 0.5));
   }
   function placed(q) { // position and quaternion
-    const [px, py, pz, x, y, z, w] = q;
+    const [px, py, pz, w, x, y, z] = q;
     return matrix([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)], [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
       [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)], [px, py, pz]);
   }
@@ -224,3 +224,4 @@ function screwgaugeStage(element, data) {
   viewer.set_3d_pane_size();
   return {draw, play, stop, viewer};
 }
+window.screwgaugeStage = screwgaugeStage;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,39 +44,47 @@ class Shape:
     other: int = 0
 
 
+class End(NamedTuple):
+    """A joint of a body: its point in the frame of the body [m], whether ground is on its other side, and its kind."""
+
+    point: Array
+    standing: bool
+    slides: bool
+
+
 def cut_joints(mechanism: Mechanism) -> frozenset[str]:
     """Names of the joints that are opened, as in the engines' models."""
     return frozenset(joint.name for joint in layout(mechanism).tree.cuts)
 
 
-def ends(mechanism: Mechanism) -> dict[str, list[tuple[Array, bool]]]:
-    """Body -> points of its joints in its frame [m], and whether the joint stands on ground."""
-    found: dict[str, list[tuple[Array, bool]]] = {name: [] for name in mechanism.body_index}
+def ends(mechanism: Mechanism) -> dict[str, list[End]]:
+    """Body -> where its joints are."""
+    found: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in mechanism.joints:
         if joint.kind != "F":
             standing = GROUND in (joint.parent, joint.child)
-            found[joint.parent].append((joint.parent_frame.p, standing))
-            found[joint.child].append((joint.child_frame.p, standing))
+            for name, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+                found[name].append(End(frame.p, standing, joint.kind in "PC"))
     return found
 
 
-def segments(body: Body, its: list[tuple[Array, bool]]) -> list[tuple[Array, Array]]:
-    """A body as lines: a rod, or a plate through its joints with spokes if one of them stands on ground; in its frame [m]."""
-    apart = {tuple(np.round(point, 9)): (point, standing) for point, standing in its[::-1]}
-    points = [point for point, _ in apart.values()]
-    if len(points) < 2:  # as far beyond its centre of mass, if another body goes on from there
+def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
+    """A body as lines between its joints: a rod, or a plate; in its frame [m]."""
+    apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
+    points = [end.point for end in apart.values()]
+    if len(points) < 2:  # up to its centre of mass; as far beyond, if it slides there
         start = points[0] if points else body.com
-        return [(start, body.com if len(its) < 2 else 2.0 * body.com - start)]
+        return [(start, 2.0 * body.com - start if any(end.slides for end in its) and len(its) > 1 else body.com)]
     if len(points) == 2:
         return [(points[0], points[1])]
-    ring = [point for point, standing in apart.values() if not standing]
+    ring = [end.point for end in apart.values() if not end.standing]
     hub = np.mean(ring or points, axis=0)
+    spokes = [(hub, point) for point in points if np.linalg.norm(point - hub) > 1e-9]
     if len(ring) < 3:
-        return [(hub, point) for point in points if np.linalg.norm(point - hub) > 1e-9]
+        return spokes
     across = np.linalg.svd(np.array(ring) - hub)[2][:2]
     ring.sort(key=lambda point: float(np.arctan2(*(across @ (point - hub)))))
-    spokes = [(hub, point) for point in points if len(ring) < len(points)]
-    return [*zip(ring, [*ring[1:], ring[0]], strict=True), *spokes]
+    return [*zip(ring, [*ring[1:], ring[0]], strict=True), *(spokes if len(ring) < len(points) else [])]
 
 
 def colour_of(mechanism: Mechanism, i: int) -> str:
@@ -96,7 +105,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     return found
 
 
-def _body(body: Body, i: int, its: list[tuple[Array, bool]], unit: float, colour: str) -> Iterator[Shape]:
+def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Iterator[Shape]:
     for a, b in segments(body, its):
         yield Shape("links", "rod", i, a / unit, b / unit, LINK, colour, body.name)
     for axis, tone in zip(np.eye(3), ("#D62728", "#2CA02C", "#1F77B4"), strict=True):

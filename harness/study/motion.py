@@ -1,4 +1,4 @@
-"""A mechanism in motion: poses at a few samples, forces at these, and how its platform is held."""
+"""A mechanism in motion, to be looked at: poses at a few samples of a scene, and what acts there."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
     lay, every = layout(scene.mechanism), np.arange(len(scene.t))
     for name, found in solutions.items():
         if found.assembly is not None and name != REFERENCE and len(found.assembly) == len(every):
-            rows = _few(every[np.isfinite(found.assembly).all(axis=1)], frames)
+            rows = few(every[np.isfinite(found.assembly).all(axis=1)], frames)
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in found.values.items()}
                 return Motion(lay, pose(lay, found.assembly[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
-        rows = _few(every, frames)
+        rows = few(every, frames)
         try:
             at = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report says what no engine could follow
@@ -82,7 +82,7 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
     return still(scene.mechanism)
 
 
-def _few(rows: Rows, most: int) -> Rows:
+def few(rows: Rows, most: int) -> Rows:
     return (
         rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int))] if len(rows) else rows
     )
@@ -91,10 +91,10 @@ def _few(rows: Rows, most: int) -> Rows:
 def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
     n = len(rows)
 
-    def few(v: Array) -> Array:
+    def at_rows(v: Array) -> Array:
         return v[rows] if v.ndim == 2 else np.tile(v, (n, 1))
 
-    return tuple(Load(one.body, one.point, few(one.force), few(one.torque)) for one in scene.applied.loads)
+    return tuple(Load(one.body, one.point, at_rows(one.force), at_rows(one.torque)) for one in scene.applied.loads)
 
 
 def arrows(motion: Motion) -> list[Arrow]:
