@@ -54,6 +54,13 @@ PROVENANCE = {
 Make = Callable[..., Results]
 
 
+@pytest.fixture(autouse=True)
+def _no_mechanism(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What engines say here fits no mechanism that could be drawn in motion."""
+    drawn = Picture("mechanism", "A toy", "<svg ></svg>")
+    monkeypatch.setattr("screwgauge.report.stage.picture.stage", lambda *given: drawn)
+
+
 def solution(engine: str, change: float, n: int, nan: bool) -> Solution:
     t = np.linspace(0.0, 1.0, n)
     position = np.column_stack([np.sin(t + k) for k in range(4)])
@@ -290,9 +297,10 @@ def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
 def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
-    parts = ["Scene", "Engines", "Pairs", "Judge", "Coverage", "Estimated errors", "Plots", "Mechanism"]
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
-    assert heads == [*parts, "How it was compared", "Run times", "Environment", "Known limitations"]
+    assert heads[:5] == ["Out of tolerance", "Digits of agreement", "Judge", "Plots", "Coverage"]
+    appendix = ["Scene", "Engines", "Pairs", "Residuals", "Estimated errors", "Parameters", "Mechanism"]
+    assert heads[5:] == [*appendix, "How it was compared", "Run times", "Environment", "Known limitations", "Words"]
     assert "a note of beta" in text
 
 
@@ -300,13 +308,13 @@ def test_report_links_every_plot_it_wrote(make: Make, tmp_path: Path) -> None:
     out = make().write(tmp_path / "out")
     linked = re.findall(r"\]\((plots/.*?)\)", (out / "report.md").read_text(encoding="utf-8"))
     assert sorted(linked) == sorted(str(path.relative_to(out)) for path in out.glob("plots/*"))
-    assert len(linked) == 3  # two quantities and the condition number
+    assert len(linked) == 4  # the mechanism, two quantities and the condition number
 
 
 def test_html_is_one_file_without_outside_references(make: Make, tmp_path: Path) -> None:
     page = (make(1e-8).write(tmp_path / "out") / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg ") == 3
-    for pattern in (r"<(?:script|link|iframe|img|object)\b", r"@import", r"src=", r"url\((?!#)"):
+    assert page.count("<svg ") == 4
+    for pattern in (r"<(?:link|iframe|img|object)\b", r"@import", r"src=", r"url\((?!#)"):
         assert not re.search(pattern, page), pattern
     assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)"', page))
     ids = re.findall(r'\bid="([^"]*)"', page)
@@ -366,7 +374,7 @@ def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     figure = Figure("Only one", "joint_position", "rad", (("", ("leg1.*",)),))
     make(figures=(figure,)).write(out)
-    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg"]
+    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg", "mechanism.svg"]
     assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
-from importlib.resources import files
+from importlib.metadata import distribution, version
+from pathlib import Path
 
 import numpy as np
 
 from screwgauge.truth import cache
+
+STAGE = Path(__file__).with_name("stage") / "stage.js"
 
 
 def chart() -> str:
@@ -24,7 +26,6 @@ def chart() -> str:
 
 
 def stage() -> str:
-    """meshcat's viewer with three.js, and what draws a mechanism with it."""
-    viewer = files("meshcat") / "viewer" / "dist" / "main.min.js"
-    own = files("screwgauge.report") / "stage" / "stage.js"
-    return f"{viewer.read_text(encoding='utf-8')}\n;{own.read_text(encoding='utf-8')}"
+    """meshcat's viewer with three.js, and what draws a mechanism with it; its Python would bring a server, so not."""
+    viewer = Path(str(distribution("meshcat").locate_file("meshcat/viewer/dist/main.min.js")))
+    return f"{viewer.read_text(encoding='utf-8')}\n;{STAGE.read_text(encoding='utf-8')}"

@@ -116,10 +116,10 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
 
 def pictures(results: Comparison) -> list[Picture]:
     """The mechanism, then what engines say of each quantity."""
-    from screwgauge.report.figures.mechanism import mechanism_plot
     from screwgauge.report.figures.run import make_plots
+    from screwgauge.report.stage.picture import stage
 
-    return [mechanism_plot(results.scene.mechanism), *make_plots(results)]
+    return [stage(results.scene, results.solutions), *make_plots(results)]
 
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
