@@ -20,8 +20,8 @@
     load(kind);
     figure.append(element);
     try {
-      if (kind === "stage") await window.screwgaugeStage(element, json);
-      else await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg" });
+      if (kind === "stage") element.shown = await window.screwgaugeStage(element, json);
+      else element.shown = await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg" });
       figure.classList.add("live");
     } catch (error) {
       element.remove();
