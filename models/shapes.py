@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
-from screwgauge.reference.pose import layout, length
+from screwgauge.reference.pose import layout, length, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.suspicious import suspicious
 
 #: Of bodies; dark enough for their names.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
-PLAIN, DRIVEN, CUT, STANDING, MASS = "#8A9199", "#E69F00", "#D55E00", "#5F666D", "#B58900"
+PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
+MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
+COMPARED = ("links", "joints", "axes")
 KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical", "F": "free"}
-LINK, JOINT = 0.012, 0.022  # radius of a link, size of a joint
+LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, what can be told apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +27,8 @@ class Shape:
     """A solid in the frame of a body.
 
     Attributes:
-        group: What shows and hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``, ``ellipsoids``.
+        group: What shows and hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``, ``ellipsoids``,
+            ``doubts``, and ``other`` of another mechanism.
         kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of the body `other`;
             ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`, ``arrow`` from `a` to `b`, ``ellipsoid`` at
             `a` with the columns of `b` as its half axes.
@@ -102,7 +106,36 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     for joint in mechanism.joints:
         if joint.kind != "F":
             found += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+    for odd in suspicious(mechanism):
+        at = odd.point / unit
+        found.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
     return found
+
+
+def placed(mechanism: Mechanism) -> list[Shape]:
+    """The same in the world at home."""
+    lay = layout(mechanism)
+    at, unit, found = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    for one in shapes(mechanism):
+        ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
+        a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
+        found.append(replace(one, body=0, other=0, a=a, b=b.T))
+    return found
+
+
+def differing(mechanism: Mechanism, other: Mechanism) -> list[Shape]:
+    """Links, joints and axes of another mechanism at home that the first one has not: in the world, by their names.
+
+    Lengths count in lengths of the first one.
+    """
+    ratio = length(layout(other)) / length(layout(mechanism))
+
+    def key(one: Shape) -> tuple[object, ...]:
+        return one.group, one.kind, one.name, *np.round(np.concatenate([one.a, one.b]) / DISTINCT).tolist()
+
+    there = {key(one) for one in placed(mechanism) if one.group in COMPARED}
+    sized = [replace(one, a=ratio * one.a, b=ratio * one.b) for one in placed(other) if one.group in COMPARED]
+    return [replace(one, group="other", colour=DOUBT) for one in sized if key(one) not in there]
 
 
 def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Iterator[Shape]:
@@ -136,7 +169,7 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
             break
         half, size = (3.4 if turns and joint.kind == "C" else 1.9) * JOINT * e, (0.6 if turns else 0.9) * JOINT
         yield Shape("joints", kind, i, p - half, p + half, size, colour, name)
-        yield Shape("axes", kind if turns else "arrow", i, p - 0.16 * e, p + 0.16 * e, 0.003, colour, name)
+        yield Shape("axes", "arrow", i, p - 0.12 * e, p + 0.18 * e, 0.003, AXIS, name)
         if not turns:
             ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
             yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)

@@ -25,7 +25,8 @@ class Leg:
     """Joints by which a body hangs on ground, apart from all other ways between the two.
 
     Attributes:
-        kinds: Kinds of its joints from ground on, such as ``UPS``; empty where they are no simple chain.
+        kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty where they are
+            no simple chain.
     """
 
     name: str
@@ -101,11 +102,26 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
     for joint in mechanism.joints:
         inner = [side for side in (joint.parent, joint.child) if side not in ends]
         parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
-    ways = [part for part in parts.values() if ends <= {side for joint in part for side in (joint.parent, joint.child)}]
-    return tuple(_leg(part, body) for part in ways if any(joint.kind != "F" for joint in part))
+    ways = [part for part in parts.values() if ends <= {*_sides(part)}]
+    kept = frozenset(
+        joint.name for joint in owner.values() if any(joint in tie for tie in ties[len(mechanism.joints) :])
+    )
+    return tuple(_leg(part, body, kept) for part in ways if any(joint.kind != "F" for joint in part))
 
 
-def _leg(joints: Sequence[Joint], body: str) -> Leg:
+def _sides(joints: Sequence[Joint]) -> list[str]:
+    return [side for joint in joints for side in (joint.parent, joint.child)]
+
+
+def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
+    """A leg without what dangles from it, coupled joints (`kept`) excepted."""
+
+    def dangles(joint: Joint) -> bool:
+        tips = {side for side in (joint.parent, joint.child) if _sides(joints).count(side) == 1}
+        return bool(tips - {GROUND, body}) and joint.name not in kept
+
+    while any(map(dangles, joints)):
+        joints = [joint for joint in joints if not dangles(joint)]
     near, walked, left = GROUND, list[Joint](), list(joints)
     while near != body:
         onward = [joint for joint in left if near in (joint.parent, joint.child)]
@@ -117,7 +133,8 @@ def _leg(joints: Sequence[Joint], body: str) -> Leg:
     groups, ends = {joint.name.rpartition(".")[0] for joint in joints}, walked if simple else joints
     name = groups.pop() if len(groups) == 1 and len(joints) > 1 else ""
     name = name or (ends[0].name if len(joints) == 1 else f"{ends[0].name} to {ends[-1].name}")
-    return Leg(name, "".join(joint.kind for joint in walked) if simple else "", tuple(joints))
+    coupled = ", coupled" * any(joint.name in kept for joint in joints)
+    return Leg(name, "".join(joint.kind for joint in walked) + coupled if simple else "", tuple(joints))
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array) -> list[Array]:

@@ -33,7 +33,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.mjcf import left_out
     from screwgauge.scene.preflight import check_home
 
-    _imported(options.mechanism)
+    imported(options.mechanism)
     mechanism = load_mechanism(options.mechanism)
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
@@ -61,14 +61,14 @@ def import_(options: argparse.Namespace) -> int:
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
     imported = import_apart(options.file, choice)
-    for path in write_imported(imported, options.out or Path(f"{options.file.stem}.toml")):
+    for path in write_imported(found, options.out or Path(f"{options.file.stem}.toml")):
         say(str(path))
-    for sentence in notes(imported):
+    for sentence in notes(found):
         say(sentence)
     return 0
 
 
-def _imported(name: str) -> None:
+def imported(name: str) -> None:
     """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
     from screwgauge.models.importing.model import is_model, keep, notes
     from screwgauge.reference.files import beside
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
 
-    _imported(options.scene)
+    imported(options.scene)
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
@@ -121,7 +121,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.study.bench import run as given_run
     from screwgauge.study.bench.stamp import NAME
 
-    _imported(options.scene)
+    imported(options.scene)
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.placement import quaternion
-from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, shapes
+from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import length
 from screwgauge.reference.reciprocal import Held, held
 from screwgauge.reference.rotations import Array
-from screwgauge.report.blocks import Picture
+from screwgauge.report.blocks import Block, Items, Paragraph, Picture
 from screwgauge.report.stage.drawing import drawing, viewed_from
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
@@ -26,26 +26,38 @@ LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
 TONES = {"loads": "#D62728", "actuators": DRIVEN, "reactions": "#7B5EA7"}
 
 
-def stage(what: Scene | Mechanism, solutions: Mapping[str, Solution] | None = None) -> Picture:
+def stage(
+    what: Scene | Mechanism, solutions: Mapping[str, Solution] | None = None, other: Mechanism | None = None
+) -> Picture:
     """A mechanism at home, and for pages with scripts in motion.
 
     Args:
         solutions: Of a run of the scene: whose poses and forces are shown.
+        other: What it is compared with: where this one differs at home is drawn, too.
     """
     motion = followed(what, solutions or {}) if isinstance(what, Scene) else still(what)
     mechanism = motion.lay.mechanism
-    text = json.dumps(data(motion), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
-    return Picture("mechanism", f"{mechanism.title or mechanism.name}: home pose", drawing(mechanism), stage=text)
+    beside = differing(mechanism, other) if other else []
+    text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
+    return Picture("mechanism", title, drawing(mechanism, beside), stage=text)
 
 
-def data(motion: Motion) -> dict[str, Any]:
+def told(picture: Picture) -> list[Block]:
+    """What stands beside the picture of a mechanism: how it is held, and what looks odd."""
+    found = json.loads(picture.stage)
+    odd = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))] if found["doubts"] else []
+    return [Items(tuple(found["words"])), *odd]
+
+
+def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     points = at.p[0, 1:] + np.einsum("bij,bj->bi", at.R[0, 1:], np.array([body.com for body in mechanism.bodies]))
     middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
     columns, keys = mechanism.independent_columns, few(np.arange(len(motion.t)), HELD)
     found, shown = held(motion.lay, at.rows(keys)), arrows(motion)
-    longest: dict[tuple[str, bool], float] = {}
+    solids, longest = shapes(mechanism), dict[tuple[str, bool], float]()
     for one in shown:
         key = one.group, one.turns
         longest[key] = max(longest.get(key, 0.0), float(np.linalg.norm(one.vectors, axis=1).max()))
@@ -62,11 +74,12 @@ def data(motion: Motion) -> dict[str, Any]:
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": [_poses(R, (p - middle) / unit) for R, p in zip(at.R, at.p, strict=True)],
-        "shapes": [_shape(one) for one in shapes(mechanism)],
+        "shapes": [_shape(one) for one in (*solids, *beside)],
         "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
         "scales": scales,
         "keys": keys.tolist(),
         "holds": _holds(found, middle, unit),
+        "doubts": [one.name for one in solids if one.group == "doubts"],
         "words": sentences(motion.lay, at.rows(keys), found, motion.t[keys]),
     }
 

@@ -166,8 +166,8 @@ function screwgaugeStage(element, data) {
   overlay.style.cssText = "position:absolute;inset:0;pointer-events:none;font-size:12px;overflow:hidden";
   pane.append(overlay);
   const toggles = {
-    names: ["names", true], axes: ["joint axes", false], frames: ["frames", false], masses: ["centres of mass", false], ellipsoids: ["inertia ellipsoids", false],
-    loads: ["loads", true], actuators: ["actuator forces", true], reactions: ["reactions", false], wrenches: ["wrenches of the legs", false], freedoms: ["twists left", false],
+    names: ["names", true], axes: ["joint axes", true], frames: ["frames", false], masses: ["centres of mass", false], ellipsoids: ["inertia ellipsoids", false],
+    doubts: ["suspicious", true], other: ["the other", true], loads: ["loads", true], actuators: ["actuator forces", true], reactions: ["reactions", false], wrenches: ["wrenches of the legs", false], freedoms: ["twists left", false],
   };
   const there = new Set([...groups, "names", ...data.arrows.map(a => a.g), ...data.holds.map(h => h.g)]);
   for (const [group, [text, on]] of Object.entries(toggles)) {
