@@ -24,7 +24,7 @@ from screwgauge.study.bench.slopes import table as slope_table
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 WHO = "contestant | setting | quantity"
 ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
-CHEAPEST = "digits | cheapest | a sample | next | times as long"
+CHEAPEST = "digits | cheapest | a sample = a_sample:cpu | next | times as long"
 LEFT_OUT = "what = asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
 DATA = ("bench.csv", "slopes.csv", "timings.csv", "reach.csv", "leaving_out.csv", "environment.json")
 CUT_SHORT = "cut short = family | rows | contestants"
@@ -80,12 +80,13 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
     reached = grouped(rows(reach(bench.rows)), "quantity", "given", "error")
     found = []
     for level in LEVELS:
-        best, *others = reached.get((quantity, False, level), [None])
-        if best is not None:
-            lead = others[0]["seconds_per_sample"] / best["seconds_per_sample"] if others else None
-            names = {"cheapest": best["family"], "next": others[0]["family"] if others else "none"}
-            numbers = {"a_sample": duration(best["seconds_per_sample"]), "times_as_long": number(lead, 3)}
-            found.append({"digits": number(-np.log10(level)), "level": level, **names, **numbers})
+        for best, *others in [reached[key]] if (key := (quantity, False, level)) in reached else []:
+            lead = {"next": "none", "times_as_long": ""}
+            if others:
+                times = others[0]["seconds_per_sample"] / best["seconds_per_sample"]
+                lead = {"next": others[0]["family"], "times_as_long": number(times, 3)}
+            digits = {"digits": number(-np.log10(level)), "level": level}
+            found.append({**digits, "cheapest": best["family"], "a_sample": best["seconds_per_sample"], **lead})
     return found
 
 
@@ -96,7 +97,7 @@ def headline(bench: Bench) -> str:
         for best in (row for row in _cheapest(bench, quantity) if row["level"] == NINE):
             lead = f", then {best['next']} ({best['times_as_long']} times as long)" if best["times_as_long"] else ""
             what = f"{words(quantity).capitalize()} to nine digits is cheapest by {best['cheapest']}"
-            parts.append(f"{what}, {best['a_sample']} a sample{lead}.")
+            parts.append(f"{what}, {duration(best['a_sample'])} a sample{lead}.")
     if bench.fits:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
     parts.append(f"{count(len(found), 'row')} in {len(grouped(found, 'family'))} families of methods.")
