@@ -5,28 +5,30 @@ from __future__ import annotations
 import pandas as pd
 
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, linear_scale, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, MARKERS, Look, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import WIDTH, Spec, quantity, told
+from screwgauge.report.figures.looks import numbered
 
 MOST = 7  # scenes that are drawn; all are in the table
 
 
-@styled
 def make_plots(found: pd.DataFrame) -> list[Picture]:
     """Digits of the worst error above, time below, over the number of the check."""
-    page, looks = panels(576.0, [110.0, 110.0], sharex=True), dict[str, Look]()
     scenes = [str(name) for name in found["scene"].unique()]
-    for k, name in enumerate(scenes[:MOST]):
-        rows = found[found["scene"] == name]
-        looks[name] = {"color": COLOURS[k], "marker": MARKERS[k]}
-        for ax, column in zip(page.axes, ("digits", "seconds"), strict=True):
-            ax.plot(range(1, len(rows) + 1), rows[column].astype(float), **looks[name])
-    digits, seconds = page.axes
-    digits.set_ylabel("digits")
-    seconds.set(xlabel="check", ylabel="time [s]")
-    linear_scale(digits.yaxis)
-    linear_scale(seconds.xaxis)
-    log_scale(seconds.yaxis)
+    looks = {name: numbered(i) for i, name in enumerate(scenes[:MOST])}
+    table = found.assign(check=found.groupby("scene").cumcount() + 1)[["scene", "check", "digits", "seconds"]]
+    values = table[table["scene"].isin(looks)].astype({"digits": float, "seconds": float}).to_dict("records")
+
+    def build(moving: bool) -> Spec:
+        y = {"digits": quantity("digits", "digits"), "seconds": chart.logarithm("seconds", "time [s]")}
+        x = quantity("check", "check", axis={"tickMinStep": 1})
+        ways = told("scene", looks, "color", "strokeDash", "shape")
+        asked = chart.hover(scene="scene", check="check", digits="digits []", seconds="time [s]")
+        mark = {"type": "line", "point": {"size": 45}}
+        view: Spec = {"width": WIDTH, "height": 110, "mark": mark}
+        panels = [view | {"encoding": {"x": x, "y": y[column], **ways, **asked}} for column in y]
+        return {"data": {"values": values}, "vconcat": panels}
+
     left = [f"{len(scenes) - MOST} other scenes are in the table."] if len(scenes) > MOST else []
-    arrange(page, "Digits of the worst error, and run time, check after check", left, above=[looks])
-    return [saved(page, "history")]
+    title = "Digits of the worst error, and run time, check after check"
+    return [chart.picture("history", title, build, left)]

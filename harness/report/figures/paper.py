@@ -7,60 +7,78 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, DASHES, DOTTED, MARKERS, Look, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import WIDTH, Curve, Spec, logarithm, thin, told
+from screwgauge.report.figures.looks import GREY, numbered
 
 if TYPE_CHECKING:
     from screwgauge.study.paper.dynamics import AxialRule
     from screwgauge.study.paper.scheme import SchemeRuns
 
-LINES: list[Look] = [{"color": colour, "linestyle": dash} for colour, dash in zip(COLOURS, DASHES, strict=False)]
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
-TALL = 165.0
+HEIGHT, STRETCHES = 165, {False: 120, True: 400}
 
 
-@styled
 def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Picture]:
     """All pictures, in the order of the report."""
     return [_steps(runs), _over_time(runs), _axial(axial)]
 
 
 def _steps(runs: SchemeRuns) -> Picture:
-    page = panels(576.0, [TALL])
-    (ax,) = page.axes
-    looks = {name: {**look, "marker": m} for name, look, m in zip(runs.ladders, LINES, MARKERS, strict=False)}
-    for name, (steps, errors) in runs.ladders.items():
-        ax.plot(steps, errors, **looks[name])
-    ax.set(xlabel="step [s]", ylabel="largest gap of a leg [m]")
-    log_scale(ax.xaxis)
-    log_scale(ax.yaxis)
-    arrange(page, "The paper's scheme: a shorter step does not mend the printed twist", above=[looks])
-    return saved(page, "paper-scheme-steps")
+    title, looks = "largest gap of a leg [m]", {name: numbered(i) for i, name in enumerate(runs.ladders)}
+    pairs = ((name, *pair) for name, ladder in runs.ladders.items() for pair in zip(*ladder, strict=True))
+    view = {
+        "data": {"values": [{"scheme": name, "x": step, "y": error} for name, step, error in pairs]},
+        "width": WIDTH,
+        "height": HEIGHT,
+        "mark": {"type": "line", "point": {"size": 45}},
+        "encoding": {
+            "x": logarithm("x", "step [s]"),
+            "y": logarithm("y", title),
+            **told("scheme", looks, "color", "strokeDash", "shape"),
+            **chart.hover(scheme="scheme", x="step [s]", y=title),
+        },
+    }
+    head = "The paper's scheme: a shorter step does not mend the printed twist"
+    return chart.picture("paper-scheme-steps", head, lambda moving: view)
 
 
 def _over_time(runs: SchemeRuns) -> Picture:
-    page = panels(720.0, [TALL], 2, sharey=True)
-    looks = {run.label: look for run, look in zip(runs.over_time, LINES, strict=False)}
-    sides = (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4)))
-    for ax, (title, legs) in zip(page.axes, sides, strict=True):
-        for run in runs.over_time:
-            ax.plot(run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR), **looks[run.label])
-        ax.set(title=title, xlabel="t [s]")
-    page.axes[0].set_ylabel("gap [m]")
-    log_scale(page.axes[0].yaxis)
-    arrange(page, "Gap between leg and platform over time, joint angles by eq. (27)", above=[looks])
-    return saved(page, "paper-scheme-time")
+    sides = {"leg 1 (UPU)": slice(0, 1), "legs 2 to 4 (UPS), the largest": slice(1, 4)}
+    found = [
+        ({"scheme": run.label, "panel": side}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
+        for side, legs in sides.items()
+        for run in runs.over_time
+    ]
+
+    def build(moving: bool) -> Spec:
+        return chart.faceted(_lines(found, "scheme", "gap [m]", moving), 2)
+
+    return chart.picture("paper-scheme-time", "Gap between leg and platform over time, joint angles by eq. (27)", build)
 
 
 def _axial(axial: AxialRule) -> Picture:
-    page = panels(576.0, [TALL])
-    (ax,) = page.axes
-    looks = {"eq. (56): F_S along O P": LINES[0], "minimum norm": LINES[1], "t = k pi: eq. (56) is singular": DOTTED}
-    for size, look in zip((axial.size, axial.least), looks.values(), strict=False):
-        ax.plot(axial.t, size, **look)
-    for k in range(4):
-        ax.axvline(k * np.pi, **DOTTED)
-    ax.set(xlabel="t [s]", ylabel="largest driving force [N]")
-    log_scale(ax.yaxis)
-    arrange(page, "Largest driving force: eq. (56) against the smallest possible", above=[looks])
-    return saved(page, "paper-axial-rule")
+    sizes = {"eq. (56): F_S along O P": axial.size, "minimum norm": axial.least}
+    found = [({"scheme": name}, axial.t, size) for name, size in sizes.items()]
+    singular = [{"x": k * np.pi} for k in range(4)]
+
+    def build(moving: bool) -> Spec:
+        view = _lines(found, "scheme", "largest driving force [N]", moving)
+        mark = {"type": "rule", "color": GREY, "strokeDash": [1, 3]}
+        rules = {"data": {"values": singular}, "mark": mark, "encoding": {"x": chart.quantity("x", "t [s]")}}
+        return view | {"layer": [rules, *view["layer"]]}
+
+    notes = ["Dotted: t = k pi, where eq. (56) is singular."]
+    head = "Largest driving force: eq. (56) against the smallest possible"
+    return chart.picture("paper-axial-rule", head, build, notes)
+
+
+def _lines(found: list[Curve], field: str, title: str, moving: bool) -> Spec:
+    """Curves over time on a logarithmic axis."""
+    looks = {name: numbered(i) for i, name in enumerate(dict.fromkeys(said[field] for said, _, _ in found))}
+    thinned = [(said, thin(values, STRETCHES[moving]), t, values) for said, t, values in found]
+    kinds = ("line", "mark") if moving else ("line",)
+    series = [({**said, "kind": kind}, t[at], values[at]) for said, at, t, values in thinned for kind in kinds]
+    view = chart.panel(series, field, looks, chart.hover(t="t [s]", v=title, **{field: field}), moving)
+    view["encoding"] |= {"y": logarithm("v", title)}
+    return view | {"height": HEIGHT, "params": [*view["params"], *chart.zoom(["lower"], moving)]}
