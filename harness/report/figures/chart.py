@@ -1,4 +1,4 @@
-"""Pictures from specifications of Vega-Lite (``specs/*.json``): values filled in, one configuration, drawn in one place."""
+"""Pictures from specifications of Vega-Lite, ``specs/*.json``: filled in here, drawn here, alike in what is common."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SPECS = Path(__file__).with_name("specs")
 WIDTH, GAP, LETTER = 560, 24, 5.9  # of panels in a line together, between two, of a letter on average [pixels]
 #: The wheel alone scrolls the page.
 _ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}
-#: What every specification may ask for; how a logarithmic axis reads: 0.01, 500, 1e4.
-_COMMON: Spec = {
-    "power": "datum.value >= 0.01 && datum.value <= 1000 ? format(datum.value, '~g') : "
-    "replace(format(datum.value, '.0e'), '+', '')",
-    "zoom": _ZOOM,
-    "zoom_both": {**_ZOOM, "encodings": ["x", "y"]},
-}
+#: How a logarithmic axis reads: 0.01, 500, 1e4.
+POWER = (
+    "datum.value >= 0.01 && datum.value <= 1000 ? format(datum.value, '~g') : "
+    "replace(format(datum.value, '.0e'), '+', '')"
+)
+TIME = "format(datum.value, '~s') + 's'"  # and a time
+_COMMON: Spec = {"zoom": _ZOOM, "zoom_both": {**_ZOOM, "encodings": ["x", "y"]}}  # for all to ask for
 
 
 @cache
@@ -36,9 +36,13 @@ def _text(name: str) -> str:
     return (SPECS / f"{name}.json").read_text(encoding="utf-8")
 
 
-def filled(name: str, **values: Any) -> Spec:
-    """A specification with a value for each ``"$key"``, however deep."""
-    return dict(_filled(json.loads(_text(name)), _COMMON | values))
+def filled(name: str, /, **values: Any) -> Spec:
+    """A specification with a value for each ``"$key"``, however deep; a facet of one panel becomes that panel."""
+    found: Spec = _filled(json.loads(_text(name)), _COMMON | values)
+    if found.get("columns") == 1:
+        panel = found.pop("spec")
+        found = {key: value for key, value in found.items() if key not in ("facet", "columns")} | panel
+    return found
 
 
 def _filled(node: Any, values: Spec) -> Any:
@@ -49,14 +53,14 @@ def _filled(node: Any, values: Spec) -> Any:
     return values[node[1:]] if isinstance(node, str) and node.startswith("$") and len(node) > 1 else node
 
 
-def ways(field: str, looks: Mapping[str, Look], width: int = WIDTH) -> Spec:
+def ways(field: str, looks: Mapping[str, Look]) -> Spec:
     """Values that tell things apart by a field: domain and ranges of scales, columns of the legend, clicks on it."""
-    entry = max(map(len, looks), default=0) * LETTER + 40
+    entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
         field: list(looks),
         **{f"{field}_{kind}": some for kind, some in kinds.items()},
-        f"{field}_columns": max(1, int(width / entry)),
+        f"{field}_columns": max(1, int(WIDTH / entry)),
         f"{field}_click": {"type": "point", "fields": [field], "toggle": "true"},
         f"{field}_on": [{field: name} for name in looks],
     }
@@ -74,6 +78,27 @@ def curves(series: Sequence[Curve], moving: bool) -> Spec:
     look_up = {"lookup": "s", "from": {"data": {"values": said}, "key": "s", "fields": names}}
     alone = any(len(t) == 1 for fields, t, _ in series if fields.get("kind", "line") == "line")
     return {"data": {"values": "\n".join(rows), "format": parse}, "lookup": look_up, "alone": alone}
+
+
+def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
+    """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, at parts of them if there are few.
+
+    Args:
+        values: What is drawn; only what is more than 0 can be.
+        names: How ticks read.
+        most: Decades with a tick.
+    """
+    drawn = [value for value in values if 0.0 < value < np.inf] or [1.0]
+    low, high = np.log10(min(drawn)) - 1e-9, np.log10(max(drawn)) + 1e-9
+    decades = np.arange(np.floor(low), np.ceil(high) + 1)
+    within = decades[(decades >= low) & (decades <= high)]
+    ticks = (
+        [part * 10.0**k for k in decades for part in (1, 2, 5)]
+        if len(within) < 3
+        else 10.0 ** within[:: -(-len(within) // most)]
+    )
+    shown = {"values": [tick for tick in ticks if low <= np.log10(tick) <= high], "labelExpr": names}
+    return {f"{axis}_scale": {"type": "log", "nice": False, "padding": 14}, f"{axis}_axis": shown}
 
 
 def columns(panels: int) -> Spec:

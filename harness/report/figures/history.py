@@ -6,7 +6,6 @@ import pandas as pd
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import WIDTH, Spec, quantity, told
 from screwgauge.report.figures.looks import numbered
 
 MOST = 7  # scenes that are drawn; all are in the table
@@ -15,20 +14,14 @@ MOST = 7  # scenes that are drawn; all are in the table
 def make_plots(found: pd.DataFrame) -> list[Picture]:
     """Digits of the worst error above, time below, over the number of the check."""
     scenes = [str(name) for name in found["scene"].unique()]
-    looks = {name: numbered(i) for i, name in enumerate(scenes[:MOST])}
-    table = found.assign(check=found.groupby("scene").cumcount() + 1)[["scene", "check", "digits", "seconds"]]
-    values = table[table["scene"].isin(looks)].astype({"digits": float, "seconds": float}).to_dict("records")
-
-    def build(moving: bool) -> Spec:
-        y = {"digits": quantity("digits", "digits"), "seconds": chart.logarithm("seconds", "time [s]")}
-        x = quantity("check", "check", axis={"tickMinStep": 1})
-        ways = told("scene", looks, "color", "strokeDash", "shape")
-        asked = chart.hover(scene="scene", check="check", digits="digits []", seconds="time [s]")
-        mark = {"type": "line", "point": {"size": 45}}
-        view: Spec = {"width": WIDTH, "height": 110, "mark": mark}
-        panels = [view | {"encoding": {"x": x, "y": y[column], **ways, **asked}} for column in y]
-        return {"data": {"values": values}, "vconcat": panels}
-
+    told, panels = chart.ways("name", {name: numbered(i) for i, name in enumerate(scenes[:MOST])}), []
+    table = found.assign(name=found["scene"].astype(str), x=found.groupby("scene").cumcount() + 1)
+    table = table[table["name"].isin(told["name"])].astype({"digits": float, "seconds": float})
+    across = {"x_title": "check", "x_scale": {}, "x_axis": {"tickMinStep": 1}, "height": 110}
+    scales = {"y_scale": {}, "y_axis": {}}, chart.logarithm("y", table["seconds"])
+    for column, title, scale in zip(("digits", "seconds"), ("digits", "time [s]"), scales, strict=True):
+        points = table.assign(y=table[column])[["name", "x", "y"]].to_dict("records")
+        panels.append(chart.filled("points", points=points, y_title=title, **across, **scale, **told))
     left = [f"{len(scenes) - MOST} other scenes are in the table."] if len(scenes) > MOST else []
     title = "Digits of the worst error, and run time, check after check"
-    return [chart.picture("history", title, build, left)]
+    return [chart.picture("history", title, lambda moving: {"vconcat": panels}, left)]

@@ -2,83 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import WIDTH, Curve, Spec, logarithm, thin, told
-from screwgauge.report.figures.looks import GREY, numbered
+from screwgauge.report.figures.chart import Curve, Spec, thin
+from screwgauge.report.figures.looks import DASHES, GREY, Look, numbered
 
 if TYPE_CHECKING:
     from screwgauge.study.paper.dynamics import AxialRule
     from screwgauge.study.paper.scheme import SchemeRuns
 
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
-HEIGHT, STRETCHES = 165, {False: 120, True: 400}
+STRETCHES = {False: 120, True: 400}  # drawn: still, and moving
+LEGS = {"leg 1 (UPU)": slice(0, 1), "legs 2 to 4 (UPS), the largest": slice(1, 4)}
+SINGULAR = "t = k pi: eq. (56) is singular"
 
 
 def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Picture]:
     """All pictures, in the order of the report."""
-    return [_steps(runs), _over_time(runs), _axial(axial)]
+    gaps = [
+        ({"panel": side, "name": run.label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
+        for side, legs in LEGS.items()
+        for run in runs.over_time
+    ]
+    sizes = {"eq. (56): F_S along O P": axial.size, "minimum norm": axial.least}
+    forces = [({"panel": "", "name": name}, axial.t, size) for name, size in sizes.items()]
+    low, high = (float(f([f(size) for size in sizes.values()])) for f in (np.nanmin, np.nanmax))
+    upright = np.repeat(np.pi * np.arange(4), 3), np.tile([low, high, np.nan], 4)
+    forces.append(({"panel": "", "name": SINGULAR}, *upright))
+    title = "Gap between leg and platform over time, joint angles by eq. (27)"
+    axial_title = "Largest driving force: eq. (56) against the smallest possible"
+    return [
+        _steps(runs),
+        chart.picture("paper-scheme-time", title, lambda moving: _lines(gaps, "gap [m]", moving)),
+        chart.picture(
+            "paper-axial-rule", axial_title, lambda moving: _lines(forces, "largest driving force [N]", moving)
+        ),
+    ]
 
 
 def _steps(runs: SchemeRuns) -> Picture:
-    title, looks = "largest gap of a leg [m]", {name: numbered(i) for i, name in enumerate(runs.ladders)}
     pairs = ((name, *pair) for name, ladder in runs.ladders.items() for pair in zip(*ladder, strict=True))
-    view = {
-        "data": {"values": [{"scheme": name, "x": step, "y": error} for name, step, error in pairs]},
-        "width": WIDTH,
-        "height": HEIGHT,
-        "mark": {"type": "line", "point": {"size": 45}},
-        "encoding": {
-            "x": logarithm("x", "step [s]"),
-            "y": logarithm("y", title),
-            **told("scheme", looks, "color", "strokeDash", "shape"),
-            **chart.hover(scheme="scheme", x="step [s]", y=title),
-        },
-    }
-    head = "The paper's scheme: a shorter step does not mend the printed twist"
-    return chart.picture("paper-scheme-steps", head, lambda moving: view)
+    points = [{"name": name, "x": step, "y": error} for name, step, error in pairs]
+    values = chart.ways("name", {name: numbered(i) for i, name in enumerate(runs.ladders)})
+    for axis, title in (("x", "step [s]"), ("y", "largest gap of a leg [m]")):
+        values |= chart.logarithm(axis, [point[axis] for point in points]) | {f"{axis}_title": title}
+    spec = chart.filled("points", points=points, height=165, **values)
+    title = "The paper's scheme: a shorter step does not mend the printed twist"
+    return chart.picture("paper-scheme-steps", title, lambda moving: spec)
 
 
-def _over_time(runs: SchemeRuns) -> Picture:
-    sides = {"leg 1 (UPU)": slice(0, 1), "legs 2 to 4 (UPS), the largest": slice(1, 4)}
-    found = [
-        ({"scheme": run.label, "panel": side}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
-        for side, legs in sides.items()
-        for run in runs.over_time
-    ]
-
-    def build(moving: bool) -> Spec:
-        return chart.faceted(_lines(found, "scheme", "gap [m]", moving), 2)
-
-    return chart.picture("paper-scheme-time", "Gap between leg and platform over time, joint angles by eq. (27)", build)
-
-
-def _axial(axial: AxialRule) -> Picture:
-    sizes = {"eq. (56): F_S along O P": axial.size, "minimum norm": axial.least}
-    found = [({"scheme": name}, axial.t, size) for name, size in sizes.items()]
-    singular = [{"x": k * np.pi} for k in range(4)]
-
-    def build(moving: bool) -> Spec:
-        view = _lines(found, "scheme", "largest driving force [N]", moving)
-        mark = {"type": "rule", "color": GREY, "strokeDash": [1, 3]}
-        rules = {"data": {"values": singular}, "mark": mark, "encoding": {"x": chart.quantity("x", "t [s]")}}
-        return view | {"layer": [rules, *view["layer"]]}
-
-    notes = ["Dotted: t = k pi, where eq. (56) is singular."]
-    head = "Largest driving force: eq. (56) against the smallest possible"
-    return chart.picture("paper-axial-rule", head, build, notes)
-
-
-def _lines(found: list[Curve], field: str, title: str, moving: bool) -> Spec:
+def _lines(found: Sequence[Curve], title: str, moving: bool) -> Spec:
     """Curves over time on a logarithmic axis."""
-    looks = {name: numbered(i) for i, name in enumerate(dict.fromkeys(said[field] for said, _, _ in found))}
-    thinned = [(said, thin(values, STRETCHES[moving]), t, values) for said, t, values in found]
-    kinds = ("line", "mark") if moving else ("line",)
-    series = [({**said, "kind": kind}, t[at], values[at]) for said, at, t, values in thinned for kind in kinds]
-    view = chart.panel(series, field, looks, chart.hover(t="t [s]", v=title, **{field: field}), moving)
-    view["encoding"] |= {"y": logarithm("v", title)}
-    return view | {"height": HEIGHT, "params": [*view["params"], *chart.zoom(["lower"], moving)]}
+    names = dict.fromkeys(said["name"] for said, _, _ in found)
+    looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered(i) for i, name in enumerate(names)}
+    thinned = [(said, thin(v, STRETCHES[moving]), t, v) for said, t, v in found]
+    series = [(said, t[at], v[at]) for said, at, t, v in thinned]
+    values = chart.columns(len({said["panel"] for said, _, _ in found})) | chart.ways("name", looks)
+    values |= chart.logarithm("y", np.concatenate([v for _, _, v in found]))
+    return chart.filled("lines", **chart.curves(series, moving), **values, title=title)

@@ -158,7 +158,7 @@ def _condition(name: str, comparison: Comparison) -> Picture:
         for i, (engine, values) in enumerate(found.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
             some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
-            said = {"pair": engine, "colour": look.colour, "shape": look.shape}
+            said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.filled("differences", **_lower(series, looks, title, (low, high), moving, axis=axis, marked=1.0))
 
