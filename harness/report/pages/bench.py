@@ -33,12 +33,12 @@ CUT_SHORT = "cut short = family | rows | contestants"
 def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     section, drawn = partial(blocks.section, "bench"), list(pictures)
-    (first, *over_time), over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (0, 1))
+    over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
     protocol = {"samples": len(bench.scene.t), "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
     threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
     every = rows(bench_table(bench.rows))
     body = [
-        *section("Error against run time", *(Folded(picture.title, (picture,)) for picture in over_time)),
+        *section("Error against run time", *(Folded(picture.title, (picture,)) for picture in over_time[1:])),
         *section("Time to reach an error", *_reach(bench)),
         *section("What failed, and what was cut short", *_failures(bench)),
     ]
@@ -51,7 +51,8 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
         *section("Known limitations"),
     ]
     cheapest = _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1])
-    return bench_report(bench, headline(bench), body, appendix, [table(cheapest, CHEAPEST)] if cheapest else [], first)
+    shown, first = [table(cheapest, CHEAPEST)] if cheapest else list[Block](), next(iter(over_time), None)
+    return bench_report(bench, headline(bench), body, appendix, shown, first)
 
 
 def bench_report(
