@@ -37,7 +37,8 @@
       bring(target, found.dataset.kind, JSON.parse(found.textContent));
     }
   }, { rootMargin: "300px" });
-  figures.forEach((figure, i) => data[i] && data[i].dataset.kind && watch.observe(figure));
+  const painted = () => figures.forEach((figure, i) => data[i] && data[i].dataset.kind && watch.observe(figure));
+  requestAnimationFrame(() => requestAnimationFrame(painted)); // what is still is seen first
 
   // Whatever a link leads to is open.
   function reveal() {
