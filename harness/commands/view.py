@@ -152,5 +152,7 @@ def _mujoco(mechanism: Mechanism) -> int:
         file = Path(folder) / f"{mechanism.name}.xml"
         done = subprocess.run([sys.executable, "-m", "mujoco.viewer", f"--mjcf={file}"], check=False)
     if done.returncode:
-        raise OutputError(f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead")
+        raise OutputError(
+            f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead"
+        )
     return 0
