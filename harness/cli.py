@@ -112,6 +112,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=int, metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
+    add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop an engine that needs more (that of the machine)")

@@ -60,7 +60,7 @@ def import_(options: argparse.Namespace) -> int:
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
-    imported = import_apart(options.file, choice)
+    found = import_apart(options.file, choice)
     for path in write_imported(found, options.out or Path(f"{options.file.stem}.toml")):
         say(str(path))
     for sentence in notes(found):
@@ -85,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.environment import json_text
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import run as page
+    from screwgauge.report.pdf import browser
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
 
@@ -96,6 +97,8 @@ def run(options: argparse.Namespace) -> int:
         scene = exciting(scene, options.seed or 0)
     elif options.seed is not None:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
+    if options.pdf:
+        browser()  # or none is found, which is told before any work
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     results = carry_out(
@@ -105,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,
+        pdf=options.pdf,
     )
     for failure in results.failures.values() if options.debug else ():
         complain(failure.traceback)

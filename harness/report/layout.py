@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
-from typing import Any
 
 from screwgauge.report.blocks import (
     TEXTS,
@@ -16,7 +15,6 @@ from screwgauge.report.blocks import (
     Glossary,
     Heading,
     Picture,
-    facts,
 )
 from screwgauge.report.markdown import markdown
 
@@ -28,7 +26,6 @@ def laid_out(
     appendix: Iterable[Block],
     *,
     first: Iterable[Block] = (),
-    judged: Mapping[str, Any] | None = None,
     picture: Picture | None = None,
 ) -> list[Block]:
     """The blocks of a report.
@@ -37,12 +34,10 @@ def laid_out(
         banners: The verdict in a sentence, then warnings.
         body: Sections, what differs before what agrees.
         appendix: Sections that are folded.
-        first: Three numbers that say how well.
-        judged: What it is about: files, hashes, versions, date.
+        first: Three numbers that say how well, then what was judged: files, hashes, versions, date.
         picture: What stands on the first screen.
     """
-    told = facts(judged) if judged else None
-    front = Front((*banners, *first, *([told] if told else []), *([picture] if picture else [])))
+    front = Front((*banners, *first, *([picture] if picture else [])))
     blocks = [Heading(title, 1), front, *body]
     words = _used(markdown([*blocks, *(appendix := list(appendix))]))
     glossary = [Heading("Words"), Glossary(words)] if words else []

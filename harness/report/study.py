@@ -53,7 +53,7 @@ class Study:
         """The blocks of ``report.md`` and ``report.html``."""
         about = {"table": f"{self.NAME}, {len(found)} rows", **{k: record[k] for k in SHOWN if k in record}}
         last = section("Environment", facts(record))
-        return laid_out(self.title, [self.banner(found)], self.body(found), last, judged=about)
+        return laid_out(self.title, [self.banner(found)], self.body(found), last, first=[facts(about)])
 
     def write(self, found: pd.DataFrame, out: Path) -> Path:
         """Writes the table, the report and ``environment.json``."""

@@ -63,7 +63,7 @@ def bench_report(
     about: dict[str, Any] = {**short_judged(bench.provenance), "compared": count(len(bench.scene.t), "sample")}
     about |= {"errors against": bench.reference, "machine": bench.environment.get("cpu", "")}
     title = f"{name}: error against run time"
-    return laid_out(title, [banner], body, appendix, first=first, judged=about, picture=picture)
+    return laid_out(title, [banner], body, appendix, first=[*first, facts(about)], picture=picture)
 
 
 def write(bench: Bench, out: Path) -> Path:

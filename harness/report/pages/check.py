@@ -34,7 +34,7 @@ def _report(found: Check, record: Mapping[str, Any]) -> list[Block]:
     }
     about |= {key: record[key] for key in ("platform", "cpu", "python", "commit") if key in record}
     appendix = [Heading("Environment"), facts(record)]
-    return laid_out("Check", banners, [Heading("Scenes"), *rest], appendix, first=found.worst(), judged=about)
+    return laid_out("Check", banners, [Heading("Scenes"), *rest], appendix, first=[*found.worst(), facts(about)])
 
 
 def check_files(options: Namespace) -> None:

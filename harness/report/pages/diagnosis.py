@@ -65,7 +65,7 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
     } | {"versions": ", ".join(f"{name} {packages[name]}" for name in ("pin", "mujoco") if name in packages)}
     first = [_differences(largest[:3], _SHORT)] if largest else [_rows(found)] if found.rows else []
     title = " and ".join(f"{Path(m.label).name} ({m.library})" for m in (found.a, found.b))
-    return laid_out(title, [_banner(found)], body, appendix, first=first, judged=judged)
+    return laid_out(title, [_banner(found)], body, appendix, first=[*first, facts(judged)])
 
 
 def write(found: Diagnosis, out: Path) -> Path:

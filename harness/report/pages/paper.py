@@ -107,7 +107,7 @@ def report(paper: Paper, pictures: Iterable[Picture], record: Mapping[str, Any])
     body = [*section("paper", "Errata", _shown(paper.errata), MEANING), *section("paper", "Plots", *drawn)]
     appendix = [*section("paper", "How it was measured"), *section("paper", "Environment", facts(record))]
     about = {"paper": SOURCE, **short_judged(record), **{k: record[k] for k in ("cpu", "python") if k in record}}
-    return laid_out("The paper, checked", [banner], body, appendix, judged=about, picture=first)
+    return laid_out("The paper, checked", [banner], body, appendix, first=[facts(about)], picture=first)
 
 
 def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:

@@ -22,6 +22,7 @@ from screwgauge.report.layout import laid_out
 from screwgauge.report.pages import sections
 from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
+from screwgauge.report.stage.picture import stage, told
 from screwgauge.report.verdict import compared, first_difference, verdict
 from screwgauge.report.write import write_report
 from screwgauge.solution import REFERENCE, Timing
@@ -44,6 +45,7 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
     section = partial(blocks.section, "run" if not results.scene.simulated else "simulation")
     drawn = {picture.name: picture for picture in pictures}
     first, others = drawn.pop("mechanism", None), published(results)
+    held = told(first) if first and first.stage else []
     body = [
         *sections.differing(results),
         *section("Digits of agreement", *sections.overview(results)),
@@ -71,8 +73,7 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
         [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)],
         body,
         appendix,
-        first=sections.worst_three(results),
-        judged=sections.what(results),
+        first=[*sections.worst_three(results), facts(sections.what(results)), *held],
         picture=first,
     )
 
@@ -117,7 +118,6 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
 def pictures(results: Comparison) -> list[Picture]:
     """The mechanism, then what engines say of each quantity."""
     from screwgauge.report.figures.run import make_plots
-    from screwgauge.report.stage.picture import stage
 
     return [stage(results.scene, results.solutions), *make_plots(results)]
 

@@ -27,6 +27,7 @@ WORST = ("engine", "nine digits in all of", "says that it keeps fewer, or refuse
 def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
     told, section, drawn = _rows(found), partial(blocks.section, "stress"), list(pictures)
+    engines = {k: v for k, v in found.environment.get("packages", {}).items() if k in PACKAGES}
     by_case, silent = grouped(told, "case"), [row for row in told if row["verdict"] == SILENT]
     return laid_out(
         "Stiff and extreme: where it breaks, and whether it says so",
@@ -37,12 +38,7 @@ def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
             *(block for case in found.cases for block in _case(case, by_case.get((case.name,), []))),
             *section("Environment", facts({**judged(found.provenance), **found.environment})),
         ],
-        first=[_worst(found)],
-        judged={
-            **short_judged(found.provenance),
-            "engines": ", ".join(f"{k} {v}" for k, v in found.environment.get("packages", {}).items() if k in PACKAGES),
-            "cases, rows": f"{len(found.cases)}, {len(found.rows)}",
-        },
+        first=[_worst(found), facts({**short_judged(found.provenance), **engines})],
     )
 
 
