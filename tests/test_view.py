@@ -22,6 +22,21 @@ from screwgauge.report.pdf import browser
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
 SHOWN = 20e3  # longest wait for anything on the page [ms]
+STUCK = """
+name = "stuck"
+[independent]
+q = "a"
+[bodies.bob]
+mass = 1
+com = [0.5, 0, 0]
+inertia = { xx = 0.01, yy = 0.02, zz = 0.02 }
+[joints.a]
+kind = "R"
+parent = "ground"
+child = "bob"
+axes = [[0, 0, 1]]
+limits = [[0, 1e-9]]
+"""
 
 
 def test_the_page_is_written(tmp_path: Path) -> None:
@@ -48,8 +63,8 @@ def test_a_model_file_is_shown(tmp_path: Path) -> None:
         assert "screwgaugeStage" in page.read_text(encoding="utf-8")
 
 
-def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write_toml, capsys) -> None:
-    file = write_toml(STUCK)
+def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, capsys) -> None:
+    file = write("stuck.toml", STUCK)
     page = tmp_path / "page.html"
     assert main(["view", str(file), "--out", str(page)]) == 0
     assert "shown at home, as no motion can be given" in capsys.readouterr().err
@@ -168,7 +183,10 @@ def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
     page, said = opened
     page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = s.max - 2; s.oninput(); }")
     page.click(".stage button")
-    page.wait_for_function("document.querySelector('input[type=range]').value === document.querySelector('input[type=range]').max")
+    page.evaluate(
+        "new Promise(done => { const s = document.querySelector('input[type=range]'), look = () => "
+        "s.value === s.max ? done() : requestAnimationFrame(look); look(); })"
+    )
     before, box = seen(page), page.locator(".stage canvas").bounding_box()
     page.mouse.move(box["x"] + 200, box["y"] + 150)
     page.mouse.down()
