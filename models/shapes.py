@@ -174,7 +174,7 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
             ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
             yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
         if joint.actuated and turns:
-            yield Shape("joints", "ring", i, p, p + e, 2.0 * JOINT, DRIVEN, name)
+            yield Shape("joints", "ring", i, p, p + JOINT * e, 2.0 * JOINT, DRIVEN, name)
         for way in (e, -e) if joint.actuated and not turns else ():
             yield Shape("joints", "arrow", i, p + 2.2 * JOINT * way, p + 5.5 * JOINT * way, 0.007, DRIVEN, name)
     if cut:

@@ -76,26 +76,28 @@ def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
     from screwgauge.report.stage.picture import stage, told
 
     mechanism = what.mechanism if isinstance(what, Scene) else what
-    picture = stage(what, {} if other or not isinstance(what, Scene) else _solved(what), other)
+    moving = isinstance(what, Scene) and other is None  # two are compared at home
+    picture = stage(*_solved(what)) if isinstance(what, Scene) and moving else stage(mechanism, other=other)
     about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
     return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *told(picture)])
 
 
-def _solved(scene: Scene) -> Mapping[str, Solution]:
-    """What the solver says of a few samples; nothing where it fails, which is told."""
+def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
+    """A few samples of a scene, and what the solver says of them; nothing where it fails, which is told."""
     import numpy as np
 
     from screwgauge.study.motion import FRAMES, few
     from screwgauge.study.run import run
 
+    scene = scene.at(scene.t[few(np.arange(len(scene.t)), FRAMES)])
     try:
-        found = run(scene.at(scene.t[few(np.arange(len(scene.t)), FRAMES)]), engines=("screw",))
+        found = run(scene, engines=("screw",))
     except ScrewgaugeError as error:
         complain(f"screwgauge: shown without forces: {error}")
-        return {}
+        return scene, {}
     for failure in found.failures.values():
         complain(f"screwgauge: shown without forces: {failure.reason}")
-    return found.solutions
+    return scene, found.solutions
 
 
 def _put(file: Path, content: bytes) -> None:

@@ -67,11 +67,14 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
     """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
     lay, every = layout(scene.mechanism), np.arange(len(scene.t))
     for name, found in solutions.items():
-        if found.assembly is not None and name != REFERENCE and len(found.assembly) == len(every):
-            rows = few(every[np.isfinite(found.assembly).all(axis=1)], frames)
+        q, told = found.assembly, found.values.get("joint_position")
+        if q is None and told is not None and told.components == scene.mechanism.coordinates:
+            q = told.array
+        if q is not None and name != REFERENCE and len(q) == len(every):
+            rows = few(every[np.isfinite(q).all(axis=1)], frames)
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in found.values.items()}
-                return Motion(lay, pose(lay, found.assembly[rows]), scene.t[rows], name, values, _loads(scene, rows))
+                return Motion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
         rows = few(every, frames)
         try:

@@ -30,6 +30,9 @@ CAGE, FOOT = '<circle class="cut" r="12"/>', '<path class="thin" d="M-12,8H12M-9
 ODD = f'<circle r="15" fill="none" stroke="{DOUBT}" stroke-width="1.5"/><text x="13" y="-10" fill="{DOUBT}">!</text>'
 #: What a mark covers, with hatching or a cage around it.
 RIM = [(r * np.cos(a), r * np.sin(a)) for r in (2.0, 7.0, 12.0) for a in np.radians(range(0, 360, 45))]
+#: Where names may stand about what they name: distance, shape (n, 1), and direction, shape (n, 2).
+_AROUND = np.array([(r, a) for r in (12, 18, 26, 36, 50, 66, 84) for a in np.radians(range(0, 360, 30))])
+SPOTS = _AROUND[:, :1], np.stack([np.cos(_AROUND[:, 1]), np.sin(_AROUND[:, 1])], axis=1)
 LOOK = f"""text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}
 path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *{{fill:{DRIVEN}}}
 .drive{{stroke:{DRIVEN};stroke-width:2.2}}.cut{{fill:none;stroke:{CUT};stroke-width:2.2;stroke-dasharray:4 2.5}}
@@ -102,7 +105,10 @@ def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
     cuts = cut_joints(mechanism)
     for joint, place, axis in joints:
         out.append(_joint(joint, place, view @ axis, float(axis @ direction), joint.name in cuts))
-    out += _names(mechanism, lines, [(joint, place) for joint, place, _ in joints], (WIDE, tall))
+    few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
+    wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
+    busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
+    out += _names(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
@@ -152,34 +158,28 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     return "".join(out), y
 
 
-def _names(
-    mechanism: Mechanism,
-    lines: Sequence[tuple[Shape, Array, Array]],
-    joints: Sequence[tuple[Joint, Array]],
-    page: tuple[float, float],
-) -> list[str]:
-    """Names of bodies and joints, each where it covers least; with a line to what it names if that is not beside it."""
-    few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
-    wanted = _wanted(mechanism, lines, joints) if few else _wanted(mechanism, (), joints)
-    busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
-    points, boxes, out = np.array([*busy, *(place + d for _, place in joints for d in RIM)]), np.zeros((0, 4)), []
+def _names(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
+    """Texts, each where it covers least; with a line to what it names if that is not beside it.
+
+    Args:
+        wanted: Texts with their colours and what they stand beside.
+        busy: Points that are better left free. Shape (n, 2).
+        wide, tall: Of the page.
+    """
+    lows, highs, out, (reach, d) = np.zeros((0, 2)), np.zeros((0, 2)), list[str](), SPOTS
     for text, colour, place in wanted:
-        wide, best = 0.56 * FONT * len(text), (np.inf, np.zeros(4), place)
-        for reach, angle in product((12, 18, 26, 36, 50, 66, 84), np.radians(range(0, 360, 30))):
-            d = np.array([np.cos(angle), np.sin(angle)])
-            x, y = place + reach * d + [(0.5 * d[0] - 0.5) * wide, 4.0 * d[1] - 0.5 * FONT]
-            box = np.array([x - 1, y - 1, x + wide + 1, y + FONT + 1])
-            over = np.minimum(box[2:], boxes[:, 2:]) - np.maximum(box[:2], boxes[:, :2])
-            inside = np.count_nonzero(((points > box[:2]) & (points < box[2:])).all(axis=1))
-            outside = np.clip([4 - box[0], 48 - box[1], box[2] - page[0] + 4, box[3] - page[1] + 4], 0, None).sum()
-            cost = 2.0 * np.clip(over, 0.0, None).prod(axis=1).sum() + 12.0 * inside + 50.0 * outside + reach
-            if cost < best[0]:
-                best = cost, box, place + (reach - 4) * d
-        _, box, end = best
-        boxes = np.concatenate([boxes, box[None]])
-        if np.hypot(*(end - place)) > 20:
-            out.append(_line("thin", place, end))
-        out.append(f'<text x="{box[0] + 1:.1f}" y="{box[3] - 3:.1f}" fill="{colour}">{escape(text)}</text>')
+        size = np.array([0.56 * FONT * len(text) + 2.0, FONT + 2.0])
+        low = place + reach * d + np.stack([(0.5 * d[:, 0] - 0.5) * size[0], 4.0 * d[:, 1] - 0.5 * size[1]], axis=1)
+        over = np.minimum(low[:, None] + size, highs) - np.maximum(low[:, None], lows)
+        inside = ((busy > low[:, None]) & (busy < low[:, None] + size)).all(axis=2).sum(axis=1)
+        outside = np.maximum([4.0, 48.0] - low, 0.0) + np.maximum(low + size - [wide - 4.0, tall - 4.0], 0.0)
+        cost = 2.0 * np.maximum(over, 0.0).prod(axis=2).sum(axis=1) + 12.0 * inside + 50.0 * outside.sum(axis=1)
+        best = int(np.argmin(cost + reach[:, 0]))
+        lows, highs = np.vstack([lows, low[best]]), np.vstack([highs, low[best] + size])
+        if reach[best] > 24.0:
+            out.append(_line("thin", place, place + (reach[best] - 4.0) * d[best]))
+        x, y = lows[-1, 0] + 1.0, highs[-1, 1] - 3.0
+        out.append(f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}">{escape(text)}</text>')
     return out
 
 

@@ -103,12 +103,12 @@ function screwgaugeStage(element, data) {
     return mixed.map(placed);
   }
   function stretch(path, a, b, both, thick) {
-    const long = size(add(b, a, -1)), e = unit(add(b, a, -1)), tip = Math.min(0.035, 0.4 * long);
+    const long = size(add(b, a, -1)), e = unit(add(b, a, -1)), tip = Math.min(5 * thick, 0.4 * long);
     show(path, long > 0.004);
     send("set_transform", `${path}/rod`, {matrix: along(add(a, e, both === 1 ? tip : 0), add(b, e, -tip), thick)});
-    send("set_transform", `${path}/head`, {matrix: along(add(b, e, -tip), b, 0.35 * tip)});
+    send("set_transform", `${path}/head`, {matrix: along(add(b, e, -tip), b, 0.42 * tip)});
     const back = both === 2 ? add(b, e, -2 * tip) : add(a, e, tip), end = both === 2 ? add(b, e, -tip) : a;
-    send("set_transform", `${path}/tail`, {matrix: along(back, end, 0.35 * tip)});
+    send("set_transform", `${path}/tail`, {matrix: along(back, end, 0.42 * tip)});
     show(`${path}/tail`, both > 0);
   }
   function draw(k) {
@@ -119,7 +119,7 @@ function screwgaugeStage(element, data) {
     const i = Math.round(k);
     data.arrows.forEach((one, n) => {
       const o = 3 * (one.v.length > 3 ? i : 0), a = moved(poses[one.i], one.p);
-      stretch(`/${one.g}/${n}`, a, add(a, one.v.slice(o, o + 3)), one.m ? 2 : 0, 0.007);
+      stretch(`/${one.g}/${n}`, a, add(a, one.v.slice(o, o + 3)), one.m ? 2 : 0, one.g === "actuators" ? 0.016 : 0.008);
     });
     const key = data.keys.reduce((best, x, n) => (Math.abs(x - k) < Math.abs(data.keys[best] - k) ? n : best), 0);
     data.holds.forEach((one, n) => {
@@ -205,17 +205,21 @@ function screwgaugeStage(element, data) {
     }
   };
 
-  // ---- the camera
-  let reach = 0.2;
+  // ---- the camera: as near as all joints and bodies stay within the picture, names and all
+  const points = [];
   for (let k = 0; k <= last; k += Math.max(1, Math.round(last / 20))) {
     const at = between(k);
-    for (const s of data.shapes) if (s.g === "links") reach = Math.max(reach, size(moved(at[s.i], s.a)), size(moved(at[s.i], s.b)));
+    for (const s of data.shapes) if (["links", "joints", "other"].includes(s.g) && s.k !== "slide") for (const p of [s.a, s.b]) points.push(moved(at[s.i], p));
   }
+  const middle = [0, 1, 2].map(i => (Math.min(...points.map(p => p[i])) + Math.max(...points.map(p => p[i]))) / 2);
   const camera = viewer.camera, controls = viewer.controls, aspect = pane.clientWidth / pane.clientHeight || 1;
+  const d = unit(data.view), right = unit(cross(Math.abs(d[2]) < 0.99 ? [0, 0, 1] : [0, 1, 0], d)), up = cross(d, right), slope = Math.tan(Math.PI / 12);
+  const far = Math.max(0.3, ...points.map(p => add(p, middle, -1)).map(p =>
+    dot(p, d) + Math.max((Math.abs(dot(p, right)) + 0.12) / aspect, Math.abs(dot(p, up)) + 0.06) / slope));
+  const eye = add(middle, d, far);
   camera.fov = 30;
-  const far = ((reach + 0.08) / Math.sin(Math.PI / 12)) / Math.min(1, aspect), [vx, vy, vz] = times(unit(data.view), far);
-  camera.position.set(vx, vz, -vy);
-  controls.target.set(0, 0, 0);
+  camera.position.set(eye[0], eye[2], -eye[1]);
+  controls.target.set(middle[0], middle[2], -middle[1]);
   controls.enableZoom = false; // scrolling belongs to the page until somebody works here
   pane.addEventListener("pointerdown", () => (controls.enableZoom = true));
   pane.addEventListener("pointerleave", () => (controls.enableZoom = false));

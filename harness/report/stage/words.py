@@ -46,7 +46,7 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
     said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []
     said += [_legs(first, places), f"That leaves {first.body} {listed(first.twists, TWISTS, places)}."]
     if n := first.overconstraints:
-        said.append(f"{_many(n, '').capitalize()}of these constraints repeat{'s' * (n == 1)} others.")
+        said.append(f"{_many(n, 'of these', '').capitalize()} constraints repeat{'s' * (n == 1)} others.")
     if n := idle_forces(lay, at.rows([0])).shape[1]:
         freedoms = (
             _many(len(mechanism.independent), "degree", "s of freedom")
