@@ -13,7 +13,6 @@ import pytest
 from screwgauge import load_scene
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.labels import beside, guide, place
-from screwgauge.report.figures.mechanism import KINDS, mechanism_plot
 from screwgauge.report.figures.page import Page, arrange, linear_scale, log_scale, panels, saved
 from screwgauge.report.figures.style import MARKERS, Look, by_camp, styled
 
@@ -118,14 +117,6 @@ def test_lines_of_a_camp_share_its_colour_and_differ_in_marker_and_dash() -> Non
     assert len({(look["color"], look["marker"], look["linestyle"]) for look in looks.values()}) == 14
     shapes = {saved(drawn([1.0], [1.0], linestyle="", marker=marker), "").svg for marker in MARKERS}
     assert len(shapes) == len(MARKERS)
-
-
-@pytest.mark.parametrize("name", ["3ups-upu-s", "a02-fourbar-2", "a04-bricard-box", "a05-governor", "a01-pendulum"])
-def test_the_picture_of_a_mechanism_names_its_bodies_and_kinds_of_joints(name: str) -> None:
-    mechanism = load_scene(name).mechanism
-    words = texts(mechanism_plot(mechanism))
-    assert {body.name for body in mechanism.bodies} <= set(words)
-    assert {KINDS[joint.kind] + ", actuated" * joint.actuated for joint in mechanism.joints} <= set(words)
 
 
 def test_only_what_draws_imports_matplotlib() -> None:

@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from screwgauge.environment import environment
+from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import digits
 from screwgauge.reference.applied import Applied, Load
@@ -51,6 +52,13 @@ PROVENANCE = {
     "schema": 1,
 }
 Make = Callable[..., Results]
+
+
+@pytest.fixture(autouse=True)
+def _no_mechanism(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What engines say here fits no mechanism that could be drawn in motion."""
+    drawn = Picture("mechanism", "A toy", "<svg ></svg>")
+    monkeypatch.setattr("screwgauge.report.pages.run.stage", lambda *given: drawn)
 
 
 def solution(engine: str, change: float, n: int, nan: bool) -> Solution:
@@ -113,7 +121,7 @@ def judged(engine: str, ok: bool = True) -> dict[str, Any]:
 
 
 def scene(n: int, figures: tuple[Figure, ...]) -> Any:
-    mechanism = SimpleNamespace(name="toy", title="A toy", source="", independent={"a": "leg1.q1"})
+    mechanism = replace(load_mechanism("slider-crank"), name="toy", title="A toy", source="")
     task = GivenMotion(np.linspace(0.0, 1.0, n), *(np.zeros((n, 1)) for _ in range(3)))
     load = Load("platform", None, np.array([0.0, 0.0, 1000.0]), np.zeros(3))
     return SimpleNamespace(
@@ -289,9 +297,10 @@ def test_one_engine_alone_is_only_judged(make: Make, tmp_path: Path) -> None:
 def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     text = (make(1e-8).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert text.splitlines()[2].startswith("> **✗ DIFFER** alpha and beta differ")
-    parts = ["Scene", "Engines", "Pairs", "Judge", "Coverage", "Estimated errors", "Plots", "Mechanism"]
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
-    assert heads == [*parts, "How it was compared", "Run times", "Environment", "Known limitations"]
+    assert heads[:5] == ["Out of tolerance", "Digits of agreement", "Judge", "Plots", "Coverage"]
+    appendix = ["Scene", "Engines", "Pairs", "Residuals", "Estimated errors", "Parameters", "Mechanism"]
+    assert heads[5:] == [*appendix, "How it was compared", "Run times", "Environment", "Known limitations", "Words"]
     assert "a note of beta" in text
 
 
@@ -299,13 +308,14 @@ def test_report_links_every_plot_it_wrote(make: Make, tmp_path: Path) -> None:
     out = make().write(tmp_path / "out")
     linked = re.findall(r"\]\((plots/.*?)\)", (out / "report.md").read_text(encoding="utf-8"))
     assert sorted(linked) == sorted(str(path.relative_to(out)) for path in out.glob("plots/*"))
-    assert len(linked) == 3  # two quantities and the condition number
+    assert len(linked) == 4  # the mechanism, two quantities and the condition number
 
 
 def test_html_is_one_file_without_outside_references(make: Make, tmp_path: Path) -> None:
-    page = (make(1e-8).write(tmp_path / "out") / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg ") == 3
-    for pattern in (r"<(?:script|link|iframe|img|object)\b", r"@import", r"src=", r"url\((?!#)"):
+    text = (make(1e-8).write(tmp_path / "out") / "report.html").read_text(encoding="utf-8")
+    page = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)  # what these ask for, a browser's test sees
+    assert page.count("<svg ") == 4
+    for pattern in (r"<(?:link|iframe|img|object)\b", r"@import", r"src=", r"url\((?!#)"):
         assert not re.search(pattern, page), pattern
     assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)"', page))
     ids = re.findall(r'\bid="([^"]*)"', page)
@@ -365,7 +375,7 @@ def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     figure = Figure("Only one", "joint_position", "rad", (("", ("leg1.*",)),))
     make(figures=(figure,)).write(out)
-    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg"]
+    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg", "mechanism.svg"]
     assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
 
 

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from screwgauge.report.blocks import Banner, walk
 from screwgauge.report.figures.stress import inks, make_plots
 from screwgauge.report.figures.style import MARKERS
 from screwgauge.report.markdown import markdown
@@ -78,12 +79,22 @@ def test_settings_of_an_engine_share_its_colour_and_nothing_else() -> None:
 
 def test_the_headline_counts_engines_without_their_settings(found: Stress) -> None:
     text = headline(found)
-    assert "Silently wrong: mujoco. Our own solver is nowhere among them." in text
+    assert "mujoco in 2 of 2 cases (worst in rising, from severity [m] = 1 on)" in text
+    assert "Our own solver (screw) never does" in text
+
+
+def test_numbers_that_are_wrong_in_silence_are_no_good_news(found: Stress) -> None:
+    def status(stress: Stress) -> str:
+        return next(block.status for block in walk(report(stress, [])) if isinstance(block, Banner))
+
+    own = tuple(replace(row, own=row.engine == "mujoco RK4") for row in found.rows)
+    quiet = tuple(row for row in found.rows if "mujoco " not in row.engine)
+    assert [status(replace(found, rows=rows)) for rows in (found.rows, own, quiet)] == ["differ", "failed", "agree"]
 
 
 def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
     text = markdown(report(found, []))
-    assert "| rising | screw | 15.0 to 15.0 |  |  |  |" in text
+    assert "| rising | screw | 15.0 |  |  |  |" in text
     assert "| rising | pinocchio | 5.0 to 17.0 | 1e5 |  |  |" in text
     assert "| falling | mujoco |  |  | 1e5 |  |" in text
     assert "| rising | mujoco RK4 | 4.0 to 17.0 |  |  | 10 |" in text

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -92,13 +92,53 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks behind their title."""
+    """Blocks behind their title, and what that says of them in a few words."""
 
     title: str
     blocks: tuple[Block, ...]
+    note: str = ""
 
 
-Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded
+@dataclass(frozen=True, slots=True)
+class Front:
+    """The first screen: blocks, beside them a picture (the last block) if there is one."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Appendix:
+    """What few read: sections that begin with their headings, each folded on a screen and open in print."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Glossary:
+    """Words with what they mean; where a page uses one it links here."""
+
+    entries: tuple[tuple[str, str], ...]
+
+
+Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded | Front | Appendix | Glossary
+
+
+def walk(blocks: Iterable[Block]) -> Iterator[Block]:
+    """All blocks, each before those within it."""
+    for block in blocks:
+        yield block
+        if isinstance(block, (Folded, Front, Appendix)):
+            yield from walk(block.blocks)
+
+
+def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
+    """The blocks after a change to each that holds no others."""
+    return [
+        replace(block, blocks=tuple(changed(block.blocks, change)))
+        if isinstance(block, (Folded, Front, Appendix))
+        else change(block)
+        for block in blocks
+    ]
 
 
 @cache

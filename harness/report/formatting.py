@@ -71,6 +71,11 @@ def duration(seconds: float) -> str:
     return f"{seconds / scale:.3g} {unit}"
 
 
+def span(low: str, high: str) -> str:
+    """``1 to 3``; one number where both are the same."""
+    return low if low == high else f"{low} to {high}"
+
+
 def vector(values: Iterable[float]) -> str:
     """``(0, 0, -9.81)``."""
     return "(" + ", ".join(map(number, values)) + ")"

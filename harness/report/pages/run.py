@@ -15,12 +15,14 @@ from screwgauge.environment import plain
 from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.blocks import Banner, Block, Paragraph, Picture, facts, table
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
+from screwgauge.report.layout import laid_out
 from screwgauge.report.pages import sections
 from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
+from screwgauge.report.stage.picture import stage, told
 from screwgauge.report.verdict import compared, first_difference, verdict
 from screwgauge.report.write import write_report
 from screwgauge.solution import REFERENCE, Timing
@@ -37,31 +39,43 @@ def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Bl
     """The blocks of ``report.md`` and ``report.html``.
 
     Args:
+        pictures: That of the mechanism, if there is one, is called ``mechanism`` and stands on the first screen.
         errata: The section "The paper, checked", left out if empty.
     """
     section = partial(blocks.section, "run" if not results.scene.simulated else "simulation")
-    others, drawn = published(results), list[Block](pictures)
-    return [
-        Heading(f"{results.scene.title or results.scene.name}: verification report", 1),
-        verdict(results),
-        *(Banner(sentence, "Warning:") for sentence in results.warnings),
-        *sections.overview(results),
+    drawn = {picture.name: picture for picture in pictures}
+    first, others = drawn.pop("mechanism", None), published(results)
+    held = told(first) if first and first.stage else []
+    body = [
+        *sections.differing(results),
+        *section("Digits of agreement", *sections.overview(results)),
+        *section("Judge", *sections.judge(results)),
+        *section("Plots", *sections.plots(results, list(drawn.values()))),
+        *(section("Published results", others) if others else []),
+        *section("Coverage", *sections.coverage(results)),
+    ]
+    appendix = [
         *section("Scene", *sections.scene(results)),
         *section("Engines", *sections.engines(results)),
         *section("Pairs", *sections.every_pair(results)),
-        *section("Judge", *sections.judge(results)),
-        *section("Coverage", *sections.coverage(results)),
+        *section("Residuals", *sections.every_residual(results)),
         *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
-        *(section("Plots") if len(results.solutions) > 1 and drawn else [Heading("Plots")]),
-        *(drawn or [Paragraph("Nothing to draw.")]),
+        *section("Parameters", *sections.parameters(results)),
         *section("Mechanism", facts(results.mobility, "No facts of the mechanism were computed.")),
         *(section("The paper, checked", *errata) if errata else []),
-        *(section("Published results", others) if others else []),
         *section("How it was compared"),
         *section("Run times", _times(results)),
         *section("Environment", facts(results.environment)),
         *section("Known limitations"),
     ]
+    return laid_out(
+        f"{results.scene.title or results.scene.name}: verification report",
+        [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)],
+        body,
+        appendix,
+        first=[*sections.worst_three(results), facts(sections.what(results)), *held],
+        picture=first,
+    )
 
 
 def _timings(results: Comparison) -> list[Timing]:
@@ -101,18 +115,23 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
     return [{**row, "digits": digits_text(row["max_scaled"]).replace("NaN", "-")} for row in worst]
 
 
-def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False) -> Path:
-    """Writes everything, see `screwgauge.report.results.Results.write`."""
+def pictures(results: Comparison) -> list[Picture]:
+    """The mechanism, then what engines say of each quantity."""
     from screwgauge.report.figures.run import make_plots
 
+    return [stage(results.scene, results.solutions), *make_plots(results)]
+
+
+def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
+    """Writes everything, see `screwgauge.report.results.Results.write`."""
     timings = pd.DataFrame(_timings(results), columns=list(Timing.__dataclass_fields__))
     tables = results.errors[ERROR_COLUMNS], timings, results.environment, summary(results)
     data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: _samples(results)} if samples else {})
 
     def tell() -> list[Block]:
-        return report(results, make_plots(results), errata_section(results.scene) if errata else ())
+        return report(results, pictures(results), errata_section(results.scene) if errata else ())
 
-    return write_report(out, tell, data)
+    return write_report(out, tell, data, pdf=pdf)
 
 
 def _samples(results: Comparison) -> pd.DataFrame:
@@ -128,10 +147,7 @@ def _samples(results: Comparison) -> pd.DataFrame:
 
 def summary(results: Comparison) -> dict[str, Any]:
     """What ``summary.json`` says, as plain Python values: no NaN, no numpy."""
-    refused = [
-        {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
-        for x in results.refusals
-    ]
+    cover = results.coverage
     found = {
         "scene": results.scene.name,
         "ok": results.ok,
@@ -143,19 +159,21 @@ def summary(results: Comparison) -> dict[str, Any]:
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
-        "refused": refused,
-        "coverage": _coverage(results),
+        "refused": [
+            {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
+            for x in results.refusals
+        ],
+        "coverage": {
+            "sentence": cover.sentence,
+            "parameters": len(cover.parameters),
+            "untested": [*cover.untested, *cover.absent],
+            "terms": cover.shares,
+        },
         "timings": [asdict(timing) for timing in _timings(results)],
         "environment": results.environment,
         **{key: results.provenance.get(key) for key in FILES},
     }
     return dict(plain(found))
-
-
-def _coverage(results: Comparison) -> Row:
-    found = results.coverage
-    said = {"sentence": found.sentence, "parameters": len(found.parameters)}
-    return {**said, "untested": [*found.untested, *found.absent], "terms": found.shares}
 
 
 def _quantity(row: Row) -> Row:

@@ -1,0 +1,134 @@
+"""How a platform is held, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.reciprocal import Element, Held, idle_forces
+from screwgauge.reference.rotations import Array
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+class Nouns(NamedTuple):
+    """What an element is called: without pitch, with an infinite one, with another; how a line and a way are told."""
+
+    names: tuple[str, str, str]
+    line: str
+    way: str
+    all: str
+
+
+WRENCHES = Nouns(("force", "couple", "wrench"), "along", "about", "every force and couple")
+TWISTS = Nouns(("rotation", "translation", "screw"), "about", "along", "all six freedoms")
+
+
+def kind(one: Element) -> int:
+    """0 without pitch, 1 with an infinite one, 2 with another."""
+    return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
+
+
+def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[str]:
+    """What the legs do, what they leave, what actuators leave open, and whether that stays so on the way.
+
+    Args:
+        found: At each of the samples of `at`; told is the first.
+        t: Their times [s].
+    """
+    first, mechanism = found[0], lay.mechanism
+    places = {j.name: at.p[0, i] + at.R[0, i] @ j.child_frame.p for j, i in _point_joints(lay)}
+    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
+    tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
+    said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []
+    said += [_legs(first, places), f"That leaves {first.body} {listed(first.twists, TWISTS, places)}."]
+    if n := first.overconstraints:
+        said.append(f"{_many(n, 'of these', '').capitalize()} constraints repeat{'s' * (n == 1)} others.")
+    if n := idle_forces(lay, at.rows([0])).shape[1]:
+        freedoms = (
+            _many(len(mechanism.independent), "degree", "s of freedom")
+            if len(mechanism.independent) > 1
+            else "one degree of freedom"
+        )
+        said.append(
+            f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
+            f" move{'s' * (n == 1)} nothing, only stress{'es' * (n == 1)} the mechanism, and a rule has to fix {'it' if n == 1 else 'them'}."
+        )
+    kinds = [tuple(tuple(map(kind, system)) for system in (*one.wrenches, one.twists)) for one in found]
+    changes = [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]
+    if changes:
+        said.append(
+            f"This is the first pose; on the way kinds or numbers change near t = {', '.join(changes[:3])}{', ...' * (len(changes) > 3)}."
+        )
+    elif len(kinds) > 1:
+        said.append(
+            f"Points and directions are those of the first pose; kinds stay the same at {len(kinds)} poses on the way."
+        )
+    return said
+
+
+def _point_joints(lay: Layout) -> list[tuple[object, int]]:
+    index = lay.mechanism.body_index
+    return [(joint, index[joint.child]) for joint in lay.mechanism.joints if joint.kind in "RUSC"]
+
+
+def _legs(first: Held, places: Mapping[str, Array]) -> str:
+    """What each leg does; legs that do the same are told together."""
+    does: dict[str, list[str]] = {}
+    for leg, system in zip(first.legs, first.wrenches, strict=True):
+        does.setdefault(listed(system, WRENCHES, places), []).append(
+            f"{leg.name} ({leg.kinds})" if leg.kinds else leg.name
+        )
+    if not does:
+        return f"Nothing holds {first.body}."
+    parts = [f"{_and(names)} take{'s' * (len(names) == 1)} {what}" for what, names in does.items()]
+    return f"{first.body} hangs on {_many(len(first.legs), 'leg')}: {'; '.join(parts)}."
+
+
+def listed(system: Sequence[Element], nouns: Nouns, places: Mapping[str, Array]) -> str:
+    """A system of screws in words, such as ``two rotations through s, about x and y``."""
+    if len(system) == 6:
+        return nouns.all
+    lines, ways, screws = ([one for one in system if kind(one) == k] for k in range(3))
+    said = []
+    if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
+        directions = f", {nouns.line} {_and([_way(one) for one in lines])}" if len(lines) == 2 else ""
+        said.append(f"{_many(len(lines), nouns.names[0])} through {_place(lines[0], places)}{directions}")
+    elif lines:
+        said.append(
+            f"{_many(len(lines), nouns.names[0])} {nouns.line} {_and([f'{_way(one)} through {_place(one, places)}' for one in lines])}"
+        )
+    for one in screws:
+        said.append(
+            f"a {nouns.names[2]} about {_way(one)} through {_place(one, places)} of {1e3 * one.pitch:.3g} mm/rad"
+        )
+    if ways:
+        directions = "every axis" if len(ways) == 3 else _and([_way(one) for one in ways])
+        said.append(f"{_many(len(ways), nouns.names[1])} {nouns.way} {directions}")
+    return _and(said) if said else "nothing"
+
+
+def _many(n: int, what: str, plural: str = "s") -> str:
+    return f"{NUMBERS[n] if n < len(NUMBERS) else n} {what}{plural if n != 1 else ''}"
+
+
+def _and(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _way(one: Element) -> str:
+    k = int(np.argmax(np.abs(one.direction)))
+    return "xyz"[k] if abs(one.direction[k]) > 1.0 - 1e-9 else _vector(one.direction)
+
+
+def _vector(v: Array) -> str:
+    return f"({', '.join(f'{x:.3g}' if abs(x) > 5e-7 else '0' for x in v)})"
+
+
+def _place(one: Element, places: Mapping[str, Array]) -> str:
+    """A joint that lies on the axis, if it is told by that point; else the point."""
+    near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
+    return near[0] if near else f"{_vector(one.point)} m"
