@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,10 +119,10 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (_plain({**head, **build(moving)}) for moving in (False, True))
-    still, draw = _still(still), vl_convert.vegalite_to_svg
+    still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
     if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
         still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
-        draw = vl_convert.vega_to_svg
+        draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
     svg = draw(json.dumps(still))
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
 
