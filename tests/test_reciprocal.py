@@ -65,7 +65,8 @@ def test_a_system_of_no_screws_has_no_elements() -> None:
 def test_a_pencil_of_forces_is_told_by_its_point() -> None:
     point = np.array([0.3, -0.2, 0.5])
     pencil = np.array([force(X + Y, point), force(X - 2 * Y, point)]).T
-    assert kinds(found := elements(np.linalg.qr(pencil)[0], np.zeros(3))) == [0.0, 0.0]
+    found = elements(np.linalg.qr(pencil)[0], np.zeros(3))
+    assert kinds(found) == [0.0, 0.0]
     for one in found:
         assert one.point == pytest.approx(point, abs=CLOSE)
 
@@ -100,7 +101,8 @@ def test_the_paper_s_platform_hangs_on_upu_ups_and_s() -> None:
     found = of("3ups-upu-s")
     does = {leg.name: (leg.kinds, system) for leg, system in zip(found.legs, found.wrenches, strict=True)}
     assert {name: kind for name, (kind, _) in does.items()} == {
-        **{"leg1": "UPU", "s": "S"},
+        "leg1": "UPU",
+        "s": "S",
         **dict.fromkeys(("leg2", "leg3", "leg4"), "UPS"),
     }
     assert [len(does[name][1]) for name in ("leg1", "leg2", "leg3", "leg4", "s")] == [1, 0, 0, 0, 3]
