@@ -146,15 +146,17 @@ def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_
             assert screw(one)[:3] @ screw(turn)[3:] + screw(one)[3:] @ screw(turn)[:3] == pytest.approx(0.0, abs=CLOSE)
 
 
-def test_a_planar_four_bar_s_coupler_turns_about_its_pole() -> None:
-    """Where the lines of both cranks meet; both legs take the same force and couples out of the plane."""
-    mechanism = load_mechanism("a03-andrews")
-    found = of("a03-andrews")
-    assert found.body == "K2"
+def test_a_planar_coupler_turns_about_the_pole_of_its_cranks() -> None:
+    """Where the lines of both cranks meet (Kennedy); planar legs too many repeat a force and two couples each."""
+    mechanism, found = load_mechanism("a03-andrews"), of("a03-andrews")
+    _, at = at_home(mechanism)
     (turn,) = found.twists
-    assert (abs(turn.direction), turn.pitch) == (pytest.approx(Z, abs=CLOSE), 0.0)
-    assert found.overconstraints == 9  # three planar legs too many times z, and two couples
-    assert mechanism.independent
+    assert (found.body, abs(turn.direction), turn.pitch) == ("K2", pytest.approx(Z, abs=CLOSE), 0.0)
+    assert found.overconstraints == 9
+    for base, tip in (("o", "f"), ("b", "e2")):
+        ends = [(mechanism.joint(name), mechanism.body_index[mechanism.joint(name).parent]) for name in (base, tip)]
+        p, q = (at.p[0, i] + at.R[0, i] @ joint.parent_frame.p for joint, i in ends)
+        assert np.cross(q - p, turn.point - p)[2] == pytest.approx(0.0, abs=CLOSE)
 
 
 def test_a_bennett_s_coupler_screws_and_each_of_its_legs_takes_two_forces_through_both_hinges() -> None:
