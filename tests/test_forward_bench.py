@@ -18,7 +18,8 @@ from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench_simulation import ABSOLUTE, absolute_table, write
+from screwgauge.report.pages.bench_simulation import write
+from screwgauge.study.bench.rows import ABSOLUTE, absolute_table
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated

@@ -167,7 +167,8 @@ def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
 
     Args:
         columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
-            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number.
+            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number. ``key:form`` has
+            the form of another key, and a key with ``{}`` in it is filled in by the row.
     """
     shown = _columns(columns)
     return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
@@ -186,15 +187,20 @@ def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, ce
 
 def _columns(columns: str) -> dict[str, str]:
     parts = (column.strip().rpartition("=") for column in columns.split("|"))
-    return {(head if equal else key).strip().rstrip("?"): key.strip().replace(" ", "_") for head, equal, key in parts}
+    return {
+        (head if equal else key).strip().rstrip("?"): key.strip() if "{" in key else key.strip().replace(" ", "_")
+        for head, equal, key in parts
+    }
 
 
 def _text(row: Mapping[str, Any], key: str) -> str:
-    name = key.rstrip("?")
-    if key != name and missing(row.get(name)):
+    if "{" in key:
+        return key.format_map(row)
+    name, _, form = key.rstrip("?").partition(":")
+    if key.endswith("?") and missing(row.get(name)):
         return ""
     value = row[name]
-    return value if isinstance(value, Marked) else FORMS.get(name, str)(value)
+    return value if isinstance(value, Marked) else FORMS.get(form or name, str)(value)
 
 
 def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:

@@ -22,7 +22,7 @@ from screwgauge.report.write import write_report
 from screwgauge.study.imports import Public, listed_models, models_in
 
 RECORD = "environment.json"
-section = partial(section, "studies")
+said = partial(section, "studies")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Study:
     def report(self, found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
         """The blocks of ``report.md`` and ``report.html``."""
         about = {"table": f"{self.NAME}, {len(found)} rows", **{k: record[k] for k in SHOWN if k in record}}
-        last = section("Environment", facts(record))
+        last = said("Environment", facts(record))
         return laid_out(self.title, [self.banner(found)], self.body(found), last, first=[facts(about)])
 
     def write(self, found: pd.DataFrame, out: Path) -> Path:

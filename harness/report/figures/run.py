@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import WIDTH, Curve, Spec, quantity, switched, thin, told
+from screwgauge.report.figures.chart import Curve, Spec, thin
 from screwgauge.report.figures.looks import CROSS, GREY, PLUS, SHAPES, Look, numbered
 from screwgauge.report.figures.selection import drawable, select, short_labels
 from screwgauge.report.formatting import file_name, missing, number, unit_text, words
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 MAX_CURVES = 12  # in a panel; more cannot be told apart
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # of engines; the first is drawn as lines
-HEIGHTS, LOWER = {1: 180, 2: 110, 3: 130}, 105  # of panels with curves, by panels in a line; of the others [pixels]
+HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]
 WIDE = 30.0  # ratio of largest to smallest condition number from which their axis is logarithmic
 CURVE, PEAKS = {False: 120, True: 200}, {False: 120, True: 400}  # stretches drawn: still, and moving
 MARKS = {False: 7, True: 12}  # marks of an engine on a curve
 
 Pair = tuple[str, str]
-Apart = tuple[Array, Array, NDArray[np.str_]]  # times [s], differences of a pair, and the components they are of
+Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and the components they are of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,13 +75,15 @@ def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
     apart = {f"|{a} - {b}|": _apart(subject, (a, b)) for a, b in pairs}
 
     def build(moving: bool) -> Spec:
-        upper = _curves(subject, labels, shown, f"{words(figure.quantity)} [{unit}]", moving)
+        views = ["curves", "lower"] if pairs else ["curves"]
+        upper = _curves(subject, labels, shown, f"{words(figure.quantity)} [{unit}]", moving) | {"views": views}
+        drawn = chart.filled("curves", **upper)
         if not pairs:
-            return upper
-        lower = _differences(apart, tolerance, f"difference [{unit}]", moving)
-        params = [*upper.pop("params"), *lower.pop("params"), *chart.zoom(["curves", "lower"], moving)]
-        resolve = {"scale": dict.fromkeys(("color", "strokeDash", "stroke", "shape"), "independent")}
-        return {"vconcat": [upper, lower], "spacing": 14, "resolve": resolve, "params": params}
+            return drawn
+        lower = chart.filled("differences", **_differences(apart, tolerance, f"difference [{unit}]", moving))
+        params = [*drawn.pop("params"), *lower.pop("params")]
+        resolve = {"scale": dict.fromkeys(("color", "strokeDash", "shape"), "independent")}
+        return {"vconcat": [drawn, lower], "spacing": 14, "resolve": resolve, "params": params}
 
     return chart.picture(name, figure.title, build, _warnings(subject, shown, sum(map(len, labels))))
 
@@ -90,60 +92,57 @@ def _curves(
     subject: _Subject, labels: Sequence[dict[str, str]], shown: Sequence[str], title: str, moving: bool
 ) -> Spec:
     """The first engine as lines, the others as sparse marks in the same colours."""
-    columns, series = 3 if len(labels) % 3 == 0 else min(len(labels), 2), list[Curve]()
-    stretches = CURVE[moving] if moving else CURVE[moving] // columns
+    grid, series = chart.columns(len(labels)), list[Curve]()
+    looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
+    stretches = CURVE[moving] // (1 if moving else grid["columns"])
     for (panel, _), drawn in zip(subject.panels, labels, strict=True):
         for component, curve in drawn.items():
             for k, engine in enumerate(shown):
                 at, values = np.flatnonzero(subject.solved[engine]), subject.values[engine][component]
                 kinds = {"line": thin(values[at], stretches)} if not k else {}
-                kinds |= {"mark": sparse(len(at), k, len(shown), MARKS[moving])} if k or moving else {}
-                said = {"panel": panel, "curve": curve, "engine": engine}
+                if k or moving:
+                    kinds["mark" if k else "asked"] = sparse(len(at), k, len(shown), MARKS[moving])
+                said = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
                 series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
-    looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
-    first = {"test": {"field": "engine", "equal": shown[0]}, "value": 0.0}  # these marks are there to be asked
-    lines = {**told("curve", looks, "color", "strokeDash"), **switched("engine", moving)}
-    marks = {
-        **told("curve", looks, "stroke", legend=False),
-        **told("engine", engines, "shape"),
-        **switched("engine", moving, first),
-        **chart.hover(t="t [s]", v=title, curve="component", engine="engine"),
-    }
-    view = chart.timeline("curves", series, lines, marks, moving) | {"height": HEIGHTS[columns]}
-    view["width"] = (WIDTH - (columns - 1) * chart.GAP) // columns
-    view["encoding"]["y"] = quantity("v", title)
-    if columns > 1:
-        data = {key: view.pop(key) for key in ("data", "transform")}
-        facet = {"field": "panel", "type": "nominal", "sort": None}
-        view = {**data, "facet": facet, "columns": columns, "spec": view}
-    return view | {"params": chart.switch("engine", shown, "curves", moving)}
+    told = chart.ways("curve", looks) | chart.ways("engine", engines)
+    return {**chart.curves(series, moving), **told, **grid, "height": HEIGHTS[grid["columns"]], "title": title}
 
 
 def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
     """The largest difference of each pair and where it is; grey lines for the tolerance and for zero."""
-    numbers = np.concatenate([apart for _, apart, _ in found.values()])
+    numbers, times = (np.concatenate([columns[k] for columns in found.values()]) for k in (1, 0))
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
     floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    ends = np.array([f(t) for f in (np.min, np.max) for t in [np.concatenate([t for t, _, _ in found.values()])]])
-    top = 10.0 ** np.ceil(np.log10(1.5 * max(high, tolerance or 0.0)))
     looks, series = {pair: numbered(i + 1) for i, pair in enumerate(found)}, list[Curve]()
-    for pair, columns in found.items():
-        some = thin(columns[1], PEAKS[moving], lows=False)
-        t, apart, names = (column[some] for column in columns)
-        series.append(({"pair": pair, "kind": "line"}, t, np.maximum(apart, floor)))
-        for name in dict.fromkeys(names) if moving else ():
-            here = names == name
-            series.append(({"pair": pair, "kind": "mark", "component": str(name)}, t[here], apart[here]))
-    levels = [(f"tolerance {number(tolerance, 2)}", tolerance, (8, 4)), ("no difference at all", floor * zero, (1, 3))]
+    for pair, (t, apart, names) in found.items():
+        some = thin(apart, PEAKS[moving], lows=False)
+        series.append(({"pair": pair, "kind": "line"}, t[some], np.maximum(apart[some], floor)))
+        for name in dict.fromkeys(names[some]) if moving else ():
+            here = some[names[some] == name]
+            series.append(({"pair": pair, "kind": "asked", "component": str(name)}, t[here], apart[here]))
+    levels = [("no difference at all", floor * zero, (1, 3))]
+    levels += [(f"tolerance {number(tolerance, 2)}", tolerance, (8, 4))] if tolerance else []
     for name, level, dash in levels:
-        if level:
+        if level and len(times):
             looks[name] = Look(GREY, dash)
+            ends = np.array([times.min(), times.max()])
             series.append(({"pair": name, "kind": "line"}, ends, np.full(2, level)))
-    asked = chart.hover(t="t [s]", v=title, component="where", pair="pair")
-    view = _one(series, "pair", looks, asked, moving)
-    return chart.logarithmic(view, title, floor / 10 if zero else floor, top)
+    return _lower(series, looks, title, (floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0)), moving)
+
+
+def _lower(
+    series: Sequence[Curve], looks: dict[str, Look], title: str, ends: tuple[float, float], moving: bool, **more: object
+) -> Spec:
+    """Values of a panel with a logarithmic axis, which a parameter makes linear.
+
+    A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
+    """
+    low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
+    values = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[1]:g}"}
+    values |= {"title": title, "label": f"{title}: ", "axis": "log", "marked": 0.0, **more}
+    return {**chart.curves(series, moving), **chart.ways("pair", looks), **values}
 
 
 def _condition(name: str, comparison: Comparison) -> Picture:
@@ -152,30 +151,18 @@ def _condition(name: str, comparison: Comparison) -> Picture:
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     found = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
     low, high = np.nanmin([*found.values()]), np.nanmax([*found.values()])
-    looks = {engine: numbered(i) for i, engine in enumerate(found)}
+    looks, axis = {engine: numbered(i) for i, engine in enumerate(found)}, "log" if high > WIDE * low else "linear"
 
     def build(moving: bool) -> Spec:
         series = list[Curve]()
         for i, (engine, values) in enumerate(found.items()):
-            at, said = thin(values, PEAKS[moving], lows=False), {"engine": engine}
+            at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
             some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
+            said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
-        asked = chart.hover(t="t [s]", v=title, engine="engine") | told("engine", looks, "shape")
-        view = chart.logarithmic(_one(series, "engine", looks, asked, moving), title, low, high, log=high > WIDE * low)
-        return view | {"params": [*view["params"], *chart.zoom(["lower"], moving)]}
+        return chart.filled("differences", **_lower(series, looks, title, (low, high), moving, axis=axis, marked=1.0))
 
     return chart.picture(name, "Condition number of the closure along the path", build)
-
-
-def _one(series: Sequence[Curve], field: str, looks: dict[str, Look], marks: Spec, moving: bool) -> Spec:
-    """A panel of the whole width."""
-    shaped = "shape" in marks
-    lines = {**told(field, looks, "color", *(() if shaped else ("strokeDash",))), **switched(field, moving)}
-    seen = switched(field, moving) if shaped else {"opacity": {"value": 0.0}}  # others are only asked
-    marks = {**told(field, looks, "stroke", legend=False), **seen, **marks}
-    view = chart.timeline("lower", series, lines, marks, moving)
-    params = chart.switch(field, looks, "lower", moving)
-    return view | {"width": WIDTH, "height": LOWER, "params": params}
 
 
 def _subject(figure: Figure, comparison: Comparison) -> _Subject:
@@ -204,7 +191,7 @@ def _apart(subject: _Subject, pair: Pair) -> Apart:
     apart = np.abs(first - second)
     apart[~np.isfinite(apart)] = np.inf  # found before any number
     worst, largest = apart.argmax(axis=0), apart.max(axis=0)
-    return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names)[worst]
+    return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names, dtype=object)[worst]
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-
-import pandas as pd
 
 from screwgauge.report import blocks
 from screwgauge.report.blocks import Block, Items, Marked, Paragraph, Picture, facts, table
@@ -15,15 +13,10 @@ from screwgauge.report.pages.bench import bench_report, slopes
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
-from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
-from screwgauge.study.bench.rows import Row as BenchRow
+from screwgauge.study.bench.rows import CUT, FAILED, OK, absolute_table, bench_table, pairs
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import table as slope_table
 
-ABSOLUTE = [
-    *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
-    *("steps", "evaluations", "status", "reason"),
-]
 DATA = ("bench.csv", "forward.csv", "slopes.csv", "environment.json")
 SIX = 1e-6
 WORDS = {3: "three", 6: "six", 9: "nine"}
@@ -46,7 +39,7 @@ def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
         "budget": number(plan.budget),
     }
     about = [Paragraph(found.scene.description)] if found.scene.description else []
-    drawn = filter(None, others)
+    drawn = [picture for picture in others if picture]
     body = [*section("Error against processor time", *about, *drawn, table(_rows(found), SHOWN))]
     appendix = [
         *section("Slopes", slopes(found.fits, "No contestant's error is a power of what is varied.")),
@@ -66,27 +59,11 @@ def write(found: Bench, out: Path) -> Path:
     return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
-def _pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
-    """Rows of the observables and of the energy, contestant by contestant."""
-    return list(zip(rows[::2], rows[1::2], strict=True))
-
-
-def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
-    body = []
-    for row, energy in _pairs(rows):
-        who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
-        rest = (cost.wall_s, cost.cpu_s, cost.steps, cost.evaluations, row.status, row.reason)
-        for unit, largest in (row.largest or {"": float("nan")}).items():
-            body.append((*who, unit, largest, energy.largest.get("J", float("nan")), *rest))
-    return pd.DataFrame(body, columns=ABSOLUTE)
-
-
 def _cheapest(found: Bench) -> list[Row]:
     """For three, six and nine digits the quickest method, and how much longer that of another family takes."""
     told = []
     for digits in WORDS:
-        reached = [row for row, _ in _pairs(found.rows) if row.status == OK and row.max_scaled <= 10.0**-digits]
+        reached = [row for row, _ in pairs(found.rows) if row.status == OK and row.max_scaled <= 10.0**-digits]
         order = sorted(reached, key=lambda row: row.work_s)
         if order:
             best, family = order[0], order[0].contestant.family
@@ -100,7 +77,7 @@ def _cheapest(found: Bench) -> list[Row]:
 
 def headline(found: Bench) -> str:
     """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
-    t, rows = found.scene.t, [row for row, _ in _pairs(found.rows)]
+    t, rows = found.scene.t, [row for row, _ in pairs(found.rows)]
     parts, cheapest = list[str](), {row["digits"]: row for row in _cheapest(found)}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
         what = f"{WORDS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
@@ -135,7 +112,7 @@ def _rows(found: Bench) -> list[Row]:
             "evaluations": row.cost.evaluations if row.cost.steps else None,
             "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
         }
-        for row, energy in _pairs(found.rows)
+        for row, energy in pairs(found.rows)
     ]
     published = [
         {

@@ -51,7 +51,7 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
         body += [Heading("How they move"), Paragraph(lead), _rows(found), *plots]
     body += [Heading("What the libraries compute"), *_witnesses(found)]
     body += [Heading("All readings"), *_matrix(found.matrix)] if found.matrix else []
-    appendix = [
+    appendix: list[Block] = [
         *([Heading("Notes"), Items(found.notes)] if found.notes else []),
         *(Heading("Which joint is which"), _map(found)),
         *(Heading("What was not read"), _ignored(found)),

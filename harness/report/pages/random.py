@@ -11,7 +11,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Banner, Block, Paragraph, Table, table
 from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.study import Study, section
+from screwgauge.report.study import Study, said
 from screwgauge.study.campaign import CERTIFIED, ENGINES
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
@@ -19,10 +19,10 @@ VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 
 def _sentence(found: pd.DataFrame) -> str:
     counts = Counter(found["verdict"])
-    said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     asked, branches = [text for text in found["truth"] if text], Counter(found["branch"][found["branch"] != ""])
     return (
-        f"{len(found)} random mechanisms of {found['family'].nunique()} families: {said}. "
+        f"{len(found)} random mechanisms of {found['family'].nunique()} families: {verdicts}. "
         f"All engines were in the same assembly in {branches['same']} of {branches.total()}. "
         f"The truth certified {asked.count(CERTIFIED)} of {len(asked)}."
     )
@@ -80,9 +80,9 @@ def _costs(found: pd.DataFrame) -> Table:
 
 def _body(found: pd.DataFrame) -> list[Block]:
     return [
-        *section("Who did not agree, and why", *(_reasons(found) or [Paragraph("All agreed.")])),
-        *section("By family", _families(found)),
-        *section("Processor time", _costs(found)),
+        *said("Who did not agree, and why", *(_reasons(found) or [Paragraph("All agreed.")])),
+        *said("By family", _families(found)),
+        *said("Processor time", _costs(found)),
     ]
 
 

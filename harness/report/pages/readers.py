@@ -14,7 +14,7 @@ from screwgauge.diagnosis.asked import ASKED
 from screwgauge.diagnosis.readers import SAME
 from screwgauge.report.blocks import Banner, Block, Heading, folded, table
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.study import Study, counted, on_models, section
+from screwgauge.report.study import Study, counted, on_models, said
 from screwgauge.study.readers import reader_matrix
 
 COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
@@ -22,14 +22,14 @@ COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in 
 
 def _banner(found: pd.DataFrame) -> Banner:
     models = grouped(rows(found), "source", "model", "format").values()
-    said = f"{len(models)} models: {counted(map(_found, models))}."
-    return Banner(said, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
+    text = f"{len(models)} models: {counted(map(_found, models))}."
+    return Banner(text, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
 
 
 def _body(found: pd.DataFrame) -> Iterator[Block]:
     told = [row for row in rows(found) if row["cause"]]
-    yield from section("Why", folded(f"All {len(told)} causes", table(told, "model | library | cause"))) if told else ()
-    yield from section("Readers of public models")[1:]
+    yield from said("Why", folded(f"All {len(told)} causes", table(told, "model | library | cause"))) if told else ()
+    yield from said("Readers of public models")[1:]
     for (source,), group in grouped(rows(found), "source").items():
         lines = [_line(of) for of in grouped(group, "model", "format").values()]
         yield from (Heading(str(source)), folded(f"All {len(lines)} models", table(lines, COLUMNS)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
@@ -26,6 +26,7 @@ from screwgauge.report.blocks import (
     table,
 )
 from screwgauge.report.formatting import (
+    FORMS,
     Row,
     digits_text,
     grouped,
@@ -52,56 +53,37 @@ def _with_reason(found: list[Row], columns: str) -> Table:
     return table(found, f"{columns} | reason" if any(row.get("reason") for row in found) else columns)
 
 
-def _worst_at(row: Row) -> str:
-    component = row.get("worst_component")
-    if missing(component) or not component:
-        return "-"
-    return str(component) if missing(row["worst_t"]) else f"{component} @ {number(row['worst_t'])} s"
-
-
-def _shown(found: list[Row]) -> list[Row]:
-    unique = ("no", "yes")
-    return [
-        {**row, "worst_at": _worst_at(row), "rule": row.get("rule") or "-", "unique": unique[row.get("unique", 0)]}
-        for row in found
-    ]
-
-
-def _marked(text: str, row: Row) -> str:
-    return text if row["ok"] else f"{text} ✗"
-
-
-def _reached(scaled: float) -> str:
-    return digits_text(scaled).replace("NaN", "no number")
+def _shown(found: Iterable[Row]) -> list[Row]:
+    """Rows with what tables say of them: where they are worst, signs for what is out of tolerance."""
+    shown = []
+    for row in found:
+        component, t = row.get("worst_component"), row.get("worst_t")
+        nowhere = missing(component) or not component
+        at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
+        digits, sign = digits_text(row["max_scaled"]).replace("NaN", "no number"), "" if row["ok"] else " ✗"
+        reached = {"reached": f"{digits}{sign}", "residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at}
+        unique = {"rule": row.get("rule") or "-", "unique": "yes" if row.get("unique") else "no"}
+        shown.append({**row, **reached, **unique})
+    return shown
 
 
 def worst_three(results: Comparison) -> list[Block]:
     """What comes nearest to its tolerance, or goes beyond it farthest."""
     found = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
-    found += [
-        {**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]}
-        for row in rows(results.judge)
-        if row["engine"] not in results.failures
-    ]
+    judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
+    found += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
     order = sorted(found, key=lambda x: -np.inf if missing(x["max_scaled"]) else -x["max_scaled"] / x["tolerance"])
-    three = [group[0] for group in grouped(order, "what").values()][:3]
-    cells = [
-        {
-            **row,
-            "off": "no number" if missing(row["max_abs"]) else f"{size(row['max_abs'])} {unit_text(row['unit'])}",
-            "digits": _marked(_reached(row["max_scaled"]), row),
-            "needed": digits_text(row["tolerance"]),
-        }
-        for row in three
-    ]
-    return [table(cells, "worst numbers = what | between = who | off by = off | digits | needed")] if cells else []
+    three = _shown(group[0] for group in list(grouped(order, "what").values())[:3])
+    cells = [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
+    columns = "worst numbers = what | between = who | off by = off | digits = reached | needed = tolerance:as_digits"
+    return [table(cells, columns)] if cells else []
 
 
 def what(results: Comparison) -> dict[str, str]:
     """What was judged, short enough for a first screen."""
     files, t, versions = short_judged(results.provenance), results.times, dict[str, str]()
     for name in (*results.solutions, *results.failures):
-        version = results.solutions[name].version if name in results.solutions else "✗ failed"
+        version = results.solutions[name].version or "given" if name in results.solutions else "✗ failed"
         versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
     samples = f"{len(t)} sample{'s' * (len(t) != 1)}, t = {span(number(t[0]), number(t[-1]))} s"
     scene = ", ".join((files.pop("scene file", results.scene.name), samples))
@@ -134,36 +116,32 @@ def differing(results: Comparison) -> list[Block]:
 def overview(results: Comparison) -> list[Block]:
     """Quantity by pair of engines: digits of agreement, beside those that the tolerance asks for."""
     found = []
-    groups = grouped(compared(results), "quantity", "unit").items()
-    for (quantity, _), group in sorted(groups, key=lambda item: all(row["ok"] for row in item[1])):
+    groups = grouped(compared(results), "quantity", "unit").values()
+    for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
         needed = span(digits_text(max(tolerances)), digits_text(min(tolerances)))
-        for row in group:
-            reached = _marked(_reached(row["max_scaled"]), row)
-            found.append({**row, "quantity": words(quantity), "needed": needed, "reached": reached})
+        found += [{**row, "needed": needed} for row in _shown(group)]
     if not found:
         return [Paragraph("Fewer than two engines ran: there are no pairs, only the judge's residuals below.")]
-    across = cross_table(found, "quantity | unit | needed", "pair", "reached")
-    return [across, Paragraph("✗ marks what is out of tolerance.")] if not all(x["ok"] for x in found) else [across]
+    sign = [] if all(row["ok"] for row in found) else [Paragraph("✗ marks what is out of tolerance.")]
+    return [cross_table(found, "quantity = quantity:words | unit | needed", "pair", "reached"), *sign]
 
 
-def every_pair(results: Comparison) -> list[Block]:
+def every_pair(results: Comparison) -> Block:
     """All pairs."""
-    found = _shown(rows(results.pairs))
     nothing = Paragraph("No pairs: one engine has nothing to be compared with.")
-    return [_with_reason(found, PAIR) if found else nothing]
+    return _with_reason(_shown(rows(results.pairs)), PAIR) if len(results.pairs) else nothing
 
 
-def judge(results: Comparison) -> list[Block]:
+def judge(results: Comparison) -> Block:
     """Residuals of each engine against the equations themselves: residual by engine."""
-    found = [{**row, "cell": _marked(size(row["max_scaled"]), row)} for row in rows(results.judge)]
-    across = cross_table(found, "residual, scaled = residual | unit", "engine", "cell")
-    return [across if found else Paragraph("Nothing was judged: no engine gives joint positions or its assembly.")]
+    across = cross_table(_shown(rows(results.judge)), "residual, scaled = residual | unit", "engine", "residue")
+    return across if across.body else Paragraph("Nothing was judged: no engine gives joint positions or its assembly.")
 
 
-def every_residual(results: Comparison) -> list[Block]:
+def every_residual(results: Comparison) -> Block:
     """All of what the judge found."""
-    return [_with_reason(_shown(rows(results.judge)), JUDGE)] if len(results.judge) else [Paragraph("None.")]
+    return _with_reason(_shown(rows(results.judge)), JUDGE) if len(results.judge) else Paragraph("None.")
 
 
 def plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
@@ -187,20 +165,15 @@ def plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 def coverage(results: Comparison) -> list[Block]:
     """What the scene could have seen: share of the terms in each quantity."""
     found = results.coverage
-    cells = [{**row, "quantity": words(row["quantity"]), "cell": _percent(row["share"])} for row in found.shares]
-    across = [cross_table(cells, "largest term = quantity | unit", "term", "cell")] if cells else []
-    return [Paragraph(found.sentence), *across]
+    across = cross_table(found.shares, "largest term = quantity:words | unit", "term", "share:percent")
+    return [Paragraph(found.sentence), *([across] if across.body else [])]
 
 
-def parameters(results: Comparison) -> list[Block]:
+def parameters(results: Comparison) -> Block:
     """From which error on parameters show."""
     found = sorted(results.coverage.parameters, key=lambda row: -row["smallest"])
-    cells = [{**row, "shows": _percent(row["smallest"]) if row["tested"] else "not tested"} for row in found]
-    return [table(cells, "parameter | shows from = shows") if cells else Paragraph("None were looked at.")]
-
-
-def _percent(share: float) -> str:
-    return f"{number(100.0 * share, 3)} %"
+    cells = [{**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else "not tested"} for row in found]
+    return table(cells, "parameter | shows from = shows") if cells else Paragraph("None were looked at.")
 
 
 def estimates(results: Comparison) -> list[Block]:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Banner, Block, Paragraph, Table, folded, table
 from screwgauge.report.formatting import Row, grouped, rows, words
-from screwgauge.report.study import Study, counted, section
+from screwgauge.report.study import Study, counted, said
 from screwgauge.study.selftest.judged import CLOSE
 from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
 
@@ -60,12 +60,12 @@ def _banner(found: pd.DataFrame) -> Banner:
     shares = {
         k: (good, of, f"{100.0 * good / of:.1f} %" if of else "none") for k, (good, of) in _figures(changed).items()
     }
-    said = ", ".join(f"{name} {good} of {of} ({share})" for name, (good, of, share) in shares.items())
+    figures = ", ".join(f"{name} {good} of {of} ({share})" for name, (good, of, share) in shares.items())
     alarms = sum(_true(row["detected"]) for row in alike)
     models, public = ({row["model"] for row in changed if _true(row["public"]) or every} for every in (True, False))
     text = (
         f"{len(changed)} changes of {len({row['kind'] for row in changed})} kinds in {len(models)} models, "
-        f"{len(public)} of them public robots: {said}. {alarms} false alarms in {len(alike)} pairs that are alike. "
+        f"{len(public)} of them public robots: {figures}. {alarms} false alarms in {len(alike)} pairs that are alike. "
         f"Median processor time of a diagnosis: {_median([*changed, *alike]):.2g} s."
     )
     return Banner(text, "✓ PASSED", "agree") if passed(found) else Banner(text, "✗ FAILED", "differ")
@@ -109,11 +109,11 @@ def _body(found: pd.DataFrame) -> list[Block]:
         for (kind,), group in grouped(_of(found, ALIKE), "kind").items()
     ]
     return [
-        *section("Misses", *(_misses(found) or [Paragraph("None.")])),
-        *section("By kind of change", folded("All kinds", _by_kind(found)), visible=VISIBLE, close=CLOSE),
-        *section("By model", folded("All models", _by(named, "model"))),
-        *section("By size of the change", _by(sizes, "relative size drawn")),
-        *section("Pairs that are alike", table(alike, PAIRS)),
+        *said("Misses", *(_misses(found) or [Paragraph("None.")])),
+        *said("By kind of change", folded("All kinds", _by_kind(found)), visible=VISIBLE, close=CLOSE),
+        *said("By model", folded("All models", _by(named, "model"))),
+        *said("By size of the change", _by(sizes, "relative size drawn")),
+        *said("Pairs that are alike", table(alike, PAIRS)),
     ]
 
 
@@ -124,8 +124,8 @@ def _misses(found: pd.DataFrame) -> list[Block]:
         {**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}...", "error": str(row["error"])}
         for row in missed
     ]
-    said = Paragraph(f"{counted(row['verdict'] for row in missed)}.")
-    return [said, folded(f"All {len(cut)}", table(cut, MISSES))] if missed else []
+    counts = Paragraph(f"{counted(row['verdict'] for row in missed)}.")
+    return [counts, folded(f"All {len(cut)}", table(cut, MISSES))] if missed else []
 
 
 def _terminal(found: pd.DataFrame) -> list[Block]:
