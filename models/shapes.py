@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -182,3 +183,38 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
     for i, p in ((parent, joint.parent_frame.p), (child, joint.child_frame.p)):
         if i == 0:
             yield Shape("joints", "foot", 0, p / unit, p / unit, 2.0 * JOINT, STANDING, name)
+
+
+def viewed_from(mechanism: Mechanism) -> Array:
+    """Direction to who looks: face-on where it is flat, else from above, so that joints do not hide each other."""
+    points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
+    points = np.unique(np.concatenate([points, [place for _, place, _ in joint_marks(mechanism)]]).round(6), axis=0)
+    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
+    if flat:
+        return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0))
+    i, j = np.triu_indices(len(points), 1)
+
+    def hidden(direction: Array) -> float:
+        seen = points @ across(direction).T
+        return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
+
+    angles = product(np.radians([-70, -55, -40, -25, 20, 35, 50, 65]), np.radians([18, 25, 32]))
+    return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
+
+
+def across(direction: Array) -> Array:
+    """Right and up of who looks, z being up where it can be. Shape (2, 3)."""
+    right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(direction, right)])
+
+
+def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
+    """Joints with places and last axes, in the world at home; lengths in lengths of the mechanism."""
+    lay = layout(mechanism)
+    at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
+    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.kind != "F"]
+    return [
+        (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])
+        for j, i in sides
+    ]

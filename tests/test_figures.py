@@ -10,7 +10,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from screwgauge import load_scene
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.labels import beside, guide, place
 from screwgauge.report.figures.page import Page, arrange, linear_scale, log_scale, panels, saved

@@ -65,7 +65,8 @@ def test_a_system_of_no_screws_has_no_elements() -> None:
 def test_a_pencil_of_forces_is_told_by_its_point() -> None:
     point = np.array([0.3, -0.2, 0.5])
     pencil = np.array([force(X + Y, point), force(X - 2 * Y, point)]).T
-    assert kinds(found := elements(np.linalg.qr(pencil)[0], np.zeros(3))) == [0.0, 0.0]
+    found = elements(np.linalg.qr(pencil)[0], np.zeros(3))
+    assert kinds(found) == [0.0, 0.0]
     for one in found:
         assert one.point == pytest.approx(point, abs=CLOSE)
 
@@ -100,7 +101,8 @@ def test_the_paper_s_platform_hangs_on_upu_ups_and_s() -> None:
     found = of("3ups-upu-s")
     does = {leg.name: (leg.kinds, system) for leg, system in zip(found.legs, found.wrenches, strict=True)}
     assert {name: kind for name, (kind, _) in does.items()} == {
-        **{"leg1": "UPU", "s": "S"},
+        "leg1": "UPU",
+        "s": "S",
         **dict.fromkeys(("leg2", "leg3", "leg4"), "UPS"),
     }
     assert [len(does[name][1]) for name in ("leg1", "leg2", "leg3", "leg4", "s")] == [1, 0, 0, 0, 3]
@@ -144,15 +146,17 @@ def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_
             assert screw(one)[:3] @ screw(turn)[3:] + screw(one)[3:] @ screw(turn)[:3] == pytest.approx(0.0, abs=CLOSE)
 
 
-def test_a_planar_four_bar_s_coupler_turns_about_its_pole() -> None:
-    """Where the lines of both cranks meet; both legs take the same force and couples out of the plane."""
-    mechanism = load_mechanism("a03-andrews")
-    found = of("a03-andrews")
-    assert found.body == "K2"
+def test_a_planar_coupler_turns_about_the_pole_of_its_cranks() -> None:
+    """Where the lines of both cranks meet (Kennedy); planar legs too many repeat a force and two couples each."""
+    mechanism, found = load_mechanism("a03-andrews"), of("a03-andrews")
+    _, at = at_home(mechanism)
     (turn,) = found.twists
-    assert (abs(turn.direction), turn.pitch) == (pytest.approx(Z, abs=CLOSE), 0.0)
-    assert found.overconstraints == 9  # three planar legs too many times z, and two couples
-    assert mechanism.independent
+    assert (found.body, abs(turn.direction), turn.pitch) == ("K2", pytest.approx(Z, abs=CLOSE), 0.0)
+    assert found.overconstraints == 9
+    for base, tip in (("o", "f"), ("b", "e2")):
+        ends = [(mechanism.joint(name), mechanism.body_index[mechanism.joint(name).parent]) for name in (base, tip)]
+        p, q = (at.p[0, i] + at.R[0, i] @ joint.parent_frame.p for joint, i in ends)
+        assert np.cross(q - p, turn.point - p)[2] == pytest.approx(0.0, abs=CLOSE)
 
 
 def test_a_bennett_s_coupler_screws_and_each_of_its_legs_takes_two_forces_through_both_hinges() -> None:

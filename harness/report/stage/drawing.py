@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from itertools import product
 
 import numpy as np
 
-from screwgauge.models.shapes import AXIS, CUT, DOUBT, DRIVEN, KINDS, Shape, cut_joints, mark, placed
+from screwgauge.models.shapes import (
+    AXIS,
+    CUT,
+    DOUBT,
+    DRIVEN,
+    KINDS,
+    Shape,
+    across,
+    cut_joints,
+    joint_marks,
+    placed,
+    viewed_from,
+)
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.reference.pose import layout, length, pose
 from screwgauge.reference.rotations import Array
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
@@ -37,42 +47,8 @@ LOOK = f"""text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;strok
 path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *{{fill:{DRIVEN}}}
 .drive{{stroke:{DRIVEN};stroke-width:2.2}}.cut{{fill:none;stroke:{CUT};stroke-width:2.2;stroke-dasharray:4 2.5}}
 .thin{{stroke:#767676}}.slide{{stroke:#767676;stroke-width:2.5}}.axis{{stroke:{AXIS};stroke-width:1.2}}
-.body{{stroke-width:4.5;stroke-linecap:round;opacity:.85}}.other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
-
-
-def viewed_from(mechanism: Mechanism) -> Array:
-    """Direction to who looks: face-on where it is flat, else from above, so that joints do not hide each other."""
-    points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
-    points = np.unique(np.concatenate([points, [place for _, place, _ in _joints(mechanism)]]).round(6), axis=0)
-    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
-    if flat:
-        return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0))
-    i, j = np.triu_indices(len(points), 1)
-
-    def hidden(direction: Array) -> float:
-        seen = points @ across(direction).T
-        return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
-
-    angles = product(np.radians([-70, -55, -40, -25, 20, 35, 50, 65]), np.radians([18, 25, 32]))
-    return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
-
-
-def across(direction: Array) -> Array:
-    """Right and up of who looks, z being up where it can be. Shape (2, 3)."""
-    right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(direction, right)])
-
-
-def _joints(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Joints with places and last axes, in the world at home; lengths in lengths of the mechanism."""
-    lay = layout(mechanism)
-    at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
-    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.kind != "F"]
-    return [
-        (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])
-        for j, i in sides
-    ]
+.body{{stroke-width:4.5;stroke-linecap:round;opacity:.85}}
+.other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
 
 
 def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
@@ -84,7 +60,7 @@ def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
     direction, solids = viewed_from(mechanism), [*placed(mechanism), *beside]
     view = across(direction) * [[1.0], [-1.0]]  # down the page
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
-    joints = [(joint, view @ place, axis) for joint, place, axis in _joints(mechanism)]
+    joints = [(joint, view @ place, axis) for joint, place, axis in joint_marks(mechanism)]
     cloud = np.array([*(view @ end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)])
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
@@ -112,7 +88,8 @@ def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
-        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: home pose</text>{legend}{"".join(out)}</svg>\n'
+        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: home pose</text>'
+        f"{legend}{''.join(out)}</svg>\n"
     )
 
 

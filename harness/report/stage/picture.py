@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.placement import quaternion
-from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes
+from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import length
-from screwgauge.reference.reciprocal import Held, held
+from screwgauge.reference.pose import centres_of_mass, length
+from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
-from screwgauge.report.stage.drawing import drawing, viewed_from
+from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -46,24 +46,24 @@ def stage(
 def told(picture: Picture) -> list[Block]:
     """What stands beside the picture of a mechanism: how it is held, and what looks odd."""
     found = json.loads(picture.stage)
-    odd = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))] if found["doubts"] else []
-    return [Items(tuple(found["words"])), *odd]
+    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
+    return [Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
 
 
 def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
-    points = at.p[0, 1:] + np.einsum("bij,bj->bi", at.R[0, 1:], np.array([body.com for body in mechanism.bodies]))
-    middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
-    columns, keys = mechanism.independent_columns, few(np.arange(len(motion.t)), HELD)
-    found, shown = held(motion.lay, at.rows(keys)), arrows(motion)
-    solids, longest = shapes(mechanism), dict[tuple[str, bool], float]()
+    middle, columns = centres_of_mass(motion.lay, at)[0].mean(axis=0), mechanism.independent_columns
+    keys, shown, solids = few(np.arange(len(motion.t)), HELD), arrows(motion), shapes(mechanism)
+    found = held(motion.lay, at.rows(keys))
+    longest = {(one.group, one.turns): 0.0 for one in shown}
     for one in shown:
-        key = one.group, one.turns
-        longest[key] = max(longest.get(key, 0.0), float(np.linalg.norm(one.vectors, axis=1).max()))
+        most = float(np.linalg.norm(one.vectors, axis=1).max())
+        longest[one.group, one.turns] = max(longest[one.group, one.turns], most)
     scales: dict[str, str] = {}
     for (group, turns), most in longest.items():
-        scales[group] = f"{scales.get(group, 'longest:')}{',' * (group in scales)} {most:.4g} N{' m' * turns}"
+        before = f"{scales[group]}, " if group in scales else "longest: "
+        scales[group] = f"{before}{most:.4g} N{' m' * turns}"
     return {
         "title": mechanism.title or mechanism.name,
         "said": motion.said,
@@ -94,39 +94,29 @@ def _poses(R: Array, p: Array) -> list[float]:
 
 
 def _shape(one: Shape) -> dict[str, Any]:
-    ends = {"a": _rounded(one.a), "b": _rounded(one.b.T.ravel())}
-    return {
-        "g": one.group,
-        "k": one.kind,
-        "i": one.body,
-        "j": one.other,
-        **ends,
-        "r": round(one.size, 4),
-        "c": one.colour,
-        "n": one.name,
-    }
+    a, b = _rounded(one.a), _rounded(one.b.T.ravel())
+    values = (one.group, one.kind, one.body, one.other, a, b, round(one.size, 4), one.colour, one.name)
+    return dict(zip("gkijabrcn", values, strict=True))
 
 
 def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
-    vectors = _rounded((one.vectors * LONGEST / longest).ravel(), 3)
-    start = {"i": one.body, "p": _rounded(one.point / unit)}
-    return {"g": one.group, "n": one.name, "c": TONES[one.group], "m": int(one.turns), **start, "v": vectors}
+    point, vectors = _rounded(one.point / unit), _rounded((one.vectors * LONGEST / longest).ravel(), 3)
+    values = (one.group, one.name, TONES[one.group], int(one.turns), one.body, point, vectors)
+    return dict(zip("gncmipv", values, strict=True))
 
 
 def _holds(found: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
     """Wrenches of legs and twists left at some samples: point, direction and `kind` of each element, one by one."""
-    out = []
-    for i, leg in enumerate((*found[0].legs, None)):
-        systems = [one.twists if leg is None else one.wrenches[i] for one in found]
-        told = (
-            ("freedoms", found[0].body, "#777777") if leg is None else ("wrenches", leg.name, COLOURS[i % len(COLOURS)])
-        )
+
+    def row(system: Sequence[Element], k: int) -> list[float]:
+        if k >= len(system):
+            return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
+        return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), kind(system[k])]
+
+    first, out = found[0], list[dict[str, Any]]()
+    parts = [("wrenches", leg.name, COLOURS[i % len(COLOURS)]) for i, leg in enumerate(first.legs)]
+    for i, (group, name, colour) in enumerate([*parts, ("freedoms", first.body, "#777777")]):
+        systems = [(*one.wrenches, one.twists)[i] for one in found]
         for k in range(max(map(len, systems))):
-            rows = [
-                [*_rounded((s[k].point - middle) / unit, 3), *_rounded(s[k].direction, 3), kind(s[k])]
-                if k < len(s)
-                else [0] * 6 + [-1]
-                for s in systems
-            ]
-            out.append({**dict(zip("gnc", told, strict=True)), "w": [x for row in rows for x in row]})
+            out.append({"g": group, "n": name, "c": colour, "w": [x for s in systems for x in row(s, k)]})
     return out
