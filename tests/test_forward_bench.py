@@ -19,13 +19,12 @@ from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.pages.bench_simulation import write
-from screwgauge.study.bench.rows import ABSOLUTE, absolute_table
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated
 from screwgauge.study.bench.questions import simulation
 from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import COLUMNS, CUT, FAILED, OK, bench_table
+from screwgauge.study.bench.rows import ABSOLUTE, COLUMNS, CUT, FAILED, OK, absolute_table, bench_table
 from screwgauge.study.method import Method
 
 PLAN = replace(QUICK, share=0.05, samples=5)
