@@ -84,10 +84,10 @@ def test_files_and_columns(found, tmp_path):
 
 
 def test_diagram_shows_what_others_have_published(found):
-    (plot,) = make_plots(found)
-    assert "Exudyn" in plot.svg
-    assert "OpenSim" in plot.svg
-    assert "other machines" in plot.svg
+    observable, energy = make_plots(found)
+    assert "Exudyn" in observable.svg + energy.svg
+    assert "OpenSim" in observable.svg + energy.svg
+    assert "other machines" in observable.svg
 
 
 def test_what_takes_too_long_is_stopped(scene):

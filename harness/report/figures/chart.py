@@ -160,7 +160,7 @@ def _plain(value: Any) -> Any:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Samples that show as much as all: the largest (and smallest) of each stretch, and where one has no number.
+    """Samples that show as much as all: ends, largest (and smallest) of each stretch, a gap where one has no number.
 
     Args:
         values: Shape (n,).
@@ -178,4 +178,5 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
     found = [np.where(gap, -np.inf, values[at]).argmax(axis=1)]
     found += [np.where(gap, np.inf, values[at]).argmin(axis=1)] if lows else []
     missing, each = gap.any(axis=1) if lows else gap.all(axis=1), np.arange(bins)
-    return np.unique(np.concatenate([*(at[each, one] for one in found), at[each, gap.argmax(axis=1)][missing]]))
+    gaps = at[each, gap.argmax(axis=1)][missing]
+    return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in found), gaps]))
