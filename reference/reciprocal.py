@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.graph import coupled_joints, spanning_tree
 from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths, reciprocal_screws
@@ -93,7 +93,7 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
             name = same[name]
         return name
 
-    ties = [(joint,) for joint in mechanism.joints]
+    ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
     ties += [(owner[one.coordinate], owner[one.of]) for one in mechanism.couplings if one.of]
     for tie in ties:
         for a, b in pairwise(side for joint in tie for side in (joint.parent, joint.child) if side not in ends):
@@ -103,9 +103,7 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
         inner = [side for side in (joint.parent, joint.child) if side not in ends]
         parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
-    kept = frozenset(
-        joint.name for joint in owner.values() if any(joint in tie for tie in ties[len(mechanism.joints) :])
-    )
+    kept = coupled_joints(mechanism)
     return tuple(_leg(part, body, kept) for part in ways if any(joint.kind != "F" for joint in part))
 
 

@@ -45,7 +45,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     joints = [joint for joint in mechanism.joints if joint.kind != "F"]
     cloud = [at[1][0, index[j.parent]] + at[0][0, index[j.parent]] @ j.parent_frame.p for j in joints]
     extent = max((float(np.linalg.norm(a - b)) for a, b in combinations(cloud, 2)), default=0.0)
-    found = []
+    found = list[Suspicion]()
     for body in mechanism.bodies:
         its = [(joint, frame.p) for joint in joints for name, frame in _sides(joint) if name == body.name]
         found += _masses(body, its, unit, extent)
