@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge import __version__, commands
-from screwgauge.commands import gate
+from screwgauge.commands import gate, view
 from screwgauge.report.console import console, ended, say
 from screwgauge.study.bench.threads import fix_threads
 
@@ -112,9 +112,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=int, metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
+    add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop an engine that needs more (that of the machine)")
+
+    add = command(view.view, "a mechanism in space and in motion, served to a browser on this machine")
+    which = "built-in scene or mechanism, or path of a TOML, URDF or MJCF file"
+    add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
+    add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
+    add("--out", type=Path, metavar="FILE.html", help="write the page and end")
+    add("--png", type=Path, metavar="FILE.png", help="write a picture of the home pose and end")
+    add("--mujoco", action="store_true", help="open MuJoCo's own viewer on its MJCF instead")
+    add("--port", type=int, metavar="N", help="default: a free one")
 
     add = command(commands.bench, "error against run time of many methods and settings", out="SCENE/bench")
     scene(add)

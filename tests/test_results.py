@@ -40,7 +40,7 @@ def test_a_notebook_shows_tables_and_pictures(results):
     assert "<table>" in shown
     pictures = results.plot()
     assert repr(pictures).splitlines() == [picture.title for picture in pictures]
-    assert pictures._repr_html_().count("<svg ") == len(pictures) == 4  # and that of the condition
+    assert pictures._repr_html_().count("<svg ") == len(pictures) == 5  # the mechanism, and that of the condition
 
 
 def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
@@ -49,6 +49,13 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     page = results.to_html(tmp_path / "page.html")
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["mine.svg", "page.html", "plots"]
+
+
+def test_a_figure_is_found_by_its_name(results):
+    assert [picture.name for picture in results.figure("mechanism")] == ["mechanism"]
+    assert [picture.name for picture in results.figure("condition")] == ["04-condition"]
+    with pytest.raises(UnknownNameError, match=r"unknown figure 'conditions'.*did you mean '04-condition'"):
+        results.figure("conditions")
 
 
 def test_names_that_are_not_there_are_said(results):
@@ -63,7 +70,7 @@ def test_names_that_are_not_there_are_said(results):
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
     from screwgauge.report.blocks import Paragraph
 
-    monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
+    monkeypatch.setattr("screwgauge.report.pages.run.pictures", lambda results: [])
     monkeypatch.setattr("screwgauge.report.pages.run.errata_section", lambda scene: [Paragraph("an erratum")])
     texts = [
         (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")

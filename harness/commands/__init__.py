@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.reference.errors import ScrewgaugeError
@@ -34,7 +33,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.mjcf import left_out
     from screwgauge.scene.preflight import check_home
 
-    _imported(options.mechanism)
+    imported(options.mechanism)
     mechanism = load_mechanism(options.mechanism)
     check_home(mechanism)
     out = options.out or OUT / mechanism.name / "models"
@@ -61,15 +60,15 @@ def import_(options: argparse.Namespace) -> int:
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
-    imported = import_apart(options.file, choice)
-    for path in write_imported(imported, options.out or Path(f"{options.file.stem}.toml")):
+    found = import_apart(options.file, choice)
+    for path in write_imported(found, options.out or Path(f"{options.file.stem}.toml")):
         say(str(path))
-    for sentence in notes(imported):
+    for sentence in notes(found):
         say(sentence)
     return 0
 
 
-def _imported(name: str) -> None:
+def imported(name: str) -> None:
     """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
     from screwgauge.models.importing.model import is_model, keep, notes
     from screwgauge.reference.files import beside
@@ -86,10 +85,11 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.environment import json_text
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import run as page
+    from screwgauge.report.pdf import browser
     from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
 
-    _imported(options.scene)
+    imported(options.scene)
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.exciting import exciting
@@ -97,6 +97,8 @@ def run(options: argparse.Namespace) -> int:
         scene = exciting(scene, options.seed or 0)
     elif options.seed is not None:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
+    if options.pdf:
+        browser()  # or none is found, which is told before any work
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     results = carry_out(
@@ -106,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,
+        pdf=options.pdf,
     )
     for failure in results.failures.values() if options.debug else ():
         complain(failure.traceback)
@@ -122,7 +125,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.study.bench import run as given_run
     from screwgauge.study.bench.stamp import NAME
 
-    _imported(options.scene)
+    imported(options.scene)
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run
@@ -140,7 +143,7 @@ def bench(options: argparse.Namespace) -> int:
 
 def _random(options: argparse.Namespace) -> int:
     """Random mechanisms of all families; those whose rows are there are not done again."""
-    from screwgauge.report.pages import random as page
+    from screwgauge.report.pages.random import PAGE as page
     from screwgauge.study.campaign import campaign
 
     out, names = options.out or OUT / "random", _names(options.contestants)
@@ -213,7 +216,8 @@ def diagnose(options: argparse.Namespace) -> int:
 def _self_test(options: argparse.Namespace) -> int:
     """Diagnoses models changed at random; those whose rows are there are not done again."""
     from screwgauge.reference.errors import DescriptionError
-    from screwgauge.report.pages import selftest as page
+    from screwgauge.report.pages.selftest import PAGE as page
+    from screwgauge.report.pages.selftest import passed
     from screwgauge.study.selftest.run import counts, selftest
 
     taken = ("self_test", "count", "quick", "seed", "out", "command", "debug")
@@ -224,7 +228,7 @@ def _self_test(options: argparse.Namespace) -> int:
     found = carry_out(
         page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME
     )
-    return 0 if page.passed(found) else 1
+    return 0 if passed(found) else 1
 
 
 def _case(options: argparse.Namespace) -> int:
@@ -242,7 +246,7 @@ def _case(options: argparse.Namespace) -> int:
 
 
 def carry_out(
-    page: ModuleType,
+    page: Any,
     out: Path,
     work: Callable[[Any], Any],
     *,
@@ -253,6 +257,7 @@ def carry_out(
     """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
     Args:
+        page: Has DATA, write and terminal: a module of pages, or a study's.
         work: Takes the progress.
         tell: What to print of what was found; by default what the page has for a terminal.
         again: File that the same command goes on from.

@@ -47,7 +47,7 @@ def check(options: argparse.Namespace) -> int:
 
 def history(options: argparse.Namespace) -> int:
     """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
-    from screwgauge.report.pages import history as page
+    from screwgauge.report.pages.history import PAGE as page
     from screwgauge.study.gate.baseline import write_latest
     from screwgauge.study.gate.store import check_store, history
 

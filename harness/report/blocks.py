@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -92,13 +92,53 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks behind their title."""
+    """Blocks behind their title, and what that says of them in a few words."""
 
     title: str
     blocks: tuple[Block, ...]
+    note: str = ""
 
 
-Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded
+@dataclass(frozen=True, slots=True)
+class Front:
+    """The first screen: blocks, beside them a picture (the last block) if there is one."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Appendix:
+    """What few read: sections that begin with their headings, each folded on a screen and open in print."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Glossary:
+    """Words with what they mean; where a page uses one it links here."""
+
+    entries: tuple[tuple[str, str], ...]
+
+
+Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded | Front | Appendix | Glossary
+
+
+def walk(blocks: Iterable[Block]) -> Iterator[Block]:
+    """All blocks, each before those within it."""
+    for block in blocks:
+        yield block
+        if isinstance(block, (Folded, Front, Appendix)):
+            yield from walk(block.blocks)
+
+
+def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
+    """The blocks after a change to each that holds no others."""
+    return [
+        replace(block, blocks=tuple(changed(block.blocks, change)))
+        if isinstance(block, (Folded, Front, Appendix))
+        else change(block)
+        for block in blocks
+    ]
 
 
 @cache
@@ -127,7 +167,8 @@ def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
 
     Args:
         columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
-            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number.
+            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number. ``key:form`` has
+            the form of another key, and a key with ``{}`` in it is filled in by the row.
     """
     shown = _columns(columns)
     return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
@@ -146,15 +187,20 @@ def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, ce
 
 def _columns(columns: str) -> dict[str, str]:
     parts = (column.strip().rpartition("=") for column in columns.split("|"))
-    return {(head if equal else key).strip().rstrip("?"): key.strip().replace(" ", "_") for head, equal, key in parts}
+    return {
+        (head if equal else key).strip().rstrip("?"): key.strip() if "{" in key else key.strip().replace(" ", "_")
+        for head, equal, key in parts
+    }
 
 
 def _text(row: Mapping[str, Any], key: str) -> str:
-    name = key.rstrip("?")
-    if key != name and missing(row.get(name)):
+    if "{" in key:
+        return key.format_map(row)
+    name, _, form = key.rstrip("?").partition(":")
+    if key.endswith("?") and missing(row.get(name)):
         return ""
     value = row[name]
-    return value if isinstance(value, Marked) else FORMS.get(name, str)(value)
+    return value if isinstance(value, Marked) else FORMS.get(form or name, str)(value)
 
 
 def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:

@@ -71,6 +71,11 @@ def duration(seconds: float) -> str:
     return f"{seconds / scale:.3g} {unit}"
 
 
+def span(low: str, high: str) -> str:
+    """``1 to 3``; one number where both are the same."""
+    return low if low == high else f"{low} to {high}"
+
+
 def vector(values: Iterable[float]) -> str:
     """``(0, 0, -9.81)``."""
     return "(" + ", ".join(map(number, values)) + ")"
@@ -107,6 +112,9 @@ FORMS: dict[str, Callable[[Any], str]] = {
     **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error"), size),
     **dict.fromkeys(("time_s", "seconds_per_sample", "cpu", "wall"), duration),
     **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity"), partial(number, figures=3)),
+    "as_digits": lambda scaled: digits_text(scaled).replace("NaN", "no number"),
+    "percent": lambda share: f"{number(100.0 * share, 3)} %",
+    "words": words,
     "tolerance": partial(number, figures=2),
     "expected": number,
     "fitted": partial(number, figures=4),

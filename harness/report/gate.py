@@ -25,6 +25,7 @@ from screwgauge.study.gate.row import EXIT, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
+HEAD = ("scene", "", "worst in", "scaled", "digits", "tolerance", "because")
 WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
 
 
@@ -78,19 +79,27 @@ class Check:
     def blocks(self) -> list[Block]:
         """What is printed, and shown as the summary of a job."""
         text, said = f"{sum(row.ok for row in self.rows)} of {len(self.rows)} pass.", list[Block]()
+        if self.ok:
+            text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
         banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
         if self.against is not None:
             known = self.against
             heads = ("Changed since the baseline:", "Improved:", "Of the baseline:")
             for head, texts in zip(heads, (known.changed, known.improved, known.notes), strict=True):
                 said += [Folded(head.rstrip(":"), (Items(tuple(texts)),))] if texts else []
-        table = Table(
-            ("scene", "", "worst in", "scaled", "digits", "tolerance", "because"), tuple(map(_cells, self.rows))
-        )
+        order = sorted(self.rows, key=lambda row: row.ok)
+        table = Table(HEAD, tuple(map(_cells, order)))
         covered = tuple(f"{row.scene}: {row.coverage or row.sentence}" for row in self.rows if row.ok)
         tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
         faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
         return [banner, *said, table, *faults, *self._tolerances(), *tested]
+
+    def worst(self) -> list[Block]:
+        """The three that come nearest to their tolerance, or are farthest beyond it."""
+        order = sorted(
+            self.rows, key=lambda row: (row.ok, -row.worst.error / row.worst.tolerance if row.worst else 0.0)
+        )
+        return [Table(HEAD[:-1], tuple(_cells(row)[:-1] for row in order[:3]))] if order else []
 
     def _tolerances(self) -> list[Block]:
         """The largest of each quantity by where they come from."""

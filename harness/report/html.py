@@ -1,25 +1,110 @@
-"""Blocks as HTML: ``report.html``, one page that opens offline."""
+"""Blocks as HTML: ``report.html``, one page that opens offline and asks nothing of anybody."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain, spans
+from screwgauge.report import libraries
+from screwgauge.report.blocks import (
+    Appendix,
+    Banner,
+    Block,
+    Folded,
+    Front,
+    Glossary,
+    Heading,
+    Items,
+    Paragraph,
+    Picture,
+    Table,
+    plain,
+    spans,
+    walk,
+)
+from screwgauge.report.formatting import file_name
 
 PAGE = Path(__file__).with_name("page.html")
-WIDE = 8  # columns from which a table scrolls instead of wrapping
+#: Nothing is asked of anybody; vega makes functions of the head of a table, so pages with charts evaluate.
+POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src{} data:"
+WIDE = 8  # columns from which a table is set tighter
+UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are no links
+MOVING = {"chart": libraries.chart, "stage": libraries.stage}  # part of a picture -> what draws it
 
 
 def page(blocks: Iterable[Block]) -> str:
-    """The whole page, pictures inside; its title is the first heading."""
+    """The whole page, pictures and what draws them inside; its title is the first heading."""
     blocks = list(blocks)
     title = next((block.text for block in blocks if isinstance(block, Heading)), "Screwgauge")
-    template = Template(PAGE.read_text(encoding="utf-8"))
-    return template.substitute(title=escape(plain(title), quote=False), body=fragment(blocks))
+    pictures = [block for block in walk(blocks) if isinstance(block, Picture)]
+    words = [term for block in walk(blocks) if isinstance(block, Glossary) for term, _ in block.entries]
+    return fill(plain(title), _linked(_with_contents(fragment(blocks)), words), _scripts(pictures))
+
+
+def fill(title: str, body: str, scripts: str = "", images: str = "") -> str:
+    """A page of finished parts; `images`: where its security policy lets it take pictures from."""
+    policy = POLICY.format(" 'unsafe-eval'" * ('id="chart"' in scripts), images)
+    parts = {"title": escape(title, quote=False), "body": body, "scripts": scripts, "policy": policy}
+    style = PAGE.with_suffix(".css").read_text(encoding="utf-8")
+    return Template(PAGE.read_text(encoding="utf-8")).substitute(parts, style=style)
+
+
+def _scripts(pictures: Sequence[Picture]) -> str:
+    """The data of each picture, in order, the libraries that any of them needs, and what brings them together."""
+    lines, needed = list[str](), dict[str, None]()
+    for picture in pictures:
+        kind = "stage" if picture.stage else "chart" if picture.chart else ""
+        needed |= {kind: None} if kind else {}
+        data = (picture.stage or picture.chart).replace("<", r"\u003c")  # which JSON has in texts only
+        lines.append(f'<script type="application/json" data-kind="{kind}">{data}</script>')
+    for kind in needed:
+        source = re.sub("</(?=script)|<!--", lambda m: m[0].replace("<", r"\x3c"), MOVING[kind](), flags=re.IGNORECASE)
+        lines.append(f'<script type="text/plain" id="{kind}">{source}</script>')
+    own = PAGE.with_suffix(".js").read_text(encoding="utf-8")
+    return "\n".join([*lines, f"<script>\n{own}</script>\n"])
+
+
+def _with_contents(body: str) -> str:
+    """Headings with places of their own, and links to these before the first."""
+    places: dict[str, str] = {}
+
+    def named(match: re.Match[str]) -> str:
+        names = (file_name(match[1]), *(f"{file_name(match[1])}-{k}" for k in range(2, len(places) + 3)))
+        place = next(name for name in names if name not in places)
+        places[place] = match[1]
+        return f'<h2 id="{place}">{match[1]}</h2>'
+
+    front, first, rest = re.sub("<h2>(.*?)</h2>", named, body).partition("<h2 ")
+    links = "\n".join(f'<a href="#{place}">{text}</a>' for place, text in places.items())
+    contents = f'<nav aria-label="Contents">Contents: {links}</nav>\n' if len(places) > 1 else ""
+    before, details, fold = front.rpartition("<details>") if front.endswith("<summary>") else (front, "", "")
+    return f"{before}{contents}{details}{fold}{first}{rest}"
+
+
+def _linked(body: str, words: Iterable[str]) -> str:
+    """Where a section first uses a word of the glossary, a link to it."""
+    known = {word.lower(): f"word-{file_name(word)}" for word in words}
+    every = re.compile(rf"\b({'|'.join(sorted(map(re.escape, known), key=len, reverse=True))})\b", re.IGNORECASE)
+    return "".join(_linked_section(part, every, dict(known)) for part in re.split("(?=<h2)", body)) if known else body
+
+
+def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> str:
+    """`left`: word -> place, of those that are not linked yet."""
+
+    def link(match: re.Match[str]) -> str:
+        place = left.pop(match[0].lower(), "")
+        return f'<a class="word" href="#{place}">{match[0]}</a>' if place else match[0]
+
+    pieces, within = re.split("(<[^>]*>)", body), 0
+    for i, piece in enumerate(pieces):
+        if i % 2 and piece.strip("</>").split(" ")[0] in UNTOUCHED:
+            within += -1 if piece.startswith("</") else 1
+        elif not i % 2 and not within:
+            pieces[i] = every.sub(link, piece)
+    return "".join(pieces)
 
 
 def fragment(blocks: Iterable[Block]) -> str:
@@ -36,14 +121,39 @@ def _block(block: Block) -> str:
         case Banner(text, word, status):
             lead = f"<strong>{_text(word)}</strong> " if word else ""
             return f'<div class="banner {status}">{lead}{_text(text)}</div>'
+        case Front(inside):
+            return _front(inside)
+        case Appendix(inside):
+            return _folded_sections(fragment(inside))
+        case Glossary(entries):
+            terms = (f'<dt id="word-{file_name(x)}">{_text(x)}</dt><dd>{_text(y)}</dd>' for x, y in entries)
+            return f"<dl>{''.join(terms)}</dl>"
         case Items(texts):
             return "<ul>" + "".join(f"<li>{_text(text)}</li>" for text in texts) + "</ul>"
         case Table():
             return _table(block)
         case Picture():
             return f"<figure>{_inline(block)}</figure>"
-        case Folded(title, inside):
-            return f"<details>\n<summary>{_text(title)}</summary>\n{fragment(inside)}\n</details>"
+        case Folded(title, inside, note):
+            lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
+            return f"<details>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
+
+
+def _front(blocks: tuple[Block, ...]) -> str:
+    """Banners over all of the page; the rest at the left of the picture, if there is one."""
+    banners = fragment(block for block in blocks if isinstance(block, Banner))
+    rest = [block for block in blocks if not isinstance(block, Banner)]
+    left = fragment(block for block in rest if not isinstance(block, Picture))
+    right = fragment(block for block in rest if isinstance(block, Picture))
+    return f'<div class="front{"" if right else " plain"}">\n{banners}\n<div>{left}</div>\n{right}\n</div>'
+
+
+def _folded_sections(body: str) -> str:
+    """Each heading as what folds all up to the next."""
+    front, *sections = body.split("<h2>")
+    folds = (section.partition("</h2>") for section in sections)
+    folded = (f"<details>\n<summary><h2>{x}{end}</summary>{rest}\n</details>" for x, end, rest in folds)
+    return "\n".join(["<h2>Appendix</h2>", front, *folded])
 
 
 def _inline(picture: Picture) -> str:

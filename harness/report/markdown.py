@@ -6,7 +6,21 @@ import re
 from collections.abc import Iterable
 from html import escape
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain, spans
+from screwgauge.report.blocks import (
+    Appendix,
+    Banner,
+    Block,
+    Folded,
+    Front,
+    Glossary,
+    Heading,
+    Items,
+    Paragraph,
+    Picture,
+    Table,
+    plain,
+    spans,
+)
 
 MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
@@ -33,10 +47,13 @@ def _block(block: Block) -> str:
             return "\n".join("| " + " | ".join(line) + " |" for line in lines)
         case Picture(name, title):
             return f"![{_text(title)}](plots/{name}.svg)"
-        case Folded(title, inside):
-            return (
-                f"<details>\n<summary>{escape(plain(title), quote=False)}</summary>\n\n{markdown(inside)}\n</details>"
-            )
+        case Folded(title, inside, note):
+            lead = escape(plain(f"{title}: {note}" if note else title), quote=False)
+            return f"<details>\n<summary>{lead}</summary>\n\n{markdown(inside)}\n</details>"
+        case Front(inside) | Appendix(inside):
+            return markdown(inside).rstrip("\n")
+        case Glossary(entries):
+            return "\n".join(f"- **{_text(word)}**: {_text(meaning)}" for word, meaning in entries)
 
 
 def _text(text: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.reference.errors import UnknownNameError
 from screwgauge.report.blocks import Picture
 from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
@@ -29,25 +30,36 @@ class Results(Comparison):
 
     __slots__ = ()
 
-    def write(self, out: str | Path, *, samples: bool = False, errata: bool = False) -> Path:
+    def write(self, out: str | Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
         """Writes tables and summary into a folder, then report and plots; those of the report before are replaced.
 
         Args:
             out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
             samples: Also every sample of every engine, as Parquet.
             errata: Also a section with the errata of the paper, if the scene is the paper's.
+            pdf: Also the page as PDF, printed by a Chromium.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
             ReportError: The numbers are there, the report could not be made.
         """
-        return run_page.write(self, Path(out), samples=samples, errata=errata)
+        return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf)
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
-        from screwgauge.report.figures.run import make_plots
+        return Pictures(run_page.pictures(self))
 
-        return Pictures(make_plots(self))
+    def figure(self, name: str) -> Pictures:
+        """Those of `plot` that have a name, or all whose names end with it: ``actuator-force``.
+
+        Raises:
+            UnknownNameError: None has; it lists the names there are.
+        """
+        every = self.plot()
+        found = [picture for picture in every if picture.name == name or picture.name.partition("-")[2] == name]
+        if not found:
+            raise UnknownNameError("figure", name, [picture.name for picture in every])
+        return Pictures(found)
 
     def to_html(self, path: str | Path) -> Path:
         """Writes the report as one page that opens offline.

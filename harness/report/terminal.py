@@ -5,7 +5,20 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, plain
+from screwgauge.report.blocks import (
+    Appendix,
+    Banner,
+    Block,
+    Folded,
+    Front,
+    Glossary,
+    Heading,
+    Items,
+    Paragraph,
+    Picture,
+    Table,
+    plain,
+)
 
 COLUMNS = 100
 
@@ -28,7 +41,9 @@ def _lines(block: Block) -> list[str]:
             return _table([[plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
         case Folded(title, inside):
             return [f"{plain(title)}:", *terminal(inside).splitlines()]
-        case Picture():
+        case Front(inside) | Appendix(inside):
+            return terminal(inside).splitlines()
+        case Picture() | Glossary():
             return []
 
 

@@ -9,16 +9,22 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment, json_text
-from screwgauge.reference.errors import ReportError
-from screwgauge.report.blocks import Block, Picture
+from screwgauge.environment import json_text
+from screwgauge.reference.errors import OutputError, ReportError
+from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, written
 from screwgauge.report.html import page
 from screwgauge.report.markdown import markdown
+from screwgauge.report.pdf import PDF, print_page
 
 
 def write_report(
-    out: Path, tell: Callable[[], Sequence[Block]], data: Mapping[str, Any], figures: int | None = None
+    out: Path,
+    tell: Callable[[], Sequence[Block]],
+    data: Mapping[str, Any],
+    figures: int | None = None,
+    *,
+    pdf: bool = False,
 ) -> Path:
     """Writes data files, and when these are safe ``report.md``, ``report.html`` and the plots in them.
 
@@ -27,12 +33,14 @@ def write_report(
         tell: Makes the blocks of the report.
         data: File name -> table for CSV and Parquet, anything else for JSON.
         figures: Significant figures of the numbers in CSV; every bit by default.
+        pdf: Whether the page is printed to ``report.pdf``, too.
 
     Raises:
         OutputError: The data cannot be written; the folder is then as it was before.
         ReportError: The data are there, the report is not.
     """
-    check_writable(out, data)
+    printed = [PDF] if pdf else []
+    check_writable(out, [*data, *printed])
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
     put_files(out, numbers, before)
@@ -42,9 +50,13 @@ def write_report(
         samples = {name: value for name, value in data.items() if name == SAMPLES}
         put_files(out, samples, {*numbers})
         blocks = _named(tell(), {path.stem for path in out.glob("plots/*")})
-        drawn = {f"plots/{block.name}.svg": block.svg for block in blocks if isinstance(block, Picture)}
+        drawn = {f"plots/{block.name}.svg": block.svg for block in walk(blocks) if isinstance(block, Picture)}
         pages = dict(zip(PAGES, (markdown(blocks), page(blocks)), strict=True))
-        put_files(out, {**drawn, **pages}, {*data})
+        put_files(out, {**drawn, **pages}, {*data, *printed})
+        if pdf:
+            print_page(out / PAGES[1], out / PDF)
+    except OutputError:  # says itself what is missing
+        raise
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the numbers are in {out}, the report on them is not") from None
     except Exception as error:  # the numbers took long and are worth more than any page
@@ -53,24 +65,17 @@ def write_report(
     return out
 
 
-def write_table(
-    out: Path, name: str, found: pd.DataFrame, report: Callable[[pd.DataFrame, Mapping[str, Any]], Sequence[Block]]
-) -> Path:
-    """Writes the report of a study that is one table: this as `name`, ``environment.json``, and what tells of both."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), {name: found, "environment.json": record})
-
-
 def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
     """The blocks, each picture under a name of its own that no other file has."""
-    named: list[Block] = []
-    for block in blocks:
-        if isinstance(block, Picture):
-            names = (block.name, *(f"{block.name}-{k}" for k in range(2, len(taken) + 3)))
-            block = replace(block, name=next(name for name in names if name not in taken))
-            taken.add(block.name)
-        named.append(block)
-    return named
+
+    def named(block: Block) -> Block:
+        if not isinstance(block, Picture):
+            return block
+        names = (block.name, *(f"{block.name}-{k}" for k in range(2, len(taken) + 3)))
+        taken.add(name := next(name for name in names if name not in taken))
+        return replace(block, name=name)
+
+    return changed(blocks, named)
 
 
 def _text(value: Any, figures: int | None) -> str:

@@ -4,56 +4,36 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, GREY, MARKERS, SMALL, Look, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec
+from screwgauge.report.figures.looks import numbered
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
 
-BAR, MOST = 15.0, 20  # points of a bar with the gap beside it; bars of a picture
+MOST = 20  # joints and changes of a picture
 LEAST, FEWEST = 1e-3, 4  # share below which a change has no bar, unless there are so few
 FLOOR = 1e-17  # what is zero is drawn so small
 
 
-@styled
 def make_plots(found: Diagnosis) -> list[Picture]:
     """All pictures; none where the torques agree."""
     if found.attribution is None or not found.attribution.steps:
         return []
-    return [_by_joint(found), _by_hypothesis(found)]
-
-
-def _by_joint(found: Diagnosis) -> Picture:
-    """Scaled torque difference of each joint, before and after backfill."""
-    rows = sorted(found.by_joint, key=lambda row: row[1])[-MOST:]
-    page = panels(576.0, [BAR * len(rows) + BAR])
-    (ax,) = page.axes
-    place, looks = np.arange(len(rows)), dict[str, Look]()
-    for k, name in ((1, "as they are"), (2, "after backfill")):
-        looks[name] = {"color": COLOURS[k], "linestyle": "none", "marker": MARKERS[k]}
-        ax.plot(np.maximum([row[k] for row in rows], FLOOR), place, **looks[name])
-    ax.set_yticks(place, [row[0] for row in rows])
-    ax.set(xlabel="largest difference, over the largest magnitude of the joint")
-    log_scale(ax.xaxis)
-    arrange(page, "Torque difference by joint", above=[looks])
-    return saved(page, "torques-by-joint")
-
-
-def _by_hypothesis(found: Diagnosis) -> Picture:
-    assert found.attribution is not None
+    rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
+    points: list[Spec] = [
+        {"joint": row[0], "when": name, "x": max((row[1], row[2])[k - 1], FLOOR)}
+        for name, k in told.items()
+        for row in rows
+    ]
+    looks = chart.ways("when", {name: numbered(k) for name, k in told.items()})
+    joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
     ranking = found.attribution.ranking[:MOST]
-    seen = max(FEWEST, sum(share >= LEAST for _, share in ranking))
-    ranking = ranking[:seen][::-1]
-    page = panels(576.0, [BAR * len(ranking) + BAR])
-    (ax,) = page.axes
-    place, shares = np.arange(len(ranking)), [max(100.0 * share, 0.0) for _, share in ranking]
-    bars = ax.barh(place, shares, color=COLOURS[0], height=0.6)
-    ax.bar_label(bars, [f"{share:.3g} %" for share in shares], padding=3.0, fontsize=SMALL)
-    ax.axvline(100.0, color=GREY, linewidth=0.8)
-    ax.set_yticks(place, [hypothesis.name for hypothesis, _ in ranking])
-    ax.set(xlabel="share of the torque difference that each change explains alone [%]", xlim=(0.0, 115.0))
-    arrange(page, "What explains the torque difference")
-    return saved(page, "torques-by-hypothesis")
+    ranking = ranking[: max(FEWEST, sum(share >= LEAST for _, share in ranking))]
+    shares = [(hypothesis.name, max(100.0 * share, 0.0)) for hypothesis, share in ranking]
+    bars = chart.filled("shares", bars=[{"change": name, "x": x, "text": f"{x:.3g} %"} for name, x in shares])
+    return [
+        chart.picture("torques-by-joint", "Torque difference by joint", lambda moving: joints),
+        chart.picture("torques-by-hypothesis", "What explains the torque difference", lambda moving: bars),
+    ]

@@ -5,28 +5,24 @@ from __future__ import annotations
 import pandas as pd
 
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, linear_scale, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, MARKERS, Look, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec
+from screwgauge.report.figures.looks import numbered
 
 MOST = 7  # scenes that are drawn; all are in the table
 
 
-@styled
 def make_plots(found: pd.DataFrame) -> list[Picture]:
     """Digits of the worst error above, time below, over the number of the check."""
-    page, looks = panels(576.0, [110.0, 110.0], sharex=True), dict[str, Look]()
     scenes = [str(name) for name in found["scene"].unique()]
-    for k, name in enumerate(scenes[:MOST]):
-        rows = found[found["scene"] == name]
-        looks[name] = {"color": COLOURS[k], "marker": MARKERS[k]}
-        for ax, column in zip(page.axes, ("digits", "seconds"), strict=True):
-            ax.plot(range(1, len(rows) + 1), rows[column].astype(float), **looks[name])
-    digits, seconds = page.axes
-    digits.set_ylabel("digits")
-    seconds.set(xlabel="check", ylabel="time [s]")
-    linear_scale(digits.yaxis)
-    linear_scale(seconds.xaxis)
-    log_scale(seconds.yaxis)
+    told, panels = chart.ways("name", {name: numbered(i) for i, name in enumerate(scenes[:MOST])}), []
+    table = found.assign(name=found["scene"].astype(str), x=found.groupby("scene").cumcount() + 1)
+    table = table[table["name"].isin(told["name"])].astype({"digits": float, "seconds": float})
+    across = {"x_title": "check", "x_scale": {}, "x_axis": {"tickMinStep": 1}, "height": 110}
+    scales: tuple[Spec, Spec] = {"y_scale": {}, "y_axis": {}}, chart.logarithm("y", table["seconds"])
+    for column, title, scale in zip(("digits", "seconds"), ("digits", "time [s]"), scales, strict=True):
+        points = table.assign(y=table[column])[["name", "x", "y"]].to_dict("records")
+        panels.append(chart.filled("points", points=points, y_title=title, **across, **scale, **told))
     left = [f"{len(scenes) - MOST} other scenes are in the table."] if len(scenes) > MOST else []
-    arrange(page, "Digits of the worst error, and run time, check after check", left, above=[looks])
-    return [saved(page, "history")]
+    title = "Digits of the worst error, and run time, check after check"
+    return [chart.picture("history", title, lambda moving: {"vconcat": panels}, left)]

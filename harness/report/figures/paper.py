@@ -2,65 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, log_scale, panels, saved
-from screwgauge.report.figures.style import COLOURS, DASHES, DOTTED, MARKERS, Look, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Curve, Spec, thin
+from screwgauge.report.figures.looks import DASHES, GREY, Look, numbered
 
 if TYPE_CHECKING:
     from screwgauge.study.paper.dynamics import AxialRule
     from screwgauge.study.paper.scheme import SchemeRuns
 
-LINES: list[Look] = [{"color": colour, "linestyle": dash} for colour, dash in zip(COLOURS, DASHES, strict=False)]
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
-TALL = 165.0
+STRETCHES = {False: 120, True: 400}  # drawn: still, and moving
+LEGS = {"leg 1 (UPU)": slice(0, 1), "legs 2 to 4 (UPS), the largest": slice(1, 4)}
+SINGULAR = "t = k pi: eq. (56) is singular"
 
 
-@styled
 def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Picture]:
     """All pictures, in the order of the report."""
-    return [_steps(runs), _over_time(runs), _axial(axial)]
+    gaps = [
+        ({"panel": side, "name": run.label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
+        for side, legs in LEGS.items()
+        for run in runs.over_time
+    ]
+    sizes = {"eq. (56): F_S along O P": axial.size, "minimum norm": axial.least}
+    forces = [({"panel": "", "name": name}, axial.t, size) for name, size in sizes.items()]
+    low, high = (float(f([f(size) for size in sizes.values()])) for f in (np.nanmin, np.nanmax))
+    upright = np.repeat(np.pi * np.arange(4), 3), np.tile([low, high, np.nan], 4)
+    forces.append(({"panel": "", "name": SINGULAR}, *upright))
+    title = "Gap between leg and platform over time, joint angles by eq. (27)"
+    axial_title = "Largest driving force: eq. (56) against the smallest possible"
+    return [
+        _steps(runs),
+        chart.picture("paper-scheme-time", title, lambda moving: _lines(gaps, "gap [m]", moving)),
+        chart.picture(
+            "paper-axial-rule", axial_title, lambda moving: _lines(forces, "largest driving force [N]", moving)
+        ),
+    ]
 
 
 def _steps(runs: SchemeRuns) -> Picture:
-    page = panels(576.0, [TALL])
-    (ax,) = page.axes
-    looks = {name: {**look, "marker": m} for name, look, m in zip(runs.ladders, LINES, MARKERS, strict=False)}
-    for name, (steps, errors) in runs.ladders.items():
-        ax.plot(steps, errors, **looks[name])
-    ax.set(xlabel="step [s]", ylabel="largest gap of a leg [m]")
-    log_scale(ax.xaxis)
-    log_scale(ax.yaxis)
-    arrange(page, "The paper's scheme: a shorter step does not mend the printed twist", above=[looks])
-    return saved(page, "paper-scheme-steps")
+    pairs = ((name, *pair) for name, ladder in runs.ladders.items() for pair in zip(*ladder, strict=True))
+    points = [{"name": name, "x": step, "y": error} for name, step, error in pairs]
+    values = chart.ways("name", {name: numbered(i) for i, name in enumerate(runs.ladders)})
+    for axis, title in (("x", "step [s]"), ("y", "largest gap of a leg [m]")):
+        values |= chart.logarithm(axis, [point[axis] for point in points]) | {f"{axis}_title": title}
+    spec = chart.filled("points", points=points, height=165, **values)
+    title = "The paper's scheme: a shorter step does not mend the printed twist"
+    return chart.picture("paper-scheme-steps", title, lambda moving: spec)
 
 
-def _over_time(runs: SchemeRuns) -> Picture:
-    page = panels(720.0, [TALL], 2, sharey=True)
-    looks = {run.label: look for run, look in zip(runs.over_time, LINES, strict=False)}
-    sides = (("leg 1 (UPU)", slice(0, 1)), ("legs 2 to 4 (UPS), the largest", slice(1, 4)))
-    for ax, (title, legs) in zip(page.axes, sides, strict=True):
-        for run in runs.over_time:
-            ax.plot(run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR), **looks[run.label])
-        ax.set(title=title, xlabel="t [s]")
-    page.axes[0].set_ylabel("gap [m]")
-    log_scale(page.axes[0].yaxis)
-    arrange(page, "Gap between leg and platform over time, joint angles by eq. (27)", above=[looks])
-    return saved(page, "paper-scheme-time")
-
-
-def _axial(axial: AxialRule) -> Picture:
-    page = panels(576.0, [TALL])
-    (ax,) = page.axes
-    looks = {"eq. (56): F_S along O P": LINES[0], "minimum norm": LINES[1], "t = k pi: eq. (56) is singular": DOTTED}
-    for size, look in zip((axial.size, axial.least), looks.values(), strict=False):
-        ax.plot(axial.t, size, **look)
-    for k in range(4):
-        ax.axvline(k * np.pi, **DOTTED)
-    ax.set(xlabel="t [s]", ylabel="largest driving force [N]")
-    log_scale(ax.yaxis)
-    arrange(page, "Largest driving force: eq. (56) against the smallest possible", above=[looks])
-    return saved(page, "paper-axial-rule")
+def _lines(found: Sequence[Curve], title: str, moving: bool) -> Spec:
+    """Curves over time on a logarithmic axis."""
+    names = dict.fromkeys(said["name"] for said, _, _ in found)
+    looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered(i) for i, name in enumerate(names)}
+    thinned = [(said, thin(v, STRETCHES[moving]), t, v) for said, t, v in found]
+    series = [(said, t[at], v[at]) for said, at, t, v in thinned]
+    values = chart.columns(len({said["panel"] for said, _, _ in found})) | chart.ways("name", looks)
+    values |= chart.logarithm("y", np.concatenate([v for _, _, v in found]))
+    return chart.filled("lines", **chart.curves(series, moving), **values, title=title)

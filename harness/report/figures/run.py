@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.page import arrange, linear_scale, log_scale, panels, saved
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Curve, Spec, thin
+from screwgauge.report.figures.looks import CROSS, GREY, PLUS, SHAPES, Look, numbered
 from screwgauge.report.figures.selection import drawable, select, short_labels
-from screwgauge.report.figures.style import COLOURS, DASHES, GREY, INK, Look, styled
-from screwgauge.report.formatting import file_name, missing, number, unit_text
+from screwgauge.report.formatting import file_name, missing, number, unit_text, words
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import common_rows
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 MAX_CURVES = 12  # in a panel; more cannot be told apart
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
-MARKERS = ("o", "x", "+", "s", "^", "D")
-TOLERANCE: Look = {"color": GREY, "linestyle": (0, (8, 3)), "linewidth": 1.6}
-ZERO: Look = {"color": GREY, "linestyle": (0, (1, 2)), "linewidth": 1.0}
-UPPER, LOWER, WIDTHS = 165.0, 115.0, {1: 576.0, 2: 720.0, 3: 864.0}
+SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # of engines; the first is drawn as lines
+HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]
 WIDE = 30.0  # ratio of largest to smallest condition number from which their axis is logarithmic
-BINS = 250  # stretches of time of which the largest difference is drawn
+CURVE, PEAKS = {False: 120, True: 200}, {False: 120, True: 400}  # stretches drawn: still, and moving
+MARKS = {False: 7, True: 12}  # marks of an engine on a curve
 
 Pair = tuple[str, str]
+Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and the components they are of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +50,12 @@ class _Subject:
     solved: dict[str, NDArray[np.bool_]]
     panels: list[tuple[str, list[str]]]
 
+    @property
+    def names(self) -> list[str]:
+        """All components."""
+        return [name for _, some in self.panels for name in some]
 
-@styled
+
 def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
     figures = drawable(tuple(comparison.scene.figures), comparison.solutions)
@@ -65,49 +69,100 @@ def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
     subject, (pairs, tolerance) = _subject(figure, comparison), _compared(figure, comparison)
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
-    drawn = [_labels(names, subject.values[first]) for _, names in subject.panels]
-    looks = {label: _line(i) for i, label in enumerate(dict.fromkeys(x for some in drawn for x in some.values()))}
-    columns, unit = len(drawn), unit_text(figure.unit)
-    heights = [UPPER, LOWER] if pairs else [UPPER]
-    page = panels(WIDTHS[min(columns, 3)], heights, columns, sharex=True, sharey=True)
-    for ax, (title, _), labels in zip(page.axes, subject.panels, drawn, strict=False):
-        ax.set_title(title)
-        _curves(ax, subject, {component: looks[label] for component, label in labels.items()}, shown)
-    for ax in page.rows[-1]:
-        ax.set_xlabel("t [s]")
-    linear_scale(page.axes[0].yaxis)
-    page.axes[0].set_ylabel(f"{figure.quantity.replace('_', ' ')} [{unit}]")
-    below = {}
-    if pairs:
-        below = _differences(page.rows[1], subject, pairs, tolerance)
-        page.rows[1][0].set_ylabel(f"difference [{unit}]")
-    engines = {engine: _mark(k, INK) if k else {"color": INK, "linewidth": 1.4} for k, engine in enumerate(shown)}
-    arrange(
-        page,
-        figure.title,
-        warnings=[*_warnings(subject, shown, sum(map(len, drawn)))],
-        above=[looks, engines],
-        below=below,
-    )
-    return saved(page, name)
+    labels = [_labels(names, subject.values[first]) for _, names in subject.panels]
+    unit = unit_text(figure.unit)
+
+    apart = {f"|{a} - {b}|": _apart(subject, (a, b)) for a, b in pairs}
+
+    def build(moving: bool) -> Spec:
+        views = ["curves", "lower"] if pairs else ["curves"]
+        upper = _curves(subject, labels, shown, f"{words(figure.quantity)} [{unit}]", moving) | {"views": views}
+        drawn = chart.filled("curves", **upper)
+        if not pairs:
+            return drawn
+        lower = chart.filled("differences", **_differences(apart, tolerance, f"difference [{unit}]", moving))
+        params = [*drawn.pop("params"), *lower.pop("params")]
+        resolve = {"scale": dict.fromkeys(("color", "strokeDash", "shape"), "independent")}
+        return {"vconcat": [drawn, lower], "spacing": 14, "resolve": resolve, "params": params}
+
+    return chart.picture(name, figure.title, build, _warnings(subject, shown, sum(map(len, labels))))
+
+
+def _curves(
+    subject: _Subject, labels: Sequence[dict[str, str]], shown: Sequence[str], title: str, moving: bool
+) -> Spec:
+    """The first engine as lines, the others as sparse marks in the same colours."""
+    grid, series = chart.columns(len(labels)), list[Curve]()
+    looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
+    stretches = CURVE[moving] // (1 if moving else grid["columns"])
+    for (panel, _), drawn in zip(subject.panels, labels, strict=True):
+        for component, curve in drawn.items():
+            for k, engine in enumerate(shown):
+                at, values = np.flatnonzero(subject.solved[engine]), subject.values[engine][component]
+                kinds = {"line": thin(values[at], stretches)} if not k else {}
+                if k or moving:
+                    kinds["mark" if k else "asked"] = sparse(len(at), k, len(shown), MARKS[moving])
+                said = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
+                series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
+    engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
+    told = chart.ways("curve", looks) | chart.ways("engine", engines)
+    return {**chart.curves(series, moving), **told, **grid, "height": HEIGHTS[grid["columns"]], "title": title}
+
+
+def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
+    """The largest difference of each pair and where it is; grey lines for the tolerance and for zero."""
+    numbers, times = (np.concatenate([columns[k] for columns in found.values()]) for k in (1, 0))
+    seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
+    low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
+    floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
+    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(found)}, list[Curve]()
+    for pair, (t, apart, names) in found.items():
+        some = thin(apart, PEAKS[moving], lows=False)
+        series.append(({"pair": pair, "kind": "line"}, t[some], np.maximum(apart[some], floor)))
+        for name in dict.fromkeys(names[some]) if moving else ():
+            here = some[names[some] == name]
+            series.append(({"pair": pair, "kind": "asked", "component": str(name)}, t[here], apart[here]))
+    levels = [("no difference at all", floor * zero, (1, 3))]
+    levels += [(f"tolerance {number(tolerance, 2)}", tolerance, (8, 4))] if tolerance else []
+    for name, level, dash in levels:
+        if level and len(times):
+            looks[name] = Look(GREY, dash)
+            ends = np.array([times.min(), times.max()])
+            series.append(({"pair": name, "kind": "line"}, ends, np.full(2, level)))
+    return _lower(series, looks, title, (floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0)), moving)
+
+
+def _lower(
+    series: Sequence[Curve], looks: dict[str, Look], title: str, ends: tuple[float, float], moving: bool, **more: object
+) -> Spec:
+    """Values of a panel with a logarithmic axis, which a parameter makes linear.
+
+    A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
+    """
+    low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
+    values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[1]:g}"}
+    values |= {"title": title, "label": f"{title}: ", "axis": "log", "marked": 0.0, **more}
+    return {**chart.curves(series, moving), **chart.ways("pair", looks), **values}
 
 
 def _condition(name: str, comparison: Comparison) -> Picture:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
+    t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
-    lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
-    page, looks = panels(WIDTHS[1], [UPPER]), {}
-    (ax,) = page.axes
-    for i, (engine, line) in enumerate(lines.items()):
-        look = {**_mark(i + 1, _pair(i)["color"]), "linestyle": "-"}
-        t, peak = bin_maxima(comparison.times, line)
-        ax.plot(t, peak, markevery=sparse(len(t), i, len(lines)), **look)  # marks keep apart lines that coincide
-        looks[engine] = look
-    wide = np.nanmax([*lines.values()]) > WIDE * np.nanmin([*lines.values()])
-    (log_scale if wide else linear_scale)(ax.yaxis)
-    ax.set(xlabel="t [s]", ylabel="condition number [1]")
-    arrange(page, "Condition number of the closure along the path", above=[looks])
-    return saved(page, name)
+    found = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
+    low, high = np.nanmin([*found.values()]), np.nanmax([*found.values()])
+    looks, axis = {engine: numbered(i) for i, engine in enumerate(found)}, "log" if high > WIDE * low else "linear"
+
+    def build(moving: bool) -> Spec:
+        series = list[Curve]()
+        for i, (engine, values) in enumerate(found.items()):
+            at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
+            some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
+            said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
+            series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
+        return chart.filled("differences", **_lower(series, looks, title, (low, high), moving, axis=axis, marked=1.0))
+
+    return chart.picture(name, "Condition number of the closure along the path", build)
 
 
 def _subject(figure: Figure, comparison: Comparison) -> _Subject:
@@ -129,71 +184,14 @@ def _labels(names: list[str], columns: Mapping[str, Array]) -> dict[str, str]:
     return {name: label for name, label in zip(names, short_labels(names), strict=True) if name in moving}
 
 
-def _curves(ax: Axes, subject: _Subject, looks: Mapping[str, Look], shown: Sequence[str]) -> None:
-    """The first engine as lines, the others as sparse marks in the same colours."""
-    for name, look in looks.items():
-        for k, engine in enumerate(shown):
-            at, how = np.flatnonzero(subject.solved[engine]), look
-            if k:
-                at, how = at[sparse(len(at), k - 1, len(shown) - 1)], _mark(k, look["color"])
-            elif len(at) == 1:
-                how = {**look, "marker": "."}
-            ax.plot(subject.t[at], subject.values[engine][name][at], **how)
-
-
-def _differences(
-    axes: Sequence[Axes], subject: _Subject, pairs: Sequence[Pair], tolerance: float | None
-) -> dict[str, Look]:
-    """The largest difference of each pair in each panel; grey lines for the tolerance and for zero.
-
-    Returns:
-        The legend.
-    """
-    peaks = [[_peaks(subject, names, pair) for pair in pairs] for _, names in subject.panels]
-    numbers = np.concatenate([peak for panel in peaks for _, peak in panel])
-    seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
-    low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
-    floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    legend = {f"|{a} - {b}|": _pair(i) for i, (a, b) in enumerate(pairs)}
-    looks = list(legend.values())
-    legend |= {f"tolerance {number(tolerance, 2)}": TOLERANCE} if tolerance else {}
-    legend |= {"no difference at all": ZERO} if zero else {}
-    for ax, panel in zip(axes, peaks, strict=True):
-        for (t, peak), look in zip(panel, looks, strict=True):
-            ax.plot(t, np.maximum(peak, floor), **(look if len(t) > 1 else {**look, "marker": "."}))
-        for at, look in ((tolerance, TOLERANCE), (floor if zero else None, ZERO)):
-            if at:
-                ax.axhline(at, **look)
-    top = 10.0 ** np.ceil(np.log10(1.5 * max(high, tolerance or 0.0)))
-    axes[0].set_ylim(floor / 10 if zero else floor, top)
-    log_scale(axes[0].yaxis)
-    return legend
-
-
-def _peaks(subject: _Subject, names: Sequence[str], pair: Pair) -> tuple[Array, Array]:
-    """Largest difference over the components and over stretches of time; NaN as soon as one side is no number."""
-    first, second = (subject.values[engine] for engine in pair)
-    largest = np.max([np.abs(first[name] - second[name]) for name in names], axis=0)
+def _apart(subject: _Subject, pair: Pair) -> Apart:
+    """Largest difference over the components, NaN as soon as one side is no number. Shapes (n,)."""
     both = subject.solved[pair[0]] & subject.solved[pair[1]]
-    return bin_maxima(subject.t[both], np.where(np.isfinite(largest), largest, np.nan)[both])
-
-
-def bin_maxima(t: Array, v: Array, bins: int = BINS) -> tuple[Array, Array]:
-    """The largest value of each of `bins` stretches, at its own time; NaN only where a stretch has no number.
-
-    Args:
-        t: Time [s]. Shape (n,).
-        v: Values, at least 0 where they are numbers. Shape (n,).
-
-    Returns:
-        Times and maxima. Shapes (min(n, bins),).
-    """
-    if len(t) <= bins:
-        return t, v
-    stretch = np.arange(len(t)) * bins // len(t)
-    falling = np.lexsort((np.where(np.isnan(v), 1.0, -v), stretch))  # within each stretch
-    at = falling[np.searchsorted(stretch, np.arange(bins))]
-    return t[at], v[at]
+    first, second = (np.array([subject.values[engine][name][both] for name in subject.names]) for engine in pair)
+    apart = np.abs(first - second)
+    apart[~np.isfinite(apart)] = np.inf  # found before any number
+    worst, largest = apart.argmax(axis=0), apart.max(axis=0)
+    return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names, dtype=object)[worst]
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
@@ -201,24 +199,6 @@ def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
     if n <= 2 * marks:
         return np.arange(n)
     return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
-
-
-def _line(i: int) -> Look:
-    """Colour and dash of a component, the same in every panel of a diagram."""
-    turn, i = divmod(i, len(COLOURS))
-    return {"color": COLOURS[i], "linestyle": DASHES[turn % len(DASHES)], "linewidth": 1.4}
-
-
-def _mark(k: int, colour: str) -> Look:
-    """Marks of the k-th engine after the first."""
-    marker = MARKERS[(k - 1) % len(MARKERS)]
-    size = 5.5 if marker in "ox+" else 4.7
-    return {"color": colour, "linestyle": "", "marker": marker, "markersize": size, "markerfacecolor": "none"}
-
-
-def _pair(i: int) -> Look:
-    """Colour and dash of a pair of engines."""
-    return {"color": COLOURS[i % len(COLOURS) - 1], "linestyle": DASHES[i % len(DASHES)]}
 
 
 def _compared(figure: Figure, comparison: Comparison) -> tuple[list[Pair], float | None]:

@@ -1,29 +1,19 @@
-"""The report of a bench: what was found first, how it was timed and all rows after."""
+"""The report of a bench: which method is cheapest for which accuracy, how it was timed, and all rows after."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import (
-    Banner,
-    Block,
-    Heading,
-    Items,
-    Marked,
-    Paragraph,
-    Picture,
-    Table,
-    facts,
-    folded,
-    table,
-)
+from screwgauge.report.blocks import Banner, Block, Folded, Items, Marked, Paragraph, Picture, Table, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
-from screwgauge.report.pages.sections import judged
+from screwgauge.report.layout import laid_out
+from screwgauge.report.pages.sections import judged, short_judged
 from screwgauge.report.write import write_report
 from screwgauge.study.bench.contestant import count
 from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, bench_table, reach, timing_table
@@ -31,9 +21,11 @@ from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import Fit
 from screwgauge.study.bench.slopes import table as slope_table
 
-NINE, SHOWN = LEVELS[2], ("joint_acceleration", "actuator_force")
+NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 WHO = "contestant | setting | quantity"
 ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
+CHEAPEST = "digits | cheapest | a sample = a_sample:cpu | next | times as long"
+LEFT_OUT = "what = asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
 DATA = ("bench.csv", "slopes.csv", "timings.csv", "reach.csv", "leaving_out.csv", "environment.json")
 CUT_SHORT = "cut short = family | rows | contestants"
 
@@ -44,26 +36,35 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
     over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
     protocol = {"samples": len(bench.scene.t), "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
     threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
-    return [
-        *title(bench, headline(bench)),
-        *([Items(bench.notes)] if bench.notes else []),
-        *section("Error against run time", *over_time),
+    every = rows(bench_table(bench.rows))
+    body = [
+        *section("Error against run time", *(Folded(picture.title, (picture,)) for picture in over_time[1:])),
         *section("Time to reach an error", *_reach(bench)),
-        *section("Slopes", *over_setting, slopes(bench.fits, "None of the contestants has an expected slope.")),
         *section("What failed, and what was cut short", *_failures(bench)),
+    ]
+    appendix = [
+        *section("Slopes", *over_setting, slopes(bench.fits, "None of the contestants has an expected slope.")),
         *section("What leaving out buys", *_leaving(bench)),
-        *section("All rows", _all(bench)),
-        *section("How it was timed", *threads, **protocol),
+        *section("All rows", table(every, ALL)),
+        *section("How it was timed", *threads, *([Items(bench.notes)] if bench.notes else []), **protocol),
         *section("Environment", facts({**judged(bench.provenance), **bench.environment})),
         *section("Known limitations"),
     ]
+    cheapest = _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1])
+    shown, first = [table(cheapest, CHEAPEST)] if cheapest else list[Block](), next(iter(over_time), None)
+    return bench_report(bench, headline(bench), body, appendix, shown, first)
 
 
-def title(bench: Bench, found: str) -> list[Block]:
-    """Heading, and what was found in a few sentences."""
-    good = bench.complete and all(fit.ok for fit in bench.fits)
-    name = bench.scene.title or bench.scene.name
-    return [Heading(f"{name}: error against run time", 1), Banner(found, status="agree" if good else "differ")]
+def bench_report(
+    bench: Bench, found: str, body: list[Block], appendix: list[Block], first: list[Block], picture: Picture | None
+) -> list[Block]:
+    """A bench of any scene: `found` in a few sentences, `first` what is cheapest."""
+    good, name = bench.complete and all(fit.ok for fit in bench.fits), bench.scene.title or bench.scene.name
+    banner = Banner(found, "✓ MEASURED" if good else "✗ NOT ALL MEASURED AS EXPECTED", "agree" if good else "differ")
+    about: dict[str, Any] = {**short_judged(bench.provenance), "compared": count(len(bench.scene.t), "sample")}
+    about |= {"errors against": bench.reference, "machine": bench.environment.get("cpu", "")}
+    title = f"{name}: error against run time"
+    return laid_out(title, [banner], body, appendix, first=[*first, facts(about)], picture=picture)
 
 
 def write(bench: Bench, out: Path) -> Path:
@@ -75,16 +76,32 @@ def write(bench: Bench, out: Path) -> Path:
     return write_report(out, lambda: report(bench, make_plots(bench)), data, figures=6)
 
 
+def _cheapest(bench: Bench, quantity: str) -> list[Row]:
+    """For each error the quickest family that closes the loops itself, and how much longer the next one takes."""
+    reached = grouped(rows(reach(bench.rows)), "quantity", "given", "error")
+    found = []
+    for level in LEVELS:
+        for best, *others in [reached[key]] if (key := (quantity, False, level)) in reached else []:
+            lead = {"next": "none", "times_as_long": ""}
+            if others:
+                times = others[0]["seconds_per_sample"] / best["seconds_per_sample"]
+                lead = {"next": others[0]["family"], "times_as_long": number(times, 3)}
+            digits = {"digits": number(-np.log10(level)), "level": level}
+            found.append({**digits, "cheapest": best["family"], "a_sample": best["seconds_per_sample"], **lead})
+    return found
+
+
 def headline(bench: Bench) -> str:
-    """Counts, slopes and what reaches nine digits first, in a few sentences."""
-    found, reached = rows(bench_table(bench.rows)), grouped(rows(reach(bench.rows)), "quantity", "error", "given")
-    parts = [f"{count(len(found), 'row')} in {len(grouped(found, 'family'))} families on scene {bench.scene.name}."]
+    """Which method is cheapest for which accuracy and by how much; slopes, what failed, what was cut short."""
+    found, parts = rows(bench_table(bench.rows)), list[str]()
     for quantity in SHOWN:
-        for best in reached.get((quantity, NINE, False), [])[:1]:
-            cheapest = f"{best['contestant']}: {duration(best['seconds_per_sample'])} a sample"
-            parts.append(f"Nine digits of {words(quantity)} are cheapest with {cheapest}.")
+        for best in (row for row in _cheapest(bench, quantity) if row["level"] == NINE):
+            lead = f", then {best['next']} ({best['times_as_long']} times as long)" if best["times_as_long"] else ""
+            what = f"{words(quantity).capitalize()} to nine digits is cheapest by {best['cheapest']}"
+            parts.append(f"{what}, {duration(best['a_sample'])} a sample{lead}.")
     if bench.fits:
-        parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as expected.")
+        parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
+    parts.append(f"{count(len(found), 'row')} in {len(grouped(found, 'family'))} families of methods.")
     if failed := [row["contestant"] for row in found if row["status"] == FAILED]:
         parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
     if cut := _cut_short(bench):
@@ -137,10 +154,8 @@ def _reach(bench: Bench) -> list[Block]:
             order = [at[x]["seconds_per_sample"] if x in at else np.inf for x in reversed(LEVELS)]
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
-        told += [
-            Paragraph(Marked(f"**{words(quantity).capitalize()}**")),
-            Table(head, tuple(line for _, line in sorted(lines))),
-        ]
+        across, title = Table(head, tuple(line for _, line in sorted(lines))), words(quantity).capitalize()
+        told += [Folded(title, (across,))] if told else [Paragraph(Marked(f"**{title}**")), across]
     return told or [Paragraph("Nothing was timed.")]
 
 
@@ -150,28 +165,24 @@ def _failures(bench: Bench) -> list[Block]:
     told: list[Block] = [table(by_status[FAILED,], columns)] if (FAILED,) in by_status else []
     if families := _cut_short(bench):
         cut = table(by_status.get((CUT,), []), columns)
-        told += [table(families, CUT_SHORT), folded(f"All {len(cut.body)} rows cut short", cut)]
+        told += [table(families, CUT_SHORT), Folded(f"All {len(cut.body)} rows cut short", (cut,))]
     return told or [Paragraph("Nothing.")]
-
-
-def _all(bench: Bench) -> Block:
-    found = rows(bench_table(bench.rows))
-    return folded(f"All {len(found)} rows", table(found, ALL))
 
 
 def _leaving(bench: Bench) -> list[Block]:
     """What each engine saves, with the numbers that remain."""
-    told: list[Block] = []
-    for (engine,), group in grouped(rows(bench.leaving_out), "engine").items():
-        body = tuple(
-            (
-                " ".join(part for part in (row["group"], row["setting"]) if part),
-                duration(row["time_s"]),
-                "" if missing(row["ratio"]) else f"{row['ratio']:.2f}",
-                size(row["max_difference"]) if row["status"] == "ok" else row["status"],
-                f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"]),
-            )
-            for row in group
-        )
-        told.append(Table((engine, "run time", "of everything", "largest difference", "numbers unchanged"), body))
-    return told or [Paragraph("Not asked for.")]
+
+    def line(row: Row) -> Row:
+        left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
+        said = {"asked": f"{row['group']} {row['setting']}".strip(), "largest_difference": left}
+        share = "" if missing(row["ratio"]) else f"{row['ratio']:.2f}"
+        return {
+            **row,
+            **said,
+            "share": share,
+            "same": f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"]),
+        }
+
+    groups = grouped(rows(bench.leaving_out), "engine").items()
+    told = [table(map(line, group), LEFT_OUT.replace("what", engine, 1)) for (engine,), group in groups]
+    return list(told) or [Paragraph("Not asked for.")]

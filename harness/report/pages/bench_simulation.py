@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
-
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Marked, Paragraph, Picture, facts, table
+from screwgauge.report.blocks import Block, Items, Marked, Paragraph, Picture, facts, table
 from screwgauge.report.formatting import Row, duration, listed, missing, number, size
-from screwgauge.report.pages.bench import slopes, title
+from screwgauge.report.pages.bench import bench_report, slopes
 from screwgauge.report.pages.sections import judged
 from screwgauge.report.pages.simulation import theirs
 from screwgauge.report.write import write_report
-from screwgauge.study.bench.rows import CUT, FAILED, OK, bench_table
-from screwgauge.study.bench.rows import Row as BenchRow
+from screwgauge.study.bench.rows import CUT, FAILED, OK, absolute_table, bench_table, pairs
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import table as slope_table
 
-ABSOLUTE = [
-    *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
-    *("steps", "evaluations", "status", "reason"),
-]
 DATA = ("bench.csv", "forward.csv", "slopes.csv", "environment.json")
 SIX = 1e-6
+WORDS = {3: "three", 6: "six", 9: "nine"}
 SHOWN = (
     "who = family | setting | observable off by = observable | energy off by [J] = energy | processor time = cpu | "
     "wall time = wall? | steps? | evaluations? | remark"
@@ -35,7 +29,7 @@ TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] 
 
 def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
-    section, plan = partial(blocks.section, "bench_simulation"), found.plan
+    section, plan, (first, *others) = partial(blocks.section, "bench_simulation"), found.plan, [*pictures, None]
     how = {
         "threads": "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
         "reference": found.reference,
@@ -44,15 +38,16 @@ def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
         "each": number(plan.each),
         "budget": number(plan.budget),
     }
-    return [
-        *title(found, headline(found)),
-        *(Banner(note, "Warning:") for note in found.notes),
-        *([Paragraph(found.scene.description)] if found.scene.description else []),
-        *section("Error against processor time", *pictures, table(_rows(found), SHOWN)),
+    about = [Paragraph(found.scene.description)] if found.scene.description else []
+    drawn = [picture for picture in others if picture]
+    body = [*section("Error against processor time", *about, *drawn, table(_rows(found), SHOWN))]
+    appendix = [
         *section("Slopes", slopes(found.fits, "No contestant's error is a power of what is varied.")),
-        *section("How it was measured", **how),
+        *section("How it was measured", *([Items(found.notes)] if found.notes else []), **how),
         *section("Environment", facts({**judged(found.provenance), **found.environment})),
     ]
+    cheapest = table(_cheapest(found), "digits | cheapest | setting | processor time = cpu | next | times as long")
+    return bench_report(found, headline(found), body, appendix, [cheapest] if cheapest.body else [], first)
 
 
 def write(found: Bench, out: Path) -> Path:
@@ -64,30 +59,31 @@ def write(found: Bench, out: Path) -> Path:
     return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
 
 
-def _pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
-    """Rows of the observables and of the energy, contestant by contestant."""
-    return list(zip(rows[::2], rows[1::2], strict=True))
-
-
-def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
-    body = []
-    for row, energy in _pairs(rows):
-        who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
-        rest = (cost.wall_s, cost.cpu_s, cost.steps, cost.evaluations, row.status, row.reason)
-        for unit, largest in (row.largest or {"": float("nan")}).items():
-            body.append((*who, unit, largest, energy.largest.get("J", float("nan")), *rest))
-    return pd.DataFrame(body, columns=ABSOLUTE)
+def _cheapest(found: Bench) -> list[Row]:
+    """For three, six and nine digits the quickest method, and how much longer that of another family takes."""
+    told = []
+    for digits in WORDS:
+        reached = [row for row, _ in pairs(found.rows) if row.status == OK and row.max_scaled <= 10.0**-digits]
+        order = sorted(reached, key=lambda row: row.work_s)
+        if order:
+            best, family = order[0], order[0].contestant.family
+            other = next((row for row in order if row.contestant.family != family), None)
+            lead = {"next": other.contestant.family if other else "none"}
+            lead |= {"times_as_long": number(other.work_s / best.work_s, 3) if other else ""}
+            who = {"digits": str(digits), "cheapest": family, "setting": best.contestant.setting}
+            told.append({**who, "cpu": best.work_s, **lead})
+    return told
 
 
 def headline(found: Bench) -> str:
-    """Counts, and who reaches six digits first."""
-    t, rows = found.scene.t, [row for row, _ in _pairs(found.rows)]
-    parts = [f"{len(rows)} contestants on scene {found.scene.name}, {number(t[-1] - t[0])} s of motion."]
-    if six := [row for row in rows if row.status == OK and row.max_scaled <= SIX]:
-        best = min(six, key=lambda row: row.work_s)
-        cheapest = f"{best.contestant.family} ({best.contestant.setting}): {duration(best.work_s)} of processor time"
-        parts.append(f"Six digits of the observables are cheapest with {cheapest}.")
+    """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
+    t, rows = found.scene.t, [row for row, _ in pairs(found.rows)]
+    parts, cheapest = list[str](), {row["digits"]: row for row in _cheapest(found)}
+    if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
+        what = f"{WORDS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
+        lead = f"; {best['next']} takes {best['times_as_long']} times as long" if best["times_as_long"] else ""
+        parts.append(f"{what} {best['cheapest']} ({best['setting']}): {duration(best['cpu'])} of processor time{lead}.")
+    parts.append(f"{len(rows)} contestants on {number(t[-1] - t[0])} s of motion.")
     for status, words in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
         names = dict.fromkeys(row.contestant.family for row in rows if row.status == status)
         parts += [f"{words}: {listed(names)}."] if names else []
@@ -116,7 +112,7 @@ def _rows(found: Bench) -> list[Row]:
             "evaluations": row.cost.evaluations if row.cost.steps else None,
             "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
         }
-        for row, energy in _pairs(found.rows)
+        for row, energy in pairs(found.rows)
     ]
     published = [
         {

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from screwgauge.environment import environment
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.files import replace_file
-from screwgauge.report.blocks import Block, Heading, facts
+from screwgauge.report.blocks import Banner, Block, Heading, facts
 from screwgauge.report.gate import Check
+from screwgauge.report.layout import laid_out
 from screwgauge.report.write import write_report
 
 DATA = ("check.json", "environment.json")
@@ -20,6 +22,19 @@ DATA = ("check.json", "environment.json")
 def terminal(found: Check) -> Sequence[Block]:
     """What is printed."""
     return found.blocks()
+
+
+def _report(found: Check, record: Mapping[str, Any]) -> list[Block]:
+    """The first screen has the verdict and what does not pass; what agrees is folded below."""
+    banner, *rest = found.blocks()
+    banners = [banner] if isinstance(banner, Banner) else []
+    about = {
+        "scenes and pairs": len(found.rows),
+        "motion": "a few samples of an exciting one" * found.smoke or "its own",
+    }
+    about |= {key: record[key] for key in ("platform", "cpu", "python", "commit") if key in record}
+    appendix = [Heading("Environment"), facts(record)]
+    return laid_out("Check", banners, [Heading("Scenes"), *rest], appendix, first=[*found.worst(), facts(about)])
 
 
 def check_files(options: Namespace) -> None:
@@ -51,7 +66,7 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
             raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
     write_report(
         out,
-        lambda: [Heading("Check", 1), *found.blocks(), Heading("Environment"), facts(record)],
+        lambda: _report(found, record),
         dict(zip(DATA, (found.record, record), strict=True)),
     )
     if baseline is not None:

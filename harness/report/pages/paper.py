@@ -16,7 +16,6 @@ from screwgauge.report.blocks import (
     Banner,
     Block,
     Folded,
-    Heading,
     Marked,
     Paragraph,
     Picture,
@@ -26,7 +25,8 @@ from screwgauge.report.blocks import (
     table,
 )
 from screwgauge.report.formatting import number, unit_text
-from screwgauge.report.pages.sections import judged
+from screwgauge.report.layout import laid_out
+from screwgauge.report.pages.sections import judged, short_judged
 from screwgauge.report.write import write_report
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -97,17 +97,19 @@ def terminal(paper: Paper) -> list[Block]:
 
 def report(paper: Paper, pictures: Iterable[Picture], record: Mapping[str, Any]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``; `record`: files, date and environment."""
-    count = len({row.number for row in paper.errata})
-    sentence = f"{count} of {len(NUMBERS)} errata measured, in {len(paper.errata)} rows. {paper.reach.sentence}"
-    return [
-        Heading("The paper, checked", 1),
-        Banner(sentence, "✓ COMPLETE", "agree") if paper.complete else Banner(sentence, "✗ INCOMPLETE", "failed"),
-        Paragraph(SOURCE),
-        *section("paper", "Errata", _shown(paper.errata), MEANING),
-        *section("paper", "How it was measured"),
-        *section("paper", "Plots", *pictures),
-        *section("paper", "Environment", facts(record)),
-    ]
+    count, drawn = len({row.number for row in paper.errata}), list(pictures)
+    sentence = (
+        f"{count} of {len(NUMBERS)} errata of the paper are measured, each by running the form as printed beside the "
+        f"right one, in {len(paper.errata)} rows. {paper.reach.sentence}"
+    )
+    banner = Banner(sentence, "✓ COMPLETE", "agree") if paper.complete else Banner(sentence, "✗ INCOMPLETE", "failed")
+    folds = (Folded(picture.title, (picture,)) for picture in drawn[1:])
+    body = [*section("paper", "Errata", _shown(paper.errata), MEANING), *section("paper", "Plots", *folds)]
+    appendix = [*section("paper", "How it was measured"), *section("paper", "Environment", facts(record))]
+    about = {"paper": SOURCE, **short_judged(record), **{k: record[k] for k in ("cpu", "python") if k in record}}
+    return laid_out(
+        "The paper, checked", [banner], body, appendix, first=[facts(about)], picture=drawn[0] if drawn else None
+    )
 
 
 def write(paper: Paper, out: Path, *, date: datetime | None = None) -> Path:

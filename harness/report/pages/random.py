@@ -4,65 +4,33 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
 from statistics import median
-from typing import Any
 
 import pandas as pd
 
-from screwgauge.report.blocks import Block, Heading, Marked, Paragraph, Table, facts
+from screwgauge.report.blocks import Banner, Block, Paragraph, Table, table
 from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.write import write_table
+from screwgauge.report.study import Study, said
 from screwgauge.study.campaign import CERTIFIED, ENGINES
 
-NAME = "random.csv"
-DATA = (NAME, "environment.json")
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
-MEANING = """**agree**: all engines within tolerance; **estimated**: beyond it, but within the error that an engine
-estimates; **judged**: pairs agree, a residual of the judge is out of tolerance; **differ**: out of tolerance;
-**failed**: an engine gives no answer; **refused**: by all, before any ran. `screwgauge.random(seed, family)` is the
-mechanism of a row of `random.csv`."""
-
-
-def terminal(found: pd.DataFrame) -> list[Block]:
-    """What is printed: verdicts by family, and reasons."""
-    return [Paragraph(_sentence(found)), _families(found), *_reasons(found)]
-
-
-def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    return [
-        Heading("Random mechanisms", 1),
-        Paragraph(_sentence(found)),
-        Paragraph(Marked(MEANING)),
-        Heading("By family"),
-        _families(found),
-        Heading("Who did not agree, and why"),
-        *(_reasons(found) or [Paragraph("All agreed.")]),
-        Heading("Processor time"),
-        Paragraph("Solving only, in s, all samples of a scene: the median over mechanisms with so many bodies."),
-        _costs(found),
-        Heading("Environment"),
-        facts(record),
-    ]
-
-
-def write(found: pd.DataFrame, out: Path) -> Path:
-    """Writes ``random.csv``, the report and ``environment.json``."""
-    return write_table(out, NAME, found, report)
 
 
 def _sentence(found: pd.DataFrame) -> str:
     counts = Counter(found["verdict"])
-    said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     asked, branches = [text for text in found["truth"] if text], Counter(found["branch"][found["branch"] != ""])
     return (
-        f"{len(found)} random mechanisms of {found['family'].nunique()} families: {said}. "
+        f"{len(found)} random mechanisms of {found['family'].nunique()} families: {verdicts}. "
         f"All engines were in the same assembly in {branches['same']} of {branches.total()}. "
         f"The truth certified {asked.count(CERTIFIED)} of {len(asked)}."
     )
+
+
+def _banner(found: pd.DataFrame) -> Banner:
+    lost = set(found["verdict"]) & {"differ", "judged", "failed"}
+    return Banner(_sentence(found), *(("✗ NOT ALL AGREE", "differ") if lost else ("✓ AGREE", "agree")))
 
 
 def _families(found: pd.DataFrame) -> Table:
@@ -71,16 +39,17 @@ def _families(found: pd.DataFrame) -> Table:
         counts, asked = Counter(row["verdict"] for row in group), [row["truth"] for row in group if row["truth"]]
         measured = [row for row in group if row["max_scaled"] != ""]
         worst = max(measured, key=lambda row: float(row["max_scaled"]) / float(row["tolerance"]), default={})
-        error = (str(worst.get(key, "")) for key in ("max_scaled", "quantity", "seed"))
-        counted = (str(counts[verdict]) for verdict in verdicts)
-        lines.append((family, str(len(group)), *counted, f"{asked.count(CERTIFIED)}/{len(asked)}", *error))
-    return Table(("family", "drawn", *verdicts, CERTIFIED, "worst error", "of", "seed"), tuple(lines))
+        error = {key: worst.get(key, "") for key in ("quantity", "seed")} | {"worst": worst.get("max_scaled", "")}
+        sums = {"family": family, "drawn": len(group), CERTIFIED: f"{asked.count(CERTIFIED)}/{len(asked)}"}
+        lines.append({**dict.fromkeys(verdicts, 0), **counts, **sums, **error})
+    counted = " | ".join(("family", "drawn", *verdicts, CERTIFIED))
+    return table(lines, f"{counted} | worst error = worst | of = quantity | seed")
 
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
     """Reasons without names and numbers, the most frequent first, each with one mechanism that has it."""
     told = [
-        {"reason": plain(text), "first": f"{row['family']} {row['seed']}"}
+        {"reason": plain(text), "first_seen_in": f"{row['family']} {row['seed']}"}
         for row in rows(found)
         for text in (
             f"{row['verdict']}: {row['reason'] or row['judge']}" * (row["verdict"] not in VERDICTS[:2]),
@@ -89,8 +58,8 @@ def _reasons(found: pd.DataFrame) -> list[Block]:
         if text
     ]
     groups = sorted(grouped(told, "reason").items(), key=lambda item: (-len(item[1]), item[0]))
-    lines = tuple((str(len(group)), reason, group[0]["first"]) for (reason,), group in groups)
-    return [Table(("count", "reason", "first seen in"), lines)] if lines else []
+    lines = [{**group[0], "count": len(group)} for _, group in groups]
+    return [table(lines, "count | reason | first seen in")] if lines else []
 
 
 def plain(reason: str) -> str:
@@ -107,3 +76,18 @@ def _costs(found: pd.DataFrame) -> Table:
         times = ([float(row[key]) for row in group if row[key] != ""] for key in keys)
         lines.append((f"{low} to {high - 1}", *(f"{median(each):.3f}" if each else "" for each in times)))
     return Table(("bodies", *ENGINES, "all, with comparison"), tuple(lines))
+
+
+def _body(found: pd.DataFrame) -> list[Block]:
+    return [
+        *said("Who did not agree, and why", *(_reasons(found) or [Paragraph("All agreed.")])),
+        *said("By family", _families(found)),
+        *said("Processor time", _costs(found)),
+    ]
+
+
+def _terminal(found: pd.DataFrame) -> list[Block]:
+    return [Paragraph(_sentence(found)), _families(found), *_reasons(found)]
+
+
+PAGE = Study("random.csv", "Random mechanisms", _banner, _body, _terminal)

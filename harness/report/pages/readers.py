@@ -6,57 +6,41 @@ Models are those of the extra ``study``, and all in the folders named.
 from __future__ import annotations
 
 import sys
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.diagnosis.readers import SAME
-from screwgauge.report.blocks import Block, Heading, Paragraph, Table, facts
+from screwgauge.report.blocks import Banner, Block, Heading, folded, table
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.pages.public import on_models
-from screwgauge.report.write import write_table
+from screwgauge.report.study import Study, counted, on_models, said
 from screwgauge.study.readers import reader_matrix
 
-NAME = "readers.csv"
-OUT = Path("screwgauge-out/readers")
-MEANING = """Each file was read by both libraries: degrees of freedom and mass of all that moves [kg], as each has it.
-Torques: the inverse dynamics of each library itself at the same random states; rigid body: the same from mass matrix
-and bias alone, without what joints and the medium add. Both columns: the largest difference over the largest torque;
-up to 1e-9 is equal."""
-HEAD = ("model", "format", *(f"{name} [1, kg]" for name in ASKED), "torques", "rigid body", "found")
+COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
 
 
-def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    models = grouped(rows(found), "source", "model", "format")
-    counts = Counter(_found(lines) for lines in models.values())
-    said = ", ".join(f"{count} {what}" for what, count in counts.most_common())
-    blocks: list[Block] = [Heading("Readers of public models", 1), Paragraph(f"{len(models)} models: {said}.")]
-    blocks.append(Paragraph(MEANING))
+def _banner(found: pd.DataFrame) -> Banner:
+    models = grouped(rows(found), "source", "model", "format").values()
+    text = f"{len(models)} models: {counted(map(_found, models))}."
+    return Banner(text, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
+
+
+def _body(found: pd.DataFrame) -> Iterator[Block]:
+    told = [row for row in rows(found) if row["cause"]]
+    yield from said("Why", folded(f"All {len(told)} causes", table(told, "model | library | cause"))) if told else ()
+    yield from said("Readers of public models")[1:]
     for (source,), group in grouped(rows(found), "source").items():
-        lines = [_line(key, of) for key, of in grouped(group, "model", "format").items()]
-        blocks += [Heading(str(source)), Table(HEAD, tuple(lines))]
-    told = [(row["model"], row["library"], row["cause"]) for row in rows(found) if row["cause"]]
-    if told:
-        blocks += [Heading("Why"), Table(("model", "library", "cause"), tuple(told))]
-    return [*blocks, Heading("Environment"), facts(record)]
+        lines = [_line(of) for of in grouped(group, "model", "format").values()]
+        yield from (Heading(str(source)), folded(f"All {len(lines)} models", table(lines, COLUMNS)))
 
 
-def write(found: pd.DataFrame, out: Path) -> Path:
-    """Writes ``readers.csv``, the report and ``environment.json``."""
-    return write_table(out, NAME, found, report)
-
-
-def _line(key: tuple[Any, ...], lines: Sequence[Row]) -> tuple[str, ...]:
+def _line(lines: Sequence[Row]) -> Row:
     read = {row["library"]: row for row in lines if row["loads"]}
-    cells = [f"{row['freedoms']:g}, {number(row['mass'])}" if (row := read.get(name)) else "no" for name in ASKED]
-    other = lines[-1]
-    sizes = ["" if missing(other[what]) else size(other[what]) for what in ("torque", "rigid")]
-    return (*map(str, key), *cells, *sizes, _found(lines))
+    cells = {n: f"{row['freedoms']:g}, {number(row['mass'])}" if (row := read.get(n)) else "no" for n in ASKED}
+    names = {"torque": "torques", "rigid": "rigid_body"}
+    sizes = {names[k]: "" if missing(lines[-1][k]) else size(lines[-1][k]) for k in names}
+    return {**lines[0], **cells, **sizes, "found": _found(lines)}
 
 
 def _found(lines: Sequence[Row]) -> str:
@@ -72,5 +56,8 @@ def _found(lines: Sequence[Row]) -> str:
     return "equal as rigid bodies" if rigid <= SAME else "other torques"
 
 
+PAGE = Study("readers.csv", "Readers of public models", _banner, _body)
+NAME, write = PAGE.NAME, PAGE.write
+
 if __name__ == "__main__":
-    sys.exit(on_models("readers", str(__doc__), OUT, reader_matrix, write))
+    sys.exit(on_models(PAGE, reader_matrix, "readers", "readers"))

@@ -6,71 +6,79 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.environment import plain
 from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, Picture, facts, table
+from screwgauge.report.blocks import Banner, Block, Paragraph, Picture, facts, table
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
+from screwgauge.report.layout import laid_out
 from screwgauge.report.pages import sections
 from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
-from screwgauge.report.verdict import compared, first_difference, verdict
+from screwgauge.report.record import samples_table, summary, timings
+from screwgauge.report.stage.picture import stage, told
+from screwgauge.report.verdict import compared, verdict
 from screwgauge.report.write import write_report
-from screwgauge.solution import REFERENCE, Timing
+from screwgauge.solution import Timing
 from screwgauge.study.comparison import Comparison
 
 TIMING = "engine | setting | stage | samples = n_sample | min [s] = min_s | median [s] = median_s"
 SCALED = "scaled = max_scaled | digits | tolerance | = ok"
-JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
+__all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 DATA = ("errors.csv", "timings.csv", "environment.json", "summary.json")
-FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
 def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Block] = ()) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``.
 
     Args:
+        pictures: That of the mechanism, if there is one, is called ``mechanism`` and stands on the first screen.
         errata: The section "The paper, checked", left out if empty.
     """
     section = partial(blocks.section, "run" if not results.scene.simulated else "simulation")
-    others, drawn = published(results), list[Block](pictures)
-    return [
-        Heading(f"{results.scene.title or results.scene.name}: verification report", 1),
-        verdict(results),
-        *(Banner(sentence, "Warning:") for sentence in results.warnings),
-        *sections.overview(results),
+    drawn = {picture.name: picture for picture in pictures}
+    first, others = drawn.pop("mechanism", None), published(results)
+    held = told(first) if first and first.stage else []
+    body = [
+        *sections.differing(results),
+        *section("Digits of agreement", *sections.overview(results)),
+        *section("Judge", sections.judge(results)),
+        *section("Plots", *sections.plots(results, list(drawn.values()))),
+        *(section("Published results", others) if others else []),
+        *section("Coverage", *sections.coverage(results)),
+    ]
+    appendix = [
         *section("Scene", *sections.scene(results)),
         *section("Engines", *sections.engines(results)),
-        *section("Pairs", *sections.every_pair(results)),
-        *section("Judge", *sections.judge(results)),
-        *section("Coverage", *sections.coverage(results)),
+        *section("Pairs", sections.every_pair(results)),
+        *section("Residuals", sections.every_residual(results)),
         *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
-        *(section("Plots") if len(results.solutions) > 1 and drawn else [Heading("Plots")]),
-        *(drawn or [Paragraph("Nothing to draw.")]),
+        *section("Parameters", sections.parameters(results)),
         *section("Mechanism", facts(results.mobility, "No facts of the mechanism were computed.")),
         *(section("The paper, checked", *errata) if errata else []),
-        *(section("Published results", others) if others else []),
         *section("How it was compared"),
         *section("Run times", _times(results)),
         *section("Environment", facts(results.environment)),
         *section("Known limitations"),
     ]
-
-
-def _timings(results: Comparison) -> list[Timing]:
-    return [timing for solution in results.solutions.values() for timing in solution.timings]
+    return laid_out(
+        f"{results.scene.title or results.scene.name}: verification report",
+        [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)],
+        body,
+        appendix,
+        first=[*sections.worst_three(results), facts(sections.what(results)), *held],
+        picture=first,
+    )
 
 
 def _times(results: Comparison) -> Block:
     """Measured stages with what the clock covers."""
-    found = [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in _timings(results)]
+    found = [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
     columns = f"{TIMING} | median per sample [µs] = each | covers"
     return table(found, columns) if found else Paragraph("Nothing was timed.")
 
@@ -101,65 +109,20 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
     return [{**row, "digits": digits_text(row["max_scaled"]).replace("NaN", "-")} for row in worst]
 
 
-def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False) -> Path:
-    """Writes everything, see `screwgauge.report.results.Results.write`."""
+def pictures(results: Comparison) -> list[Picture]:
+    """The mechanism, then what engines say of each quantity."""
     from screwgauge.report.figures.run import make_plots
 
-    timings = pd.DataFrame(_timings(results), columns=list(Timing.__dataclass_fields__))
-    tables = results.errors[ERROR_COLUMNS], timings, results.environment, summary(results)
-    data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: _samples(results)} if samples else {})
+    return [stage(results.scene, results.solutions), *make_plots(results)]
+
+
+def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
+    """Writes everything, see `screwgauge.report.results.Results.write`."""
+    timed = pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__))
+    tables = results.errors[ERROR_COLUMNS], timed, results.environment, summary(results)
+    data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: samples_table(results)} if samples else {})
 
     def tell() -> list[Block]:
-        return report(results, make_plots(results), errata_section(results.scene) if errata else ())
+        return report(results, pictures(results), errata_section(results.scene) if errata else ())
 
-    return write_report(out, tell, data)
-
-
-def _samples(results: Comparison) -> pd.DataFrame:
-    """Every sample: column t and one column ``engine/quantity/component`` for each value."""
-    values = {
-        f"{engine}/{quantity}/{name}": column
-        for engine, solution in results.solutions.items()
-        for quantity, found in solution.values.items()
-        for name, column in zip(found.components, found.array.T, strict=True)
-    }
-    return pd.DataFrame({"t": results.times, **values})
-
-
-def summary(results: Comparison) -> dict[str, Any]:
-    """What ``summary.json`` says, as plain Python values: no NaN, no numpy."""
-    refused = [
-        {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
-        for x in results.refusals
-    ]
-    found = {
-        "scene": results.scene.name,
-        "ok": results.ok,
-        "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
-        "failures": {name: failure.reason for name, failure in results.failures.items()},
-        "warnings": results.warnings,
-        "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
-        "first_difference": first_difference(results),
-        "quantities": [_quantity(row) for row in rows(results.pairs)],
-        "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
-        "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
-        "refused": refused,
-        "coverage": _coverage(results),
-        "timings": [asdict(timing) for timing in _timings(results)],
-        "environment": results.environment,
-        **{key: results.provenance.get(key) for key in FILES},
-    }
-    return dict(plain(found))
-
-
-def _coverage(results: Comparison) -> Row:
-    found = results.coverage
-    said = {"sentence": found.sentence, "parameters": len(found.parameters)}
-    return {**said, "untested": [*found.untested, *found.absent], "terms": found.shares}
-
-
-def _quantity(row: Row) -> Row:
-    worst = {"component": row["worst_component"], "t": row["worst_t"]}
-    reason = {"reason": row["reason"]} if row.get("reason") else {}
-    first = {key: row[key] for key in ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")}
-    return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **reason}
+    return write_report(out, tell, data, pdf=pdf)

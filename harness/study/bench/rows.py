@@ -22,6 +22,10 @@ TIMING = ["contestant", "setting", "quantity", "rounds", "n_sample", "min_s", "m
 _ELSEWHERE = {"contestant": "contestant.name", "min_s": "time_s"} | {
     name: f"contestant.{name}" for name in ("family", "setting", "covers")
 }
+ABSOLUTE = [
+    *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
+    *("steps", "evaluations", "status", "reason"),
+]
 REACH_COLUMNS = ["quantity", "error", "family", "seconds_per_sample", "contestant", "setting", "given"]
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 OK, FAILED, CUT = "ok", "failed", "cut short"
@@ -103,3 +107,19 @@ def reach(rows: Sequence[Row]) -> pd.DataFrame:
                 c = row.contestant
                 body.append((quantity, level, family, row.per_sample, c.name, c.setting, c.given))
     return pd.DataFrame(body, columns=REACH_COLUMNS)
+
+
+def pairs(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+    """Rows of the observables and of the energy, contestant by contestant."""
+    return list(zip(rows[::2], rows[1::2], strict=True))
+
+
+def absolute_table(rows: Sequence[Row]) -> pd.DataFrame:
+    """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
+    body = []
+    for row, energy in pairs(rows):
+        who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
+        rest = (cost.wall_s, cost.cpu_s, cost.steps, cost.evaluations, row.status, row.reason)
+        for unit, largest in (row.largest or {"": float("nan")}).items():
+            body.append((*who, unit, largest, energy.largest.get("J", float("nan")), *rest))
+    return pd.DataFrame(body, columns=ABSOLUTE)

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
-
-from matplotlib import rc_context, rc_params_from_file
-
-Look = dict[str, Any]  # how a line and its marks are drawn: keyword arguments of matplotlib's Line2D
+from dataclasses import dataclass
 
 # Okabe and Ito; their yellow is left out, too light for a line on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-GREY, INK, SMALL = "#767676", "#333333", 7.5
-DOTTED: Look = {"color": GREY, "linestyle": (0, (1, 2)), "linewidth": 0.9}
-_FILE = Path(__file__).with_name("look.mplstyle")
-styled = rc_context(rc_params_from_file(_FILE, use_default_template=False))  # decorates what draws
+DASHES = ((1, 0), (6, 3), (2, 2), (8, 2, 2, 2), (4, 1, 1, 1))
+CROSS, PLUS = "M-.8,-.8L.8,.8M-.8,.8L.8,-.8", "M-1,0H1M0,-1V1"
+STAR = "M0,-1L.24,-.31L.95,-.31L.36,.12L.59,.81L0,.38L-.59,.81L-.36,.12L-.95,-.31L-.24,-.31Z"
+SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left")
+GREY, INK, RED = "#767676", "#1b1f24", "#b3202a"
 
 #: Beginnings of a family's name and their colour; the first that fits.
 CAMPS = (
@@ -29,13 +23,27 @@ CAMPS = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a line and its marks are drawn; `dash`: lengths of strokes and gaps [pixels]."""
+
+    colour: str
+    dash: tuple[int, ...] = DASHES[0]
+    shape: str = SHAPES[0]
+
+
+def numbered(i: int) -> Look:
+    """The i-th look of things without a camp."""
+    return Look(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)], SHAPES[i % len(SHAPES)])
+
+
 def camp(name: str) -> str:
     """Colour of an engine, a family or a setting of one, by how its name begins."""
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
 def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
-    """Looks of engines, families or settings: the colour of the camp, a marker and a dash that it has not used yet.
+    """Looks of engines, families or settings: the colour of the camp, a shape and a dash that it has not used yet.
 
     Args:
         before: Names that have their looks already.
@@ -44,10 +52,5 @@ def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]
     for name in dict.fromkeys(names):
         k = camps.count(camp(name))
         camps.append(camp(name))
-        looks[name] = {"color": camp(name), "linestyle": DASHES[k % len(DASHES)], "marker": MARKERS[k % len(MARKERS)]}
+        looks[name] = Look(camp(name), DASHES[k % len(DASHES)], SHAPES[k % len(SHAPES)])
     return looks
-
-
-def darker(colour: str) -> str:
-    """A shade for text."""
-    return "#" + "".join(f"{int(0.68 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))

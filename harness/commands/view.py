@@ -1,0 +1,158 @@
+"""The command that shows a mechanism: in the browser, as a picture, or in MuJoCo's own viewer."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from screwgauge.commands import imported
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.report.console import complain, say
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+
+
+def view(options: argparse.Namespace) -> int:
+    """Shows a mechanism, beside another one if there are two."""
+    chosen = [name for name in ("out", "png", "mujoco", "port") if getattr(options, name) not in (None, False)]
+    if len(chosen) > 1:
+        raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
+    what = _load(options.what)
+    mechanism = what.mechanism if isinstance(what, Scene) else what
+    if options.mujoco:
+        return _mujoco(mechanism)
+    other = _load(options.other) if options.other else None
+    other = other.mechanism if isinstance(other, Scene) else other
+    if options.png:
+        from vl_convert import svg_to_png
+
+        from screwgauge.models.shapes import differing
+        from screwgauge.report.stage.drawing import drawing
+
+        _put(options.png, svg_to_png(drawing(mechanism, differing(mechanism, other) if other else ()), scale=2.0))
+        return 0
+    text = _page(what, other).encode()
+    if options.out:
+        _put(options.out, text)
+        return 0
+    return _serve(text, options.port or 0)
+
+
+def _load(name: str) -> Scene | Mechanism:
+    """A scene, or what a description or model file gets as one; a mechanism at rest where none can be made."""
+    from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
+    from screwgauge.models.importing.model import is_model
+    from screwgauge.reference.files import is_path
+    from screwgauge.scene.read import load_scene, scene_names
+
+    imported(name)
+    if name in scene_names():
+        return load_scene(name)
+    if name not in mechanism_names() and not is_path(name) and not is_model(name):
+        known = dict.fromkeys([*scene_names(), *mechanism_names(), "or the path of a TOML file, URDF or MJCF"])
+        raise UnknownNameError("scene, mechanism or model", name, known)
+    try:
+        return load_scene(mechanism_path(name))
+    except ScrewgaugeError as error:
+        try:
+            still = load_mechanism(name)
+        except ScrewgaugeError:
+            raise error from None
+        complain(f"screwgauge: shown at home, as no motion can be given: {error}")
+        return still
+
+
+def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
+    from screwgauge.report.blocks import Heading, Paragraph
+    from screwgauge.report.html import page
+    from screwgauge.report.stage.picture import stage, told
+
+    mechanism = what.mechanism if isinstance(what, Scene) else what
+    moving = isinstance(what, Scene) and other is None  # two are compared at home
+    picture = stage(*_solved(what)) if isinstance(what, Scene) and moving else stage(mechanism, other=other)
+    about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
+    return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *told(picture)])
+
+
+def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
+    """A few samples of a scene, and what the solver says of them; nothing where it fails, which is told."""
+    import numpy as np
+
+    from screwgauge.study.motion import FRAMES, few
+    from screwgauge.study.run import run
+
+    scene = scene.at(scene.t[few(np.arange(len(scene.t)), FRAMES)])
+    try:
+        found = run(scene, engines=("screw",))
+    except ScrewgaugeError as error:
+        complain(f"screwgauge: shown without forces: {error}")
+        return scene, {}
+    for failure in found.failures.values():
+        complain(f"screwgauge: shown without forces: {failure.reason}")
+    return scene, found.solutions
+
+
+def _put(file: Path, content: bytes) -> None:
+    try:
+        file.write_bytes(content)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"cannot be written ({reason.lower()})", str(file), "name another file") from None
+    say(str(file))
+
+
+def _serve(text: bytes, port: int) -> int:
+    """Serves one page to this machine alone until it is interrupted."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            ours = self.path == "/" and self.headers.get("Host", "").rpartition(":")[0] in ("127.0.0.1", "localhost")
+            self.send_response(200 if ours else 404)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(text) if ours else 0))
+            self.end_headers()
+            self.wfile.write(text if ours else b"")
+
+        def log_message(self, *arguments: object) -> None:
+            """Silence."""
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except (OSError, OverflowError) as error:
+        what = f"port {port} cannot be served at ({getattr(error, 'strerror', None) or error})".lower()
+        raise OutputError(what, "view", "leave --port out: a free one is taken") from None
+    with server:
+        say(f"http://127.0.0.1:{server.server_address[1]}/ (Ctrl-C ends it)")
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            say("")
+    return 0
+
+
+def _mujoco(mechanism: Mechanism) -> int:
+    """Opens MuJoCo's own viewer on the MJCF of the mechanism, and waits for its end."""
+    from screwgauge.models.generate import write_models
+
+    if find_spec("mujoco") is None:
+        raise DescriptionError("MuJoCo is not installed", "view --mujoco", "run pip install mujoco")
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+        what = "MuJoCo's viewer needs a display, and there is none"
+        raise OutputError(what, "view --mujoco", "leave --mujoco out, or use --out or --png")
+    with TemporaryDirectory() as folder:
+        write_models(mechanism, Path(folder), include=frozenset({"geoms"}))
+        file = Path(folder) / f"{mechanism.name}.xml"
+        done = subprocess.run([sys.executable, "-m", "mujoco.viewer", f"--mjcf={file}"], check=False)
+    if done.returncode:
+        raise OutputError(
+            f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead"
+        )
+    return 0

@@ -1,0 +1,69 @@
+"""A diagnosis as plain data: ``diagnosis.json``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from screwgauge.diagnosis.attribution import Attribution
+from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.model import Model
+
+SCHEMA = 1
+
+
+def summary(found: Diagnosis) -> dict[str, Any]:
+    """What ``diagnosis.json`` has."""
+    why, proof = found.attribution, found.proof
+    return {
+        "schema": SCHEMA,
+        "verdict": found.verdict,
+        "same": found.same,
+        "seed": found.seed,
+        "models": {side: _facts(model) for side, model in (("A", found.a), ("B", found.b))},
+        "map": {"joints": found.pairing.joints, "how": found.pairing.how, "bodies": found.pairing.bodies},
+        "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
+        "differences": [_difference(each) for each in found.differences],
+        "dynamics": [asdict(row) for row in found.rows],
+        "loops": found.loops and asdict(found.loops),
+        "growth": found.growth and asdict(found.growth),
+        "attribution": why and _attribution(why),
+        "soft_equalities": found.soft and _attribution(found.soft),
+        "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
+        "libraries": [asdict(witness) for witness in found.witnesses],
+        "matrix": found.matrix and asdict(found.matrix),
+        "notes": found.notes,
+        "left_out": found.left_out,
+    }
+
+
+def _facts(model: Model) -> dict[str, Any]:
+    return {
+        "file": model.label,
+        "library": model.library,
+        "sha256": model.sha256,
+        "digits": model.digits,
+        "joints": len(model.reading.joints),
+        "bodies": len(model.reading.bodies),
+        "mass": model.reading.mass,
+        "ignored": model.reading.ignored,
+    }
+
+
+def _attribution(why: Attribution) -> dict[str, Any]:
+    return {
+        "before": asdict(why.before),
+        "left": asdict(why.left),
+        "share": why.share,
+        "steps": [
+            {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
+            for step in why.steps
+        ],
+        "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
+    }
+
+
+def _difference(each: Difference) -> dict[str, Any]:
+    plain = {key: getattr(each, key) for key in ("item_a", "item_b", "what", "unit", "size", "kind", "sentence")}
+    return {**plain, "a": each.a, "b": each.b}

@@ -1,0 +1,182 @@
+"""Pictures from specifications of Vega-Lite, ``specs/*.json``: filled in here, drawn here, alike in what is common."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from textwrap import wrap
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.rotations import Array
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.looks import Look
+
+Spec = dict[str, Any]
+Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
+SPECS = Path(__file__).with_name("specs")
+WIDTH, GAP, LETTER = 560, 24, 5.9  # of panels in a line together, between two, of a letter on average [pixels]
+#: The wheel alone scrolls the page.
+_ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}
+#: How a logarithmic axis reads: 0.01, 500, 1e4.
+POWER = (
+    "datum.value >= 0.01 && datum.value <= 1000 ? format(datum.value, '~g') : "
+    "replace(format(datum.value, '.0e'), '+', '')"
+)
+TIME = "format(datum.value, '~s') + 's'"  # and a time
+_COMMON: Spec = {"zoom": _ZOOM, "zoom_both": {**_ZOOM, "encodings": ["x", "y"]}}  # for all to ask for
+
+
+@cache
+def _text(name: str) -> str:
+    return (SPECS / f"{name}.json").read_text(encoding="utf-8")
+
+
+def filled(name: str, /, **values: Any) -> Spec:
+    """A specification with a value for each ``"$key"``, however deep; a facet of one panel becomes that panel."""
+    found: Spec = _filled(json.loads(_text(name)), _COMMON | values)
+    if found.get("columns") == 1:
+        panel = found.pop("spec")
+        found = {key: value for key, value in found.items() if key not in ("facet", "columns")} | panel
+    return found
+
+
+def _filled(node: Any, values: Spec) -> Any:
+    if isinstance(node, dict):
+        return {key: _filled(item, values) for key, item in node.items()}
+    if isinstance(node, list):
+        return [_filled(item, values) for item in node]
+    return values[node[1:]] if isinstance(node, str) and node.startswith("$") and len(node) > 1 else node
+
+
+def ways(field: str, looks: Mapping[str, Look]) -> Spec:
+    """Values that tell things apart by a field: domain and ranges of scales, columns of the legend, clicks on it."""
+    entry = max(map(len, looks), default=0) * LETTER + 42
+    kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
+    return {
+        field: list(looks),
+        **{f"{field}_{kind}": some for kind, some in kinds.items()},
+        f"{field}_columns": max(1, int(WIDTH / entry)),
+        f"{field}_click": {"type": "point", "fields": [field], "toggle": "true"},
+        f"{field}_on": [{field: name} for name in looks],
+    }
+
+
+def curves(series: Sequence[Curve], moving: bool) -> Spec:
+    """Values ``data`` and ``lookup``: what a curve is is said once, its points are numbers or gaps."""
+    rows, said, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
+    for i, (fields, t, v) in enumerate(series):
+        pairs = zip(t.tolist(), v.tolist(), strict=True)
+        rows += [f"{i},{a:.7g},{b:.{digits}g}" if abs(b) < np.inf else f"{i},{a:.7g}," for a, b in pairs]
+        said.append({"s": i, **fields})
+    names = list(dict.fromkeys(name for fields in said for name in fields))
+    parse = {"type": "csv", "parse": dict.fromkeys("stv", "number")}
+    look_up = {"lookup": "s", "from": {"data": {"values": said}, "key": "s", "fields": names}}
+    alone = any(len(t) == 1 for fields, t, _ in series if fields.get("kind", "line") == "line")
+    return {"data": {"values": "\n".join(rows), "format": parse}, "lookup": look_up, "alone": alone}
+
+
+def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
+    """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, at parts of them if there are few.
+
+    Args:
+        values: What is drawn; only what is more than 0 can be.
+        names: How ticks read.
+        most: Decades with a tick.
+    """
+    drawn = [value for value in values if 0.0 < value < np.inf] or [1.0]
+    low, high = np.log10(min(drawn)) - 1e-9, np.log10(max(drawn)) + 1e-9
+    decades = np.arange(np.floor(low), np.ceil(high) + 1)
+    within = decades[(decades >= low) & (decades <= high)]
+    ticks = (
+        [part * 10.0**k for k in decades for part in (1, 2, 5)]
+        if len(within) < 3
+        else 10.0 ** within[:: -(-len(within) // most)]
+    )
+    shown = {"values": [tick for tick in ticks if low <= np.log10(tick) <= high], "labelExpr": names}
+    return {f"{axis}_scale": {"type": "log", "nice": False, "padding": 14}, f"{axis}_axis": shown}
+
+
+def columns(panels: int) -> Spec:
+    """Values ``columns`` and ``width`` of panels."""
+    n = 3 if panels % 3 == 0 else min(panels, 2)
+    return {"columns": n, "width": (WIDTH - (n - 1) * GAP) // n}
+
+
+def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterable[str] = ()) -> Picture:
+    """Draws a specification.
+
+    Args:
+        build: Specification without a title; ``True``: with more points than can be seen at once.
+        notes: How to read it, and what it does not show.
+    """
+    import vl_convert
+
+    lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
+    head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
+    still, live = (_plain({**head, **build(moving)}) for moving in (False, True))
+    still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
+    if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
+        still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
+        draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
+    svg = draw(json.dumps(still))
+    return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
+
+
+def _still(node: Any) -> Any:
+    """Without what answers a reader."""
+    if isinstance(node, list):
+        return [_still(item) for item in node if not (isinstance(item, dict) and "select" in item)]
+    if not isinstance(node, dict):
+        return node
+    return {k: _still(v) for k, v in node.items() if k != "tooltip" and not (k == "opacity" and "param" in str(v))}
+
+
+def _labelled(spec: Spec) -> Spec:
+    """A specification of Vega whose labels find places beside their points: Vega-Lite cannot say that."""
+    anchors = ["top-right", "right", "bottom-right", "top-left", "left", "bottom-left", "top", "bottom"]
+    for mark in (mark for mark in spec["marks"] if mark["name"] == "labels_marks"):
+        size = {"signal": "[width, height]"}
+        mark["transform"] = [{"type": "label", "size": size, "anchor": anchors, "offset": [4]}]
+    return spec
+
+
+def _plain(value: Any) -> Any:
+    """Values as JSON has them: NaN as null; in texts a space for what is not printable, which no SVG may contain."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, str):
+        plain = value.isascii() and value.replace("\n", "").isprintable()
+        return value if plain else "".join(x if x.isprintable() or x == "\n" else " " for x in value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
+    """Samples that show as much as all: ends, largest (and smallest) of each stretch, a gap where one has no number.
+
+    Args:
+        values: Shape (n,).
+        bins: Stretches.
+
+    Returns:
+        Indices, ascending; all n if they are no more than the stretches.
+    """
+    n = len(values)
+    if n <= bins:
+        return np.arange(n)
+    edges = np.arange(bins + 1) * n // bins
+    at = np.minimum(edges[:-1, None] + np.arange(np.diff(edges).max()), edges[1:, None] - 1)
+    gap = ~np.isfinite(values[at])
+    found = [np.where(gap, -np.inf, values[at]).argmax(axis=1)]
+    found += [np.where(gap, np.inf, values[at]).argmin(axis=1)] if lows else []
+    missing, each = gap.any(axis=1) if lows else gap.all(axis=1), np.arange(bins)
+    gaps = at[each, gap.argmax(axis=1)][missing]
+    return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in found), gaps]))

@@ -1,0 +1,122 @@
+"""The picture of a mechanism: static by projection, and as data for ``stage.js``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.placement import quaternion
+from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import centres_of_mass, length
+from screwgauge.reference.reciprocal import Element, Held, held
+from screwgauge.reference.rotations import Array
+from screwgauge.report.blocks import Block, Items, Paragraph, Picture
+from screwgauge.report.stage.drawing import drawing
+from screwgauge.report.stage.words import kind, sentences
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+from screwgauge.study.motion import Arrow, Motion, arrows, few, followed, still
+
+HELD = 30  # samples at which a platform is asked how it is held, at most
+LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
+TONES = {"loads": "#D62728", "actuators": DRIVEN, "reactions": "#7B5EA7"}
+
+
+def stage(
+    what: Scene | Mechanism, solutions: Mapping[str, Solution] | None = None, other: Mechanism | None = None
+) -> Picture:
+    """A mechanism at home, and for pages with scripts in motion.
+
+    Args:
+        solutions: Of a run of the scene: whose poses and forces are shown.
+        other: What it is compared with: where this one differs at home is drawn, too.
+    """
+    motion = followed(what, solutions or {}) if isinstance(what, Scene) else still(what)
+    mechanism = motion.lay.mechanism
+    beside = differing(mechanism, other) if other else []
+    text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
+    return Picture("mechanism", title, drawing(mechanism, beside), stage=text)
+
+
+def told(picture: Picture) -> list[Block]:
+    """What stands beside the picture of a mechanism: how it is held, and what looks odd."""
+    found = json.loads(picture.stage)
+    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
+    return [Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
+
+
+def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
+    """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
+    mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
+    middle, columns = centres_of_mass(motion.lay, at)[0].mean(axis=0), mechanism.independent_columns
+    keys, shown, solids = few(np.arange(len(motion.t)), HELD), arrows(motion), shapes(mechanism)
+    found = held(motion.lay, at.rows(keys))
+    longest = {(one.group, one.turns): 0.0 for one in shown}
+    for one in shown:
+        most = float(np.linalg.norm(one.vectors, axis=1).max())
+        longest[one.group, one.turns] = max(longest[one.group, one.turns], most)
+    scales: dict[str, str] = {}
+    for (group, turns), most in longest.items():
+        before = f"{scales[group]}, " if group in scales else "longest: "
+        scales[group] = f"{before}{most:.4g} N{' m' * turns}"
+    return {
+        "title": mechanism.title or mechanism.name,
+        "said": motion.said,
+        "unit": unit,
+        "view": _rounded(viewed_from(mechanism)),
+        "t": [float(f"{t:.6g}") for t in motion.t],
+        "y": {name: _rounded(at.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
+        "units": [mechanism.units[i] for i in columns],
+        "bodies": list(mechanism.body_index),
+        "poses": [_poses(R, (p - middle) / unit) for R, p in zip(at.R, at.p, strict=True)],
+        "shapes": [_shape(one) for one in (*solids, *beside)],
+        "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
+        "scales": scales,
+        "keys": keys.tolist(),
+        "holds": _holds(found, middle, unit),
+        "doubts": [one.name for one in solids if one.group == "doubts"],
+        "words": sentences(motion.lay, at.rows(keys), found, motion.t[keys]),
+    }
+
+
+def _rounded(array: Array, digits: int = 4) -> list[Any]:
+    return list((np.round(array, digits) + 0.0).tolist())
+
+
+def _poses(R: Array, p: Array) -> list[float]:
+    """Position and quaternion (w, x, y, z) of each body, one after the other."""
+    return [x for turn, at in zip(R, p, strict=True) for x in _rounded(np.concatenate([at, quaternion(turn)]))]
+
+
+def _shape(one: Shape) -> dict[str, Any]:
+    a, b = _rounded(one.a), _rounded(one.b.T.ravel())
+    values = (one.group, one.kind, one.body, one.other, a, b, round(one.size, 4), one.colour, one.name)
+    return dict(zip("gkijabrcn", values, strict=True))
+
+
+def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
+    point, vectors = _rounded(one.point / unit), _rounded((one.vectors * LONGEST / longest).ravel(), 3)
+    values = (one.group, one.name, TONES[one.group], int(one.turns), one.body, point, vectors)
+    return dict(zip("gncmipv", values, strict=True))
+
+
+def _holds(found: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
+    """Wrenches of legs and twists left at some samples: point, direction and `kind` of each element, one by one."""
+
+    def row(system: Sequence[Element], k: int) -> list[float]:
+        if k >= len(system):
+            return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
+        return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), kind(system[k])]
+
+    first, out = found[0], list[dict[str, Any]]()
+    parts = [("wrenches", leg.name, COLOURS[i % len(COLOURS)]) for i, leg in enumerate(first.legs)]
+    for i, (group, name, colour) in enumerate([*parts, ("freedoms", first.body, "#777777")]):
+        systems = [(*one.wrenches, one.twists)[i] for one in found]
+        for k in range(max(map(len, systems))):
+            out.append({"g": group, "n": name, "c": colour, "w": [x for s in systems for x in row(s, k)]})
+    return out

@@ -1,0 +1,105 @@
+"""How a platform is held, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.reciprocal import Element, Held, idle_forces
+from screwgauge.reference.rotations import Array
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+#: What elements are called by their `kind`, how a line and a direction are told, and all six of them.
+WRENCHES = ("force", "couple", "wrench", "along", "about", "every force and couple")
+TWISTS = ("rotation", "translation", "screw", "about", "along", "all six freedoms")
+
+
+def kind(one: Element) -> int:
+    """0 without pitch, 1 with an infinite one, 2 with another."""
+    return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
+
+
+def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[str]:
+    """What the legs do, what they leave, what actuators leave open, and whether that stays so on the way.
+
+    Args:
+        found: At each of the samples of `at`; told is the first.
+        t: Their times [s].
+    """
+    first, mechanism, index = found[0], lay.mechanism, lay.mechanism.body_index
+    points = [(joint, index[joint.child]) for joint in mechanism.joints if joint.kind in "RUSC"]
+    places = {joint.name: at.p[0, i] + at.R[0, i] @ joint.child_frame.p for joint, i in points}
+    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
+    tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
+    said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []
+    said += [_legs(first, places), f"That leaves {first.body} {listed(first.twists, TWISTS, places)}."]
+    if n := first.overconstraints:
+        said.append(f"{_many(n, 'of these', '').capitalize()} constraints repeat{'s' * (n == 1)} others.")
+    if n := idle_forces(lay, at.rows([0])).shape[1]:
+        freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
+        idle = "moves nothing, only stresses" if n == 1 else "move nothing, only stress"
+        said.append(
+            f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
+            f" {idle} the mechanism, and a rule has to fix {'it' if n == 1 else 'them'}."
+        )
+    kinds = [[[*map(kind, system)] for system in (*one.wrenches, one.twists)] for one in found]
+    if changes := [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]:
+        more = ", ..." * (len(changes) > 3)
+        said.append(f"This is the first pose; kinds or numbers change near t = {', '.join(changes[:3])}{more}.")
+    elif len(kinds) > 1:
+        said.append(f"Points and directions are those of the first pose; kinds are the same at all {len(kinds)} tried.")
+    return said
+
+
+def _legs(first: Held, places: Mapping[str, Array]) -> str:
+    """What each leg does; legs that do the same are told together."""
+    does: dict[str, list[str]] = {}
+    for leg, system in zip(first.legs, first.wrenches, strict=True):
+        does.setdefault(listed(system, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
+    parts = [f"{_and(names)} take{'s' * (len(names) == 1)} {what}" for what, names in does.items()]
+    hangs = f"{first.body} hangs on {_many(len(first.legs), 'leg')}: {'; '.join(parts)}."
+    return hangs if parts else f"Nothing holds {first.body}."
+
+
+def listed(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
+    """A system of screws in words, such as ``two rotations through s, about x and y``."""
+    force, couple, wrench, along, about, all_six = nouns
+    lines, ways, screws = ([one for one in system if kind(one) == k] for k in range(3))
+    said, many = [], _many(len(lines), force)
+    if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
+        directions = f", {along} {_and([_way(one) for one in lines])}" if len(lines) == 2 else ""
+        said.append(f"{many} through {_place(lines[0], places)}{directions}")
+    elif lines:
+        said.append(f"{many} {along} {_and([f'{_way(one)} through {_place(one, places)}' for one in lines])}")
+    for one in screws:
+        pitch = f"{1e3 * one.pitch:.3g} mm/rad"
+        said.append(f"a {wrench} about {_way(one)} through {_place(one, places)} of {pitch}")
+    if ways:
+        directions = "every axis" if len(ways) == 3 else _and([_way(one) for one in ways])
+        said.append(f"{_many(len(ways), couple)} {about} {directions}")
+    return all_six if len(system) == 6 else _and(said) if said else "nothing"
+
+
+def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:
+    return f"{NUMBERS[n] if n < len(NUMBERS) else n} {what if n == 1 else plural if whole else what + plural}"
+
+
+def _and(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _way(one: Element) -> str:
+    k = int(np.argmax(np.abs(one.direction)))
+    return "xyz"[k] if abs(one.direction[k]) > 1.0 - 1e-9 else _vector(one.direction)
+
+
+def _vector(v: Array) -> str:
+    return f"({', '.join(f'{x:.3g}' if abs(x) > 5e-7 else '0' for x in v)})"
+
+
+def _place(one: Element, places: Mapping[str, Array]) -> str:
+    """The name of a joint at the point, else the point."""
+    near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
+    return near[0] if near else f"{_vector(one.point)} m"

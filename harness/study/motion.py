@@ -1,0 +1,128 @@
+"""A mechanism in motion, to be looked at: poses at a few samples of a scene, and what acts there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.problem import GivenMotion, Rows
+from screwgauge.reference.applied import Load
+from screwgauge.reference.dynamics import joint_reactions
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import Layout, Pose, layout, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import REFERENCE, Solution, Values
+
+FRAMES = 120  # pictures of a motion, at most
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Some samples of a motion; the home pose alone where there is none.
+
+    Attributes:
+        t: Time [s]. Shape (n,).
+        values: Forces that an engine has computed at these samples, quantity -> values.
+        loads: Of the scene, at these samples.
+        said: Whose poses these are.
+    """
+
+    lay: Layout
+    at: Pose
+    t: Array
+    said: str
+    values: Mapping[str, Values] = field(default_factory=dict)
+    loads: tuple[Load, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrow:
+    """A force, or a moment, on a body over time.
+
+    Attributes:
+        point: Where it acts, in the frame of the body [m]. Shape (3,).
+        vectors: World axes [N or N m]. Shape (n, 3).
+    """
+
+    group: str
+    name: str
+    body: int
+    point: Array
+    vectors: Array
+    turns: bool = False
+
+
+def still(mechanism: Mechanism) -> Motion:
+    """The home pose."""
+    lay = layout(mechanism)
+    return Motion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
+
+
+def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> Motion:
+    """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
+    lay, every = layout(scene.mechanism), np.arange(len(scene.t))
+    for name, found in solutions.items():
+        q, told = found.assembly, found.values.get("joint_position")
+        if q is None and told is not None and told.components == scene.mechanism.coordinates:
+            q = told.array
+        if q is not None and name != REFERENCE and len(q) == len(every):
+            rows = few(every[np.isfinite(q).all(axis=1)], frames)
+            if len(rows):
+                values = {quantity: one.at(rows) for quantity, one in found.values.items()}
+                return Motion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
+    if isinstance(scene.task, GivenMotion):
+        rows = few(every, frames)
+        try:
+            at = positions(lay, scene.task.y[rows], scene.t[rows])
+        except ScrewgaugeError:  # the report says what no engine could follow
+            return still(scene.mechanism)
+        return Motion(lay, at, scene.t[rows], "screw", loads=_loads(scene, rows))
+    return still(scene.mechanism)
+
+
+def few(rows: Rows, most: int) -> Rows:
+    return (
+        rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int))] if len(rows) else rows
+    )
+
+
+def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
+    n = len(rows)
+
+    def at_rows(v: Array) -> Array:
+        return v[rows] if v.ndim == 2 else np.tile(v, (n, 1))
+
+    return tuple(Load(one.body, one.point, at_rows(one.force), at_rows(one.torque)) for one in scene.applied.loads)
+
+
+def arrows(motion: Motion) -> list[Arrow]:
+    """Loads, forces of actuators and reactions of joints."""
+    mechanism, found = motion.lay.mechanism, list[Arrow]()
+    index = mechanism.body_index
+    for load in motion.loads:
+        i = index[load.body]
+        point = mechanism.body(load.body).com if load.point is None else load.point
+        found += [Arrow("loads", f"load on {load.body}", i, point, load.force)]
+        found += [Arrow("loads", f"load on {load.body}", i, point, load.torque, True)]
+    if (forces := motion.values.get("actuator_force")) is not None:
+        columns = dict(zip(forces.components, forces.array.T, strict=True))
+        for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
+            turns, S = joint.kind == "R", motion.at.S[:, motion.lay.columns[joint.name][0]]
+            vectors = columns[name][:, None] * (S[:, :3] if turns else S[:, 3:])
+            found += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]
+    if (forces := motion.values.get("reaction")) is not None:
+        parts = joint_reactions(motion.lay, motion.at)
+        columns = dict(zip(forces.components, forces.array.T, strict=True))
+        for k, joint in enumerate(mechanism.joints):
+            for turns, along in ((False, parts.force), (True, parts.moment)):
+                own = [i for i, owner in enumerate(parts.joints) if owner == k and along[0, i].any()]
+                if own:
+                    vectors = sum(columns[parts.names[i]][:, None] * along[:, i] for i in own)
+                    where = index[joint.child], joint.child_frame.p
+                    found += [Arrow("reactions", f"{joint.name}, reaction", *where, np.asarray(vectors), turns)]
+    return [one for one in found if np.isfinite(one.vectors).all() and one.vectors.any()]

@@ -1,0 +1,220 @@
+"""What a mechanism looks like: shapes that move with its bodies. Lengths in lengths of the mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.pose import layout, length, pose
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.suspicious import suspicious
+
+#: Of bodies; dark enough for their names.
+COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
+PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
+MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
+COMPARED = ("links", "joints", "axes")
+KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical", "F": "free"}
+LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, what can be told apart
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """A solid in the frame of a body.
+
+    Attributes:
+        group: What shows and hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``, ``ellipsoids``,
+            ``doubts``, and ``other`` of another mechanism.
+        kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of the body `other`;
+            ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`, ``arrow`` from `a` to `b`, ``ellipsoid`` at
+            `a` with the columns of `b` as its half axes.
+        body, other: Index, ground is 0.
+        a, b: Shape (3,); `b` of an ellipsoid (3, 3).
+        size: Radius, or half a thickness.
+    """
+
+    group: str
+    kind: str
+    body: int
+    a: Array
+    b: Array
+    size: float
+    colour: str
+    name: str = ""
+    other: int = 0
+
+
+class End(NamedTuple):
+    """A joint of a body: its point in the frame of the body [m], whether ground is on its other side, and its kind."""
+
+    point: Array
+    standing: bool
+    slides: bool
+
+
+def cut_joints(mechanism: Mechanism) -> frozenset[str]:
+    """Names of the joints that are opened, as in the engines' models."""
+    return frozenset(joint.name for joint in layout(mechanism).tree.cuts)
+
+
+def ends(mechanism: Mechanism) -> dict[str, list[End]]:
+    """Body -> where its joints are."""
+    found: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
+    for joint in mechanism.joints:
+        if joint.kind != "F":
+            standing = GROUND in (joint.parent, joint.child)
+            for name, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+                found[name].append(End(frame.p, standing, joint.kind in "PC"))
+    return found
+
+
+def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
+    """A body as lines between its joints: a rod, or a plate; in its frame [m]."""
+    apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
+    points = [end.point for end in apart.values()]
+    if len(points) < 2:  # up to its centre of mass; as far beyond, if it slides there
+        start = points[0] if points else body.com
+        return [(start, 2.0 * body.com - start if any(end.slides for end in its) and len(its) > 1 else body.com)]
+    if len(points) == 2:
+        return [(points[0], points[1])]
+    ring = [end.point for end in apart.values() if not end.standing]
+    hub = np.mean(ring or points, axis=0)
+    spokes = [(hub, point) for point in points if np.linalg.norm(point - hub) > 1e-9]
+    if len(ring) < 3:
+        return spokes
+    across = np.linalg.svd(np.array(ring) - hub)[2][:2]
+    ring.sort(key=lambda point: float(np.arctan2(*(across @ (point - hub)))))
+    return [*zip(ring, [*ring[1:], ring[0]], strict=True), *(spokes if len(ring) < len(points) else [])]
+
+
+def colour_of(mechanism: Mechanism, i: int) -> str:
+    """Colour of the body of index `i`."""
+    return STANDING if i == 0 else COLOURS[(i - 1) % len(COLOURS)]
+
+
+def shapes(mechanism: Mechanism) -> list[Shape]:
+    """All of them."""
+    unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
+    found: list[Shape] = []
+    for body in mechanism.bodies:
+        found += _body(body, index[body.name], points[body.name], unit, colour_of(mechanism, index[body.name]))
+    cuts = cut_joints(mechanism)
+    for joint in mechanism.joints:
+        if joint.kind != "F":
+            found += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+    for odd in suspicious(mechanism):
+        at = odd.point / unit
+        found.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
+    return found
+
+
+def placed(mechanism: Mechanism) -> list[Shape]:
+    """The same in the world at home."""
+    lay = layout(mechanism)
+    at, unit, found = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    for one in shapes(mechanism):
+        ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
+        a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
+        found.append(replace(one, body=0, other=0, a=a, b=b.T))
+    return found
+
+
+def differing(mechanism: Mechanism, other: Mechanism) -> list[Shape]:
+    """Links, joints and axes of another mechanism at home that the first one has not: in the world, by their names.
+
+    Lengths count in lengths of the first one.
+    """
+    ratio = length(layout(other)) / length(layout(mechanism))
+
+    def key(one: Shape) -> tuple[object, ...]:
+        return one.group, one.kind, one.name, *np.round(np.concatenate([one.a, one.b]) / DISTINCT).tolist()
+
+    there = {key(one) for one in placed(mechanism) if one.group in COMPARED}
+    sized = [replace(one, a=ratio * one.a, b=ratio * one.b) for one in placed(other) if one.group in COMPARED]
+    return [replace(one, group="other", colour=DOUBT) for one in sized if key(one) not in there]
+
+
+def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Iterator[Shape]:
+    for a, b in segments(body, its):
+        yield Shape("links", "rod", i, a / unit, b / unit, LINK, colour, body.name)
+    for axis, tone in zip(np.eye(3), ("#D62728", "#2CA02C", "#1F77B4"), strict=True):
+        yield Shape("frames", "arrow", i, np.zeros(3), 0.08 * axis, 0.004, tone, body.name)
+    com = body.com / unit
+    yield Shape("masses", "ball", i, com, com, 1.6 * LINK, MASS, body.name)
+    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid of the same mass and moments
+        moments, axes = np.linalg.eigh(body.inertia)
+        half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0)) / unit
+        yield Shape("ellipsoids", "ellipsoid", i, com, axes * np.maximum(half, 1e-3), 1.0, colour, body.name)
+
+
+def mark(joint: Joint) -> Array:
+    """Where a joint is drawn, in the frame of its parent [m]: what slides, half way along at home. Shape (3,)."""
+    slides = [(q, axis) for q, (turns, axis) in zip(joint.home, joint.freedoms, strict=True) if not turns]
+    return joint.parent_frame.p + joint.parent_frame.R @ sum((0.5 * q * axis for q, axis in slides), np.zeros(3))
+
+
+def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
+    """Its axes, each in the body that carries it, with what says that it is driven or cut."""
+    colour, name, at = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint) / unit
+    second = child if joint.kind == "U" else parent
+    for (turns, axis), i in zip(joint.freedoms, (parent, second), strict=False):
+        frame, p = (joint.parent_frame, at) if i == parent else (joint.child_frame, joint.child_frame.p / unit)
+        e, kind = frame.R @ axis, "rod" if turns else "box"
+        if joint.kind == "S":
+            yield Shape("joints", "ball", parent, p, p, JOINT, colour, name)
+            break
+        half, size = (3.4 if turns and joint.kind == "C" else 1.9) * JOINT * e, (0.6 if turns else 0.9) * JOINT
+        yield Shape("joints", kind, i, p - half, p + half, size, colour, name)
+        yield Shape("axes", "arrow", i, p - 0.12 * e, p + 0.18 * e, 0.003, AXIS, name)
+        if not turns:
+            ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
+            yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
+        if joint.actuated and turns:
+            yield Shape("joints", "ring", i, p, p + JOINT * e, 2.0 * JOINT, DRIVEN, name)
+        for way in (e, -e) if joint.actuated and not turns else ():
+            yield Shape("joints", "arrow", i, p + 2.2 * JOINT * way, p + 5.5 * JOINT * way, 0.007, DRIVEN, name)
+    if cut:
+        yield Shape("joints", "cage", parent, at, at, 2.4 * JOINT, CUT, name)
+    for i, p in ((parent, joint.parent_frame.p), (child, joint.child_frame.p)):
+        if i == 0:
+            yield Shape("joints", "foot", 0, p / unit, p / unit, 2.0 * JOINT, STANDING, name)
+
+
+def viewed_from(mechanism: Mechanism) -> Array:
+    """Direction to who looks: face-on where it is flat, else from above, so that joints do not hide each other."""
+    points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
+    points = np.unique(np.concatenate([points, [place for _, place, _ in joint_marks(mechanism)]]).round(6), axis=0)
+    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
+    if flat:
+        return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0))
+    i, j = np.triu_indices(len(points), 1)
+
+    def hidden(direction: Array) -> float:
+        seen = points @ across(direction).T
+        return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
+
+    angles = product(np.radians([-70, -55, -40, -25, 20, 35, 50, 65]), np.radians([18, 25, 32]))
+    return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
+
+
+def across(direction: Array) -> Array:
+    """Right and up of who looks, z being up where it can be. Shape (2, 3)."""
+    right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(direction, right)])
+
+
+def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
+    """Joints with places and last axes, in the world at home; lengths in lengths of the mechanism."""
+    lay = layout(mechanism)
+    at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
+    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.kind != "F"]
+    return [
+        (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])
+        for j, i in sides
+    ]

@@ -1,0 +1,284 @@
+"""How legs hold a body: their wrenches, the twists these leave it, and systems of screws in terms of lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.graph import coupled_joints, spanning_tree
+from screwgauge.reference.kinematics import velocities
+from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
+from screwgauge.reference.mobility import in_lengths, reciprocal_screws
+from screwgauge.reference.pose import Layout, Pose, constraint_matrix, layout, length, pose
+from screwgauge.reference.rotations import Array, cross, skew
+
+#: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.
+NONE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """Joints by which a body hangs on ground, apart from all other ways between the two.
+
+    Attributes:
+        kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty where they are
+            no simple chain.
+    """
+
+    name: str
+    kinds: str
+    joints: tuple[Joint, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Element:
+    """A screw: a force or rotation has no pitch, a couple or translation an infinite one.
+
+    Attributes:
+        direction: Unit vector. Shape (3,).
+        point: On its axis [m]; somewhere if the pitch is infinite. Shape (3,).
+        pitch: [m/rad].
+    """
+
+    direction: Array
+    point: Array
+    pitch: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """How a body is held at a pose.
+
+    Attributes:
+        wrenches: By which each leg constrains it.
+        twists: What the whole mechanism leaves it.
+        overconstraints: How many of the legs' wrenches depend on the others.
+    """
+
+    body: str
+    legs: tuple[Leg, ...]
+    wrenches: tuple[tuple[Element, ...], ...]
+    twists: tuple[Element, ...]
+    overconstraints: int
+
+
+def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
+    """The body with the most legs, of these the farthest from ground: platform, coupler or hand; and its legs."""
+    away, rim = {GROUND: 0}, [GROUND]
+    for body in rim:
+        for joint in mechanism.joints:
+            if body in (joint.parent, joint.child) and (far := _far(joint, body)) not in away:
+                away[far] = away[body] + 1
+                rim.append(far)
+    found = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
+    best = max(found, key=lambda name: (len(found[name]), away[name]))
+    return best, found[best]
+
+
+def _far(joint: Joint, near: str) -> str:
+    return joint.child if near == joint.parent else joint.parent
+
+
+def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
+    """The legs of a body; those that a coupling ties together are one. A joint that constrains nothing is none."""
+    ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
+    same = {one.name: one.name for one in mechanism.bodies}
+
+    def root(name: str) -> str:
+        while same[name] != name:
+            name = same[name]
+        return name
+
+    ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
+    ties += [(owner[one.coordinate], owner[one.of]) for one in mechanism.couplings if one.of]
+    for tie in ties:
+        for a, b in pairwise(side for joint in tie for side in (joint.parent, joint.child) if side not in ends):
+            same[root(a)] = root(b)
+    parts: dict[str, list[Joint]] = {}
+    for joint in mechanism.joints:
+        inner = [side for side in (joint.parent, joint.child) if side not in ends]
+        parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
+    ways = [part for part in parts.values() if ends <= {*_sides(part)}]
+    kept = coupled_joints(mechanism)
+    return tuple(_leg(part, body, kept) for part in ways if any(joint.kind != "F" for joint in part))
+
+
+def _sides(joints: Sequence[Joint]) -> list[str]:
+    return [side for joint in joints for side in (joint.parent, joint.child)]
+
+
+def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
+    """A leg without what dangles from it, coupled joints (`kept`) excepted."""
+
+    def dangles(joint: Joint) -> bool:
+        tips = {side for side in (joint.parent, joint.child) if _sides(joints).count(side) == 1}
+        return bool(tips - {GROUND, body}) and joint.name not in kept
+
+    while any(map(dangles, joints)):
+        joints = [joint for joint in joints if not dangles(joint)]
+    near, walked, left = GROUND, list[Joint](), list(joints)
+    while near != body:
+        onward = [joint for joint in left if near in (joint.parent, joint.child)]
+        if len(onward) != 1:
+            break
+        walked, near = [*walked, onward[0]], _far(onward[0], near)
+        left.remove(onward[0])
+    simple = near == body and not left
+    groups, ends = {joint.name.rpartition(".")[0] for joint in joints}, walked if simple else joints
+    name = groups.pop() if len(groups) == 1 and len(joints) > 1 else ""
+    name = name or (ends[0].name if len(joints) == 1 else f"{ends[0].name} to {ends[-1].name}")
+    coupled = ", coupled" * any(joint.name in kept for joint in joints)
+    return Leg(name, "".join(joint.kind for joint in walked) + coupled if simple else "", tuple(joints))
+
+
+def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array) -> list[Array]:
+    """Twists that some joints alone, which connect a body with ground, leave it. Shape (6, freedoms), orthonormal.
+
+    Args:
+        q: All joint coordinates of closed poses, without dimension. Shape (n, n_q).
+    """
+    names = {side for joint in joints for side in (joint.parent, joint.child)}
+    bodies = tuple(one for one in mechanism.bodies if one.name in names)
+    moved = {name for joint in joints for name in joint.coordinates}
+    couplings = tuple(one for one in mechanism.couplings if {one.coordinate, one.of or one.coordinate} <= moved)
+    few = replace(mechanism, bodies=bodies, joints=tuple(joints), couplings=couplings, independent={}, axial=None)
+    lay = layout(few, spanning_tree(few))
+    at = pose(lay, q[:, mechanism.columns(few.coordinates)])
+    path = lay.path[few.body_index[body], :, None]
+    moves = (linear.null_space(G) if G.size else np.eye(G.shape[1]) for G in constraint_matrix(lay, at))
+    return [_span((S * path).T @ free) for S, free in zip(at.S, moves, strict=True)]
+
+
+def _span(A: Array) -> Array:
+    """Orthonormal basis of the columns."""
+    return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)]) if A.size else A[:, :0]
+
+
+def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
+    """How a body is held at each of n closed poses; by default that with the most legs."""
+    unit, (scaled, at) = length(lay), in_lengths(lay, at)
+    mechanism = scaled.mechanism
+    body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
+    i = mechanism.body_index[body]
+    middles = at.p[:, i] + at.R[:, i] @ mechanism.body(body).com
+    left = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
+    free = body_twists(mechanism, mechanism.joints, body, at.q)
+    found = []
+    for k, middle in enumerate(middles):
+        systems = [reciprocal_screws(twists[k]) for twists in left]
+        both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
+        wrenches = tuple(_in_metres(elements(system, middle), unit) for system in systems)
+        redundant = both.shape[1] - (linear.rank(both) if both.size else 0)
+        found.append(Held(body, ways, wrenches, _in_metres(elements(free[k], middle), unit), redundant))
+    return tuple(found)
+
+
+def idle_forces(lay: Layout, at: Pose) -> Array:
+    """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal."""
+    rates = [velocities(lay, at, e[None]).w[0] for e in np.eye(len(lay.mechanism.independent))]
+    sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
+    work = np.array(rates)[:, lay.mechanism.actuated_columns] / sizes
+    return linear.null_space(work) if work.size else np.zeros((work.shape[1], 0))
+
+
+def _in_metres(found: Sequence[Element], unit: float) -> tuple[Element, ...]:
+    return tuple(Element(one.direction, one.point * unit, one.pitch * unit) for one in found)
+
+
+def elements(system: Array, near: Array) -> tuple[Element, ...]:
+    """A system of screws as lines and directions, which span it: axes, then directions.
+
+    Principal screws of the system (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
+    without pitch in place of them where it holds enough of these.
+
+    Args:
+        system: Independent screws ``[direction; moment about O]``, without dimension. Shape (6, k).
+        near: Axes are told by their points next to it. Shape (3,).
+    """
+    if not system.shape[1]:
+        return ()
+    moments = system[3:] - cross(near, system[:3].T).T
+    U, s, Vt = np.linalg.svd(system[:3])
+    f = int(np.count_nonzero(s[: system.shape[1]] > NONE))
+    couples = _upright(_span(moments @ Vt[f:].T))
+    D, M = U[:, :f], moments @ Vt[:f].T / s[:f]
+    off = np.eye(3) - couples @ couples.T  # moments along couples may be had at will
+    fixed = linear.null_space(couples.T @ D) if couples.size else np.eye(f)
+    E, h = _principal(D @ fixed, M @ fixed)
+    rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
+    E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])
+    E, points, h = _without_pitch(E, _points(E, M @ D.T @ E, h, off), h)
+    E, couples = _signed(E), _signed(couples)
+    lines = [Element(e, near + r, float(p)) for e, r, p in zip(E.T, points, h, strict=True)]
+    return (*lines, *(Element(e, near, np.inf) for e in couples.T))
+
+
+def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
+    """The same system by lines without pitch, if pitches of its principal screws have both signs.
+
+    Two screws of pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
+    """
+    if not (h.size and h.min() < 0.0 < h.max()):
+        return E, points, h
+    low, high, E, points, h = int(np.argmin(h)), int(np.argmax(h)), E.copy(), points.copy(), h.copy()
+    old, pitch = E.copy(), h.copy()
+    for i in np.flatnonzero(pitch):
+        a, b = (low, i) if pitch[i] > 0.0 else (i, high)
+        turn = np.arctan(np.sqrt(-pitch[a] / pitch[b])) * (-1.0 if i == low else 1.0)
+        E[:, i] = np.cos(turn) * old[:, a] + np.sin(turn) * old[:, b]
+        moment = np.cos(turn) * pitch[a] * old[:, a] + np.sin(turn) * pitch[b] * old[:, b]
+        points[i], h[i] = points[i] + cross(E[:, i], moment), 0.0
+    return E, points, h
+
+
+def _principal(E: Array, M: Array) -> tuple[Array, Array]:
+    """Directions in which moments of a system lie along the forces, and pitches. Shapes (3, k) -> (3, k), (k,)."""
+    if not E.shape[1]:
+        return E, np.zeros(0)
+    h, V = np.linalg.eigh((E.T @ M + M.T @ E) / 2.0)
+    h = np.where(np.abs(h) < NONE, 0.0, h)
+    E = E @ V
+    for pitch in dict.fromkeys(np.round(h, 6)):  # any directions do where pitches are equal
+        same = np.abs(h - pitch) < 2 * NONE
+        E[:, same] = _upright(E[:, same])
+    order = np.argsort(np.abs(h), kind="stable")
+    return E[:, order], h[order]
+
+
+def _points(E: Array, M: Array, h: Array, off: Array) -> Array:
+    """A point of each axis, from O, the same for all if they meet there but for couples. Shape (k, 3)."""
+    k = E.shape[1]
+    if not k:
+        return np.zeros((0, 3))
+    wanted = off @ (M - E * h)
+    A = np.concatenate([-off @ skew(e) for e in E.T])  # r x e = -e x r
+    r = np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0]
+    if np.abs(A @ r - wanted.T.ravel()).max() < 10 * NONE:
+        return np.tile(r, (k, 1))
+    each = [np.linalg.lstsq(A[3 * i : 3 * i + 3], wanted[:, i], rcond=NONE)[0] for i in range(k)]
+    return np.array(each)
+
+
+def _upright(E: Array) -> Array:
+    """Another orthonormal basis of the same space, along axes of the world where it holds them. Shape (3, k)."""
+    k = E.shape[1]
+    if k == 3:
+        return np.eye(3)
+    if k < 2:
+        return E
+    first = E @ E.T[:, int(np.argmax(np.round(np.linalg.norm(E, axis=1), 6)))]
+    first /= np.linalg.norm(first)
+    second = cross(cross(E[:, 0], E[:, 1]), first)
+    return np.stack([first, second], axis=1)
+
+
+def _signed(E: Array) -> Array:
+    """Directions with their largest component positive. Shape (3, k)."""
+    if not E.shape[1]:
+        return E
+    largest = np.argmax(np.round(np.abs(E), 6), axis=0)
+    return np.asarray(E * np.sign(E[largest, range(E.shape[1])]))

@@ -1,0 +1,215 @@
+"""A report in a real browser: nothing asked of anybody, all drawn, moved, linked, read on a phone and printed whole."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import screwgauge
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.report.blocks import Banner, Paragraph, Picture
+from screwgauge.report.gallery import gallery
+from screwgauge.report.html import page as page_of
+from screwgauge.report.layout import laid_out
+from screwgauge.report.pages import run as run_page
+from screwgauge.report.pdf import browser, print_page
+from screwgauge.report.write import write_report
+
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+PAPER = 703  # what is left of A4 between the margins [pixels]
+SHOWN = 20e3  # longest wait for anything on the page [ms]
+
+
+@dataclass
+class Opened:
+    """A page, what it said on its console and what it asked for."""
+
+    page: Any
+    path: Path
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def ask(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def at(self, width: int, height: int = 800, **media: str) -> None:
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.page.emulate_media(**{"media": "screen", "color_scheme": "light", **media})
+
+
+@pytest.fixture(scope="module")
+def report() -> list[Any]:
+    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5, 1.0])
+    results = screwgauge.run(replace(scene, figures=scene.figures[:2]), engines=["screw", "pinocchio"])
+    return run_page.report(results, run_page.pictures(results))
+
+
+@pytest.fixture(scope="module")
+def opened(report: list[Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    try:
+        program = browser()
+    except OutputError as error:
+        pytest.skip(str(error))
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(page_of(report), encoding="utf-8")
+    with playwright.sync_playwright() as driver:
+        window = driver.chromium.launch(executable_path=program, args=FLAGS)
+        found = Opened(window.new_page(viewport={"width": 1280, "height": 800}), path)
+        found.page.set_default_timeout(SHOWN)
+        found.page.on("console", lambda message: found.said.append(message.text))
+        found.page.on("pageerror", lambda error: found.said.append(str(error)))
+        found.page.on("request", lambda request: found.asked.append(request.url))
+        found.page.goto(path.as_uri())
+        found.page.wait_for_selector(".moving.stage canvas")
+        yield found
+        window.close()
+
+
+def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:
+    """The last to look may find more: what all others here have done."""
+    assert opened.asked == [opened.path.as_uri()]
+    assert opened.said == []
+
+
+def test_a_page_that_asks_is_seen_and_not_served(opened: Opened) -> None:
+    opened.ask("fetch('https://example.org/').catch(() => 0)")
+    assert any("Content Security Policy" in text for text in opened.said)
+    opened.said.clear()
+    opened.asked[1:] = []
+
+
+def test_the_first_screen_answers(opened: Opened) -> None:
+    opened.at(1280)
+    lowest = opened.ask(
+        "Math.max(...[...document.querySelectorAll('.front > *')].map(e => e.getBoundingClientRect().bottom))"
+    )
+    assert lowest < 800
+    text = opened.ask("document.querySelector('.front').innerText")
+    for said in ("✓ AGREE", "worst numbers", "digits", "SHA-256", "pinocchio", "date"):
+        assert said in text
+
+
+def seen(opened: Opened) -> str:
+    """What the canvas shows, drawn that very moment."""
+    shown = opened.ask(
+        """() => {
+          const { viewer } = document.querySelector('.moving.stage').shown;
+          viewer.render();
+          return viewer.renderer.domElement.toDataURL('image/png');
+        }"""
+    )
+    return str(shown)
+
+
+def test_the_mechanism_is_drawn_moved_and_turned(opened: Opened) -> None:
+    opened.at(1280)
+    before = seen(opened)
+    assert len(before) > 10_000  # a blank one of that size takes less than 3000
+    slider = opened.page.locator(".stage input[type=range]")
+    slider.evaluate("s => { s.value = s.max; s.dispatchEvent(new Event('input', {bubbles: true})); }")
+    assert "t = 1.000 s" in opened.page.locator(".stage output").inner_text()
+    moved = seen(opened)
+    assert moved != before
+    box = opened.page.locator(".stage canvas").bounding_box()
+    opened.page.mouse.move(box["x"] + 100, box["y"] + 100)
+    opened.page.mouse.down()
+    opened.page.mouse.move(box["x"] + 220, box["y"] + 130)
+    opened.page.mouse.up()
+    assert seen(opened) != moved
+
+
+def test_plots_are_drawn_when_they_are_opened_and_engines_can_be_switched_off(opened: Opened) -> None:
+    opened.at(1280)
+    fold = opened.page.locator("details:has(figure)").first
+    assert fold.locator(".moving").count() == 0
+    fold.locator("summary").first.click()
+    chart = fold.locator(".moving.chart svg").first
+    chart.wait_for()
+    assert not fold.locator("figure > svg").is_visible()
+    shown = "svg => [...svg.querySelectorAll('path')].filter(p => p.getAttribute('opacity') === '0').length"
+    before = chart.evaluate(shown)
+    chart.get_by_text("pinocchio", exact=True).first.click()
+    opened.page.wait_for_timeout(200)
+    assert fold.locator(".moving.chart svg").first.evaluate(shown) > before
+
+
+def test_links_lead_to_what_is_then_open(opened: Opened) -> None:
+    opened.at(1280)
+    places = opened.ask("[...document.querySelectorAll('nav a, a.word')].map(a => a.hash.slice(1))")
+    assert len(places) > 10
+    assert (
+        opened.ask("[...document.querySelectorAll('a')].filter(a => !document.getElementById(a.hash.slice(1))).length")
+        == 0
+    )
+    opened.page.locator("nav a", has_text="Environment").click()
+    opened.page.wait_for_function("document.getElementById('environment').closest('details').open")
+    word = opened.page.locator("a.word").first
+    word.focus()
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_function("document.getElementById('words').closest('details').open")
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")])
+def test_the_page_never_scrolls_sideways(opened: Opened, width: int, scheme: str) -> None:
+    opened.at(width, color_scheme=scheme)
+    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    assert opened.ask("document.documentElement.scrollWidth") <= width
+    colour = opened.ask("getComputedStyle(document.body).backgroundColor")
+    assert (colour == "rgb(255, 255, 255)") is (scheme == "light")
+
+
+def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
+    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = false; })")
+    opened.at(PAPER, 1000, media="print")
+    boxes = opened.ask(
+        """[...document.querySelectorAll('table, dl, figure > svg')]
+          .map(e => e.getBoundingClientRect()).map(box => [box.height, box.right])"""
+    )
+    assert all(height > 0 and right <= PAPER + 1 for height, right in boxes)
+    assert opened.ask("[...document.querySelectorAll('.moving')].filter(e => e.offsetHeight).length") == 0
+
+
+def test_a_page_of_paper_is_written_whole_or_not_at_all(
+    opened: Opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    html, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
+    html.write_text(page_of(laid_out("A page", [], [Paragraph("text")], [])), encoding="utf-8")
+    print_page(html, pdf)
+    assert pdf.read_bytes().startswith(b"%PDF")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.pdf"]
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(OutputError, match="none is found"):
+        print_page(html, tmp_path / "other.pdf")
+
+
+def test_only_what_a_page_needs_is_put_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "screwgauge.report.html.MOVING", {"chart": lambda: "CHARTS", "stage": lambda: "STAGES</script>"}
+    )
+    still, chart, stage = (Picture("x", "x", "<svg ></svg>", **more) for more in ({}, {"chart": "{}"}, {"stage": "{}"}))
+    texts = [page_of([picture]) for picture in (still, chart, stage)]
+    assert [("CHARTS" in text, "STAGES" in text) for text in texts] == [(False, False), (True, False), (False, True)]
+    assert "STAGES</script>" not in texts[2]
+
+
+def test_a_gallery_has_a_line_and_a_picture_of_each_report(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="has no reports"):
+        gallery(tmp_path)
+    picture = Picture("01-x", "x", "<svg ></svg>")
+    told = laid_out("One <report>", [Banner("They *agree*.", "✓ AGREE", "agree")], [], [], picture=picture)
+    for name in ("a", "b/c"):
+        write_report(tmp_path / name, lambda: told, {})
+    page = gallery(tmp_path)
+    for said in ("One &lt;report&gt;", "✓ AGREE They *agree*.", 'href="b/c/report.html"', 'src="a/plots/01-x.svg"'):
+        assert said in page
+
+
+def test_what_data_say_ends_no_script() -> None:
+    text = page_of([Picture("x", "x", "<svg ></svg>", stage=json.dumps({"title": "</script><script>alert(1)"}))])
+    assert "<script>alert" not in text

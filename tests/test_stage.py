@@ -1,0 +1,210 @@
+"""The mechanism in space: everything of the description is there, in its place, and small enough for a page."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.models.shapes import differing, shapes
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import layout, length
+from screwgauge.report.blocks import Items, Picture
+from screwgauge.report.stage.drawing import drawing
+from screwgauge.report.stage.picture import stage, told
+from screwgauge.study.motion import FRAMES
+
+SEEN = 2e-4  # of the mechanism's length: positions and quaternions have four decimals
+MOST = 400_000  # of the default scene, bytes
+
+
+@cache
+def solved() -> tuple[screwgauge.Scene, Picture]:
+    scene = screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 10.0, 300))
+    return scene, stage(scene, screwgauge.run(scene, engines=["screw"]).solutions)
+
+
+def data_of(picture: Picture) -> dict[str, Any]:
+    return json.loads(picture.stage)
+
+
+def placed(data: dict[str, Any], frame: int, body: int, point: Any) -> np.ndarray:
+    """Where the page puts a point of a body."""
+    px, py, pz, w, x, y, z = data["poses"][frame][7 * body : 7 * body + 7]
+    v, axis = np.array(point), np.array([x, y, z])
+    return np.array([px, py, pz]) + v + 2.0 * np.cross(axis, np.cross(axis, v) + w * v)
+
+
+def words_of(svg: str) -> list[str]:
+    return re.findall(r"<text[^>]*>([^<]*)</text>", svg)
+
+
+def test_bodies_are_where_the_motion_has_them() -> None:
+    scene, picture = solved()
+    data, mechanism = data_of(picture), scene.mechanism
+    lay = layout(mechanism)
+    unit, rows = length(lay), [int(np.argmin(np.abs(scene.t - t))) for t in data["t"]]
+    at = positions(lay, scene.motion.y[rows], scene.t[rows])
+    com, i = mechanism.body("platform").com, mechanism.body_index["platform"]
+    expected = (at.p[:, i] + at.R[:, i] @ com) / unit
+    found = np.array([placed(data, k, i, com / unit) - placed(data, k, 0, np.zeros(3)) for k in range(len(rows))])
+    assert len(rows) == FRAMES
+    assert found == pytest.approx(expected, abs=SEEN)
+
+
+def test_every_joint_and_body_has_its_shapes_and_those_that_are_driven_or_cut_have_more() -> None:
+    scene, picture = solved()
+    data, mechanism = data_of(picture), scene.mechanism
+    named = {group: {s["n"] for s in data["shapes"] if s["g"] == group} for group in ("links", "joints", "masses")}
+    assert named["links"] == named["masses"] == {body.name for body in mechanism.bodies}
+    assert named["joints"] == {joint.name for joint in mechanism.joints}
+    cages = {s["n"] for s in data["shapes"] if s["k"] == "cage"}
+    assert cages == {cut.name for cut in layout(mechanism).tree.cuts}
+    arrows = {s["n"] for s in data["shapes"] if s["k"] == "arrow" and s["g"] == "joints"}
+    assert arrows == {joint.name for joint in mechanism.actuators}
+
+
+def test_arrows_are_the_forces_to_scale() -> None:
+    scene, picture = solved()
+    data = data_of(picture)
+    load = next(one for one in data["arrows"] if one["g"] == "loads" and not one["m"])
+    assert load["v"][:3] == pytest.approx([0, 0, 0.3])
+    assert "1000 N" in data["scales"]["loads"]
+    groups = {one["g"] for one in data["arrows"]}
+    assert groups == {"loads", "actuators", "reactions"}
+    longest = max(np.linalg.norm(np.reshape(a["v"], (-1, 3)), axis=1).max() for a in data["arrows"])
+    assert longest == pytest.approx(0.3, abs=1e-3)
+    assert scene.mechanism.actuator_names == tuple(
+        one["n"].partition(",")[0] for one in data["arrows"] if one["g"] == "actuators"
+    )
+
+
+def test_the_default_scene_is_small() -> None:
+    assert len(solved()[1].stage.encode()) < MOST
+
+
+def test_words_say_what_the_paper_begins_with() -> None:
+    """Section 2.2: freedoms, constraints of each chain, and what redundant actuation leaves open."""
+    first, second, third, *_ = data_of(solved()[1])["words"]
+    assert "leg1 (UPU) takes one force along y through (-0.4, 0, 0) m" in first
+    assert "leg2 (UPS), leg3 (UPS) and leg4 (UPS) take nothing; s (S) takes three forces through s" in first
+    assert second == "That leaves platform two rotations through s, about x and y."
+    assert third.startswith("4 actuators for two degrees of freedom: two combinations of their forces move nothing")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("3-upu", "three translations along every axis"),
+        ("3-rps", "two rotations through (0.02, -0.01, 0.6) m, about x and y and one translation along z"),
+        ("delta", "three translations along every axis"),
+        ("stewart", "all six freedoms"),
+        ("sarrus", "one translation along z"),
+        ("a01-pendulum", "one rotation about z through pivot"),
+        ("bennett", "of 114 mm/rad"),
+        ("arm7", "all six freedoms"),
+    ],
+)
+def test_what_a_platform_or_hand_is_left_is_said(name: str, said: str) -> None:
+    (leaves,) = [text for text in data_of(stage(load_mechanism(name)))["words"] if text.startswith("That leaves")]
+    assert said in leaves
+
+
+def test_a_tree_with_several_ends_is_called_one() -> None:
+    assert data_of(stage(load_mechanism("a05-governor")))["words"][0].startswith("An open tree with 3 ends")
+
+
+def test_what_is_suspicious_is_marked_and_listed() -> None:
+    picture = stage(load_mechanism("screw-press"))
+    (sentence,) = data_of(picture)["doubts"]
+    assert any(isinstance(block, Items) and block.texts == (sentence,) for block in told(picture))
+    assert any(s["g"] == "doubts" and s["n"] == sentence for s in data_of(picture)["shapes"])
+    assert "!" in words_of(picture.svg)
+
+
+def test_a_simulation_moves_as_it_was_integrated() -> None:
+    scene = screwgauge.load_scene("a03-andrews-ivp").at([0.0, 0.01, 0.02])
+    data = data_of(stage(scene, screwgauge.run(scene, engines=["screw"]).solutions))
+    assert data["t"] == [0.0, 0.01, 0.02]
+    assert data["y"]["beta"][0] != data["y"]["beta"][2]
+
+
+def test_a_simulation_without_an_answer_stands_still() -> None:
+    assert data_of(stage(screwgauge.load_scene("a03-andrews-ivp")))["said"] == "home pose"
+
+
+@pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
+def test_every_mechanism_can_be_drawn_with_all_its_names_and_none_upon_another(name: str) -> None:
+    mechanism = load_mechanism(name)
+    svg = drawing(mechanism)
+    written = ", ".join(words_of(svg)).replace(":", ",").split(", ")
+    assert {body.name for body in mechanism.bodies} <= set(written)
+    assert {joint.name for joint in mechanism.joints if joint.kind != "F"} <= set(written)
+    boxes = [
+        (float(x), float(y) - 9.0, float(x) + 0.5 * 11.0 * len(text), float(y))
+        for x, y, text in re.findall(r'<text x="([\d.-]+)" y="([\d.-]+)" fill="[^"]*">([^<]*)</text>', svg)
+        if text != "!" and float(y) > 30.0
+    ]
+    for i, (a, b, c, d) in enumerate(boxes):
+        assert a > 0.0
+        assert c < 640.0
+        for e, f, g, h in boxes[:i]:
+            assert min(c, g) - max(a, e) <= 1.0 or min(d, h) - max(b, f) <= 1.0
+
+
+def test_many_bodies_are_drawn_without_their_names() -> None:
+    words = words_of(drawing(load_mechanism("a02-fourbar-40")))
+    assert "a0: crank" in words
+    assert len(words) < 12
+
+
+def test_names_are_text_whatever_they_are() -> None:
+    mechanism = load_mechanism("a01-pendulum")
+    odd = replace(mechanism, title="<script>&", bodies=(replace(mechanism.bodies[0], name="bob"),))
+    assert "<script>" not in drawing(odd)
+
+
+def flipped(mechanism: Mechanism, name: str) -> Mechanism:
+    joints = [replace(j, axes=-j.axes) if j.name == name else j for j in mechanism.joints]
+    return replace(mechanism, joints=tuple(joints))
+
+
+def test_a_forgotten_sign_of_an_axis_differs_in_its_arrow_alone() -> None:
+    mechanism = load_mechanism("3-rps")
+    found = differing(mechanism, flipped(mechanism, "leg2.base"))
+    assert {(one.name, one.kind) for one in found} == {("leg2.base", "arrow"), ("leg2.base", "rod")}
+    assert drawing(mechanism) != drawing(flipped(mechanism, "leg2.base"))  # seen alone, too
+
+
+def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
+    mechanism = load_mechanism("3-rps")
+    moved = [
+        replace(j, parent_frame=replace(j.parent_frame, p=1.1 * j.parent_frame.p)) if j.name == "leg1.base" else j
+        for j in mechanism.joints
+    ]
+    other = replace(mechanism, joints=tuple(moved))
+    assert {one.name for one in differing(mechanism, other)} >= {"leg1.base", "leg1.lower"}
+    assert differing(mechanism, mechanism) == []
+    picture = stage(mechanism, other=other)
+    assert "the other" in words_of(picture.svg)
+    assert any(s["g"] == "other" for s in data_of(picture)["shapes"])
+
+
+def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:
+    """Of a box or a ball: its moments are m (b^2 + c^2) / 5."""
+    unit = length(layout(paper))
+    for one in shapes(paper):
+        if one.kind == "ellipsoid":
+            body = paper.body(one.name)
+            half = np.linalg.norm(one.b, axis=0) * unit
+            axes = one.b / np.linalg.norm(one.b, axis=0)
+            moments = body.mass / 5.0 * (np.sum(half**2) - half**2)
+            assert axes @ np.diag(moments) @ axes.T == pytest.approx(body.inertia, abs=1e-5)

@@ -1,0 +1,100 @@
+"""Geometry and masses that are seldom meant: each is named by a sentence, and what is meant is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from screwgauge.models.catalog import load_mechanism, mechanism_names
+from screwgauge.reference.description import read_mechanism
+from screwgauge.reference.mechanism import Body, Frame, Mechanism
+from screwgauge.reference.rotations import rotation
+from screwgauge.reference.suspicious import suspicious
+
+#: Two hinges along z, a metre apart, with what follows put in place.
+ARM = """
+name = "arm"
+[independent]
+q1 = "a"
+q2 = "b"
+[bodies.one]
+mass = 1
+com = {com}
+inertia = {{ xx = {xx}, yy = 0.02, zz = 0.02 }}
+[bodies.two]
+mass = 1
+com = [0.5, 0, 0]
+inertia = {{ xx = 0.01, yy = 0.02, zz = 0.02 }}
+[joints.a]
+kind = "R"
+parent = "ground"
+child = "one"
+axes = [[0, 0, 1]]
+[joints.b]
+kind = "R"
+parent = "one"
+child = "two"
+axes = [{axis}]
+parent_frame.position = {at}
+"""
+PLAIN = {"com": [0.4, 0.1, 0], "xx": 0.01, "axis": [0, 0, 1], "at": [1, 0, 0]}
+
+
+@pytest.fixture
+def sentences(tmp_path):
+    def found(**changes) -> list[str]:
+        file = tmp_path / "arm.toml"
+        file.write_text(ARM.format(**{**PLAIN, **changes}), encoding="utf-8")
+        return [one.sentence for one in suspicious(read_mechanism(file, None))]
+
+    return found
+
+
+def test_a_plain_arm_is_not_suspicious(sentences) -> None:
+    assert sentences() == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"com": [0.4, 2.5, 0]}, "the centre of mass of one is 2.5 m away from its joints; its joints are 1 m apart"),
+        ({"axis": ["sin(0.001)", 0, "cos(0.001)"]}, "the axes of a and b are parallel but for 0.001 rad"),
+        ({"axis": ["cos(1e-6)", 0, "sin(1e-6)"]}, "the axes of a and b are at right angles but for 1e-06 rad"),
+        ({"axis": [1, 0, 0], "at": [0, 0.0004, 0.3]}, "the axes of a and b miss each other by 0.0004 m"),
+        ({"at": [0, 0, 1]}, "a and b turn about the same axis"),
+        ({"at": [0, 0, 0], "com": [0, 0, 0], "axis": [1, 0, 0]}, "one has no length: joints and centre of mass are at"),
+        ({"xx": 0.02}, "one has 0.02 kg m^2 about every axis, as a ball or a placeholder has it"),
+    ],
+)
+def test_what_is_odd_is_said(sentences, changes, said) -> None:
+    (sentence,) = sentences(**changes)
+    assert sentence.startswith(said)
+
+
+@pytest.mark.parametrize("changes", [{"axis": ["sin(0.1)", 0, "cos(0.1)"]}, {"axis": [1, 0, 0], "at": [0, 0.1, 0.3]}])
+def test_clear_angles_and_distances_are_meant(sentences, changes) -> None:
+    assert sentences(**changes) == []
+
+
+def test_a_body_without_mass_is_said(paper: Mechanism) -> None:
+    bodies = [Body(b.name, 0.0, np.zeros(3), np.zeros((3, 3))) if b.name == "leg2.lower" else b for b in paper.bodies]
+    (one,) = suspicious(replace(paper, bodies=tuple(bodies)))
+    assert (one.body, one.sentence) == ("leg2.lower", "leg2.lower has no mass of its own")
+
+
+@pytest.mark.parametrize("name", [name for name in mechanism_names() if name not in ("a05-governor", "screw-press")])
+def test_mechanisms_that_are_right_are_not_suspicious(name: str) -> None:
+    assert suspicious(load_mechanism(name)) == ()
+
+
+def test_frames_that_are_turned_make_no_difference(sentences, tmp_path) -> None:
+    """Axes are compared in the body, not by the numbers of the file."""
+    file = tmp_path / "arm.toml"
+    file.write_text(ARM.format(**PLAIN), encoding="utf-8")
+    mechanism = read_mechanism(file, None)
+    R = rotation(np.array([1.0, 0.0, 0.0]), np.array([0.002]))[0]
+    turned = replace(mechanism.joints[1], parent_frame=Frame(np.array([1.0, 0.0, 0.0]), R))
+    (one,) = suspicious(replace(mechanism, joints=(mechanism.joints[0], turned)))
+    assert one.sentence == "the axes of a and b are parallel but for 0.002 rad"

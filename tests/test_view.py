@@ -1,0 +1,196 @@
+"""The command ``view``: a page, a picture, MuJoCo's viewer; and what it says where it cannot."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import arm
+import pytest
+
+from screwgauge.cli import main
+from screwgauge.reference.errors import OutputError
+from screwgauge.report.pdf import browser
+
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+BLANK = 6000  # a picture without anything in it is smaller [bytes]
+SHOWN = 20e3  # longest wait for anything on the page [ms]
+STUCK = """
+name = "stuck"
+[independent]
+q = "a"
+[bodies.bob]
+mass = 1
+com = [0.5, 0, 0]
+inertia = { xx = 0.01, yy = 0.02, zz = 0.02 }
+[joints.a]
+kind = "R"
+parent = "ground"
+child = "bob"
+axes = [[0, 0, 1]]
+limits = [[0, 1e-9]]
+"""
+
+
+def test_the_page_is_written(tmp_path: Path) -> None:
+    file = tmp_path / "page.html"
+    assert main(["view", "a01-pendulum", "--out", str(file)]) == 0
+    text = file.read_text(encoding="utf-8")
+    assert "screwgaugeStage" in text
+    assert "That leaves bob one rotation about z through pivot." in text
+
+
+def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.png", tmp_path / "two.png"
+    assert main(["view", "3ups-upu-s", "--png", str(one)]) == 0
+    assert main(["view", "3ups-upu-s", "3ups-upu-s-offset", "--png", str(two)]) == 0
+    assert one.read_bytes()[:4] == two.read_bytes()[:4] == b"\x89PNG"
+    assert one.read_bytes() != two.read_bytes()
+
+
+def test_a_model_file_is_shown(tmp_path: Path) -> None:
+    urdf, mjcf = arm.write(tmp_path)
+    for file in (urdf, mjcf):
+        page = tmp_path / f"{file.suffix[1:]}.html"
+        assert main(["view", str(file), "--out", str(page)]) == 0
+        assert "screwgaugeStage" in page.read_text(encoding="utf-8")
+
+
+def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, capsys) -> None:
+    file = write("stuck.toml", STUCK)
+    page = tmp_path / "page.html"
+    assert main(["view", str(file), "--out", str(page)]) == 0
+    assert "shown at home, as no motion can be given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["3ups-upu"], "unknown scene, mechanism or model '3ups-upu'; did you mean '3ups-upu-s'?"),
+        (["missing.toml"], "missing.toml"),
+        (["text.urdf"], "text.urdf"),
+        (["a01-pendulum", "nothing"], "unknown scene, mechanism or model 'nothing'"),
+        (["a01-pendulum", "--out", "missing/page.html"], "missing/page.html: cannot be written (no such file or"),
+        (["a01-pendulum", "--png", "."], ".: cannot be written (is a directory)"),
+        (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png at once"),
+        (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served at"),
+        (["a01-pendulum", "--mujoco"], "MuJoCo's viewer needs a display, and there is none"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, said, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    Path("text.urdf").write_text("no model", encoding="utf-8")
+    assert main(["view", *arguments]) == 2
+    told = capsys.readouterr()
+    assert said in told.err
+    assert "Traceback" not in told.err
+    assert {path.name for path in tmp_path.iterdir()} == {"text.urdf"}
+
+
+def test_a_port_that_is_taken_is_said(capsys) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        assert main(["view", "a01-pendulum", "--port", str(taken.getsockname()[1])]) == 2
+    assert "cannot be served at (address already in use); leave --port out" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="interrupts are sent otherwise")
+def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
+    command = [sys.executable, "-m", "screwgauge.cli", "view", "a01-pendulum"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as served:
+        address = served.stdout.readline().split()[0]
+        try:
+            assert address.startswith("http://127.0.0.1:")
+            with urllib.request.urlopen(address) as answer:
+                assert b"screwgaugeStage" in answer.read()
+            for other in (
+                urllib.request.Request(f"{address}etc/passwd"),
+                urllib.request.Request(address, headers={"Host": "elsewhere.example:80"}),
+            ):
+                with pytest.raises(urllib.error.HTTPError, match="404"):
+                    urllib.request.urlopen(other)
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert served.wait() == 0
+        assert served.stderr.read() == ""
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, list[str]]]:
+    """The page of a slider-crank in a real browser; what it said and asked for."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    try:
+        program = browser()
+    except OutputError as error:
+        pytest.skip(str(error))
+    file, said = tmp_path_factory.mktemp("view") / "page.html", list[str]()
+    assert main(["view", "slider-crank", "--out", str(file)]) == 0
+    with playwright.sync_playwright() as driver:
+        window = driver.chromium.launch(executable_path=program, args=FLAGS)
+        page = window.new_page(viewport={"width": 900, "height": 800})
+        page.set_default_timeout(SHOWN)
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(file.as_uri())
+        page.on("request", lambda request: said.append(request.url))
+        page.wait_for_selector(".stage canvas")
+        yield page, said
+        window.close()
+
+
+def seen(page: Any) -> bytes:
+    """The picture, once it is drawn."""
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return bytes(page.locator(".stage canvas").screenshot())
+
+
+def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
+    page, said = opened
+    first = seen(page)
+    assert len(first) > BLANK
+    page.locator("input[type=range]").focus()
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+    assert seen(page) != first
+    assert "t = 0.000 s" not in page.locator(".stage output").text_content()
+    assert "crank = " in page.locator(".stage output").text_content()
+    assert said == []
+
+
+@pytest.mark.parametrize("group", ["axes", "frames", "masses", "ellipsoids", "actuators", "reactions", "wrenches"])
+def test_each_box_shows_and_hides(opened, group) -> None:
+    page, said = opened
+    before = seen(page)
+    page.click(f"input[name={group}]")
+    between = seen(page)
+    page.click(f"input[name={group}]")
+    assert between != before
+    assert seen(page) == before
+    assert said == []
+
+
+def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
+    page, said = opened
+    page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = s.max - 2; s.oninput(); }")
+    page.click(".stage button")
+    page.evaluate(
+        "new Promise(done => { const s = document.querySelector('input[type=range]'), look = () => "
+        "s.value === s.max ? done() : requestAnimationFrame(look); look(); })"
+    )
+    before, box = seen(page), page.locator(".stage canvas").bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 150)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 260, box["y"] + 180, steps=4)
+    page.mouse.up()
+    assert seen(page) != before
+    assert said == []
