@@ -252,9 +252,10 @@ def solve_newton_euler(
     system, rows, size = force_system(c, rule, units, length)
     b = np.concatenate([F, T], axis=2).reshape(len(F), -1) / rows
     right = np.concatenate([b, np.zeros(rule.shape[:2])], axis=1)
-    unknown = linear.solve(system, right[..., None])[..., 0]
+    inverse, condition = linear.inverted(system)  # one factorisation for three uses
+    unknown = (inverse @ right[..., None])[..., 0]
     if wide is not None:
         exact = np.concatenate([wide / rows[:, None], rule.astype(wide.dtype)], axis=1) * size
         residual = right - np.einsum("nij,nj->ni", exact, unknown)
-        unknown = unknown + linear.solve(system, residual.astype(system.dtype)[..., None])[..., 0]
-    return unknown * size, linear.condition(system)
+        unknown = unknown + (inverse @ residual.astype(system.dtype)[..., None])[..., 0]
+    return unknown * size, condition

@@ -1,21 +1,25 @@
-"""Diagrams are readable: axes fit what they show, awkward numbers are drawn all the same, mechanisms can be seen."""
+"""Figures are data that draw well: whatever the numbers and names, and the same each time."""
 
 from __future__ import annotations
 
+import json
+import re
 import subprocess
 import sys
 from itertools import combinations
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 from screwgauge.report.blocks import Picture
-from screwgauge.report.figures.labels import beside, guide, place
-from screwgauge.report.figures.page import Page, arrange, linear_scale, log_scale, panels, saved
-from screwgauge.report.figures.style import MARKERS, Look, by_camp, styled
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.bench import _error_and_time
+from screwgauge.report.figures.chart import thin
+from screwgauge.report.figures.looks import by_camp
 
-LOOK: Look = {"color": "#123456", "linestyle": (0, (2, 1)), "marker": "o"}
+HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 
 
 def texts(plot: Picture) -> list[str]:
@@ -23,106 +27,120 @@ def texts(plot: Picture) -> list[str]:
     return ["".join(node.itertext()) for node in nodes]
 
 
-@styled
-def drawn(x: object, y: object, *, log: bool = False, **look: object) -> Page:
-    page = panels(400.0, [100.0])
-    (ax,) = page.axes
-    ax.plot(x, y, **look)
-    (log_scale if log else linear_scale)(ax.yaxis)
-    ax.set(xlabel="t [s]", ylabel="q [m]")
-    arrange(
-        page, "A <title> & more", ["how to read it"], ["what is missing"], [{"a": LOOK}], {"b": LOOK}, (), {"c": LOOK}
-    )
-    return page
+def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", **more: Any) -> Picture:
+    """Curves over t = 0 to 1 s by their names."""
+    t = np.linspace(0.0, 1.0, len(next(iter(curves.values()))))
+    looks = by_camp(curves)
+    series = [
+        ({"panel": "", "curve": name, "engine": name, "colour": looks[name].colour, "kind": "line"}, t, np.array(v))
+        for name, v in curves.items()
+    ]
+
+    def build(moving: bool) -> chart.Spec:
+        told = chart.ways("curve", looks) | chart.ways("engine", looks) | chart.columns(1)
+        values = {**chart.curves(series, moving), "height": 100, "title": unit, "views": ["curves"]}
+        return chart.filled("curves", **told, **values)
+
+    return chart.picture("name", title, build, **more)
 
 
-def ticks(page: Page) -> list[tuple[float, str]]:
-    """Places and names of the ticks that are seen."""
-    (ax,) = page.axes
-    low, high = ax.get_ylim()
-    pairs = zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
-    return [(float(at), label.get_text()) for at, label in pairs if low <= at <= high]
+AWKWARD = ([0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan, np.nan], [-np.inf, 5.0, 6.0], [7.0])
 
 
-@pytest.mark.parametrize(
-    "values",
-    [[0.0, 1.0], [0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan, np.nan], [-np.inf, 5.0], [7.0]],
-)
-def test_a_linear_axis_covers_its_values_with_ticks_that_differ(values: list[float]) -> None:
-    page = drawn(range(len(values)), values)
-    low, high = page.axes[0].get_ylim()
-    finite = [v for v in values if np.isfinite(v)]
-    assert all(low < v < high for v in finite)
-    assert high - low > 0.99e-6 * max(map(abs, finite), default=0.0)  # what is smaller is rounding
-    seen = ticks(page)
-    assert 3 <= len(seen) <= 9
-    assert len({name for _, name in seen}) == len(seen)
-    for at, name in seen:
-        number = float(name.replace("\N{MINUS SIGN}", "-"))
-        assert number == pytest.approx(at, rel=1e-6, abs=1e-7 * (high - low))
+@pytest.mark.parametrize("values", AWKWARD, ids=str)
+def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice(values: list[float]) -> None:
+    plot = drawn({"screw": values}, notes=["how to read it"])
+    assert plot == drawn({"screw": values}, notes=["how to read it"])
+    assert {"A title", "how to read it", "q [m]", "t [s]", "screw"} <= set(texts(plot))
+    assert not {"NaN", "nan", "Infinity", "inf"} & set(re.findall(r"\w+", plot.svg))
+    json.loads(plot.chart, parse_constant=lambda sign: pytest.fail(sign))
+    assert len(set(texts(plot))) > 6 or not np.isfinite(values).all()  # axes have ticks that differ
+
+
+def test_texts_of_others_stay_texts() -> None:
+    plot = drawn({HOSTILE: [0.0, 1.0], "screw": [1.0, 0.0]}, HOSTILE, HOSTILE, notes=[HOSTILE])
+    nodes = list(ET.fromstring(plot.svg).iter())
+    assert not [node.tag for node in nodes if "script" in node.tag or any(key.startswith("on") for key in node.attrib)]
+    said = " ".join(texts(plot))
+    assert said.count("<script>alert(1)</script>") >= 3
+    assert said.count(300 * "w") >= 2  # nothing is cut
+    chart_texts = json.dumps(json.loads(plot.chart), ensure_ascii=False)
+    assert all(sign.isprintable() or sign == "\n" for sign in plot.svg + chart_texts)
+    assert not re.search(r"fetch|https?://(?!vega\.github\.io/schema|www\.w3\.org)", plot.svg + plot.chart)
+
+
+def test_a_chart_answers_and_its_still_picture_is_of_the_same_specification() -> None:
+    plot = drawn({"screw": [0.0, 1.0], "mujoco": [1.0, 0.0]})
+    live = json.loads(plot.chart)
+    assert {param["name"]: param["bind"] for param in live["params"]} == {"zoom": "scales", "engines": "legend"}
+    assert [param["value"] for param in live["params"][1:]] == [[{"engine": "screw"}, {"engine": "mujoco"}]]
+    (asked,) = (layer["encoding"]["tooltip"] for layer in live["layer"] if "tooltip" in layer["encoding"])
+    assert [item.get("title") for item in asked][:2] == ["t [s]", "q [m]"]
+    assert "clip" not in plot.svg
+    assert not re.search(r"\bid=", plot.svg)  # two in a page cannot be mixed up
 
 
 def test_a_logarithmic_axis_has_decades_or_parts_of_them() -> None:
-    errors = drawn(range(4), [3e-15, 2e-3, 0.0, np.nan], log=True)
-    low, high = errors.axes[0].get_ylim()
-    assert 1e-17 < low < 3e-15 < 2e-3 < high < 1
-    assert [name for _, name in ticks(errors)] == ["1e-15", "1e-13", "1e-11", "1e-9", "1e-7", "1e-5", "1e-3"]
-    assert [name for _, name in ticks(drawn(range(2), [0.01, 0.2], log=True))] == ["0.01", "0.02", "0.05", "0.1", "0.2"]
+    assert chart.logarithm("y", [3e-15, 2e-3, 0.0, np.nan])["y_axis"]["values"] == pytest.approx(
+        [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4]
+    )
+    assert chart.logarithm("x", [0.01, 0.2])["x_axis"]["values"] == pytest.approx([0.01, 0.02, 0.05, 0.1, 0.2])
+    assert chart.logarithm("x", [])["x_axis"]["values"] == [1.0]
 
 
-@styled
-def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice() -> None:
-    t = np.linspace(0.0, 1.0, 5)
-    for v in (np.zeros(5), np.full(5, np.nan), np.array([1.0, np.nan, np.inf, -np.inf, 2.0])):
-        pictures = []
-        for _ in range(2):
-            page = drawn(t, v, **LOOK)
-            (ax,) = page.axes
-            place(ax, [guide(ax, 0.5, "half & half", LOOK), beside((0.5, 0.5), "a < b", "#000000")])
-            pictures.append(saved(page, "name"))
-        said = {"A <title> & more", "half & half", "t [s]", "how to read it", "what is missing", "a", "b", "c"}
-        assert said <= set(texts(pictures[0]))
-        assert pictures[0] == pictures[1]
-        assert not {"nan", "inf"} & set(pictures[0].svg.replace('"', " ").split())
+@pytest.mark.parametrize("at", [0, 1, 4711, 9998, 10000])
+def test_peaks_and_ends_survive(at: int) -> None:
+    t = np.linspace(0.0, 10.0, 10001)
+    v = np.sin(t)
+    v[at] += 0.5
+    some = thin(v, 60)
+    assert at in some
+    assert {0, 10000} <= set(some)
+    assert len(some) <= 2 * 60 + 2
+    assert np.abs(np.interp(t, t[some], v[some]) - np.sin(t))[np.abs(t - t[at]) > 0.4].max() < 0.08
+    assert at in thin(np.abs(v - np.sin(t)), 120, lows=False)
 
 
-def test_nothing_that_stands_around_the_axes_covers_anything_else() -> None:
-    page = drawn([0.0, 1.0], [-1.23456, 9.87654], **LOOK)
-    assert {"t [s]", "q [m]", "7.5"} <= {text.get_text() for text in page.figure.texts}
-    boxes = [one.get_window_extent() for one in (*page.figure.texts, *page.figure.legends)]
-    boxes.append(page.axes[0].bbox)
-    for one, other in combinations(boxes, 2):
-        assert not one.overlaps(other)
-    assert all(page.figure.bbox.count_contains(box.corners()) == 4 for box in boxes)
+def test_gaps_stay_gaps() -> None:
+    v = np.sin(np.linspace(0.0, 10.0, 1001))
+    v[300:400] = np.nan
+    v[700] = np.nan  # one that has no stretch for itself
+    some = thin(v, 60)
+    assert 700 in some
+    assert np.isnan(v[some[(some >= 300) & (some < 400)]]).all()
+    assert np.isnan(v[thin(v, 60, lows=False)]).any()
+    plot = drawn({"screw": v[some]})
+    path = max(re.findall(r'<path[^>]* d="(M[^"]*)"[^>]*stroke="#0072B2"', plot.svg), key=len)
+    assert path.count("M") == 3
 
 
-@styled
-def test_names_stand_at_outer_axes_only_and_no_objects_are_made_for_ticks() -> None:
-    page = panels(400.0, [80.0, 80.0], 2, sharex=True, sharey=True)
-    for ax in page.axes:
-        ax.plot([0.0, 1.0], [2.0, 3.0])
-    arrange(page, "title")
-    words = texts(saved(page, ""))
-    assert words.count("0.25") == 2  # below both columns
-    assert words.count("2.5") == 2  # beside both rows
-    for axis in (axis for ax in page.axes for axis in (ax.xaxis, ax.yaxis)):
-        assert "majorTicks" not in vars(axis)  # matplotlib makes them as soon as they are asked for
+def test_labels_beside_points_do_not_cover_each_other() -> None:
+    places = 10.0 ** np.random.default_rng(3).uniform(-9, -3, (200, 2))
+    points = [
+        {"family": "screw", "x": x, "y": y, "label": f"setting {i}", "hollow": False, "joined": False}
+        for i, (x, y) in enumerate(places)
+    ]
+    axes = "Title", "run time", "error [1]"
+    others = [(1e-5, 1e-6, "Someone"), (1e-4, np.nan, "Quick"), (np.nan, 1e-8, "Exact")]
+    plot = _error_and_time("name", axes, points, by_camp(["screw"]), (), others)
+    found = re.findall(r'<text[^>]*translate\(([^,]+),([^)]+)\)[^>]*opacity="(\S+)"[^>]*>(?:setting|Someone)', plot.svg)
+    boxes = [(float(x), float(y)) for x, y, seen in found if float(seen) > 0.0]
+    assert len(places) > len(boxes) > 15
+    assert not [1 for (x, y), (u, v) in combinations(boxes, 2) if abs(y - v) < 7.0 and abs(x - u) < 12.0]
+    assert {"Quick", "Exact", "published by others"} <= set(texts(plot))
 
 
-@styled
-def test_lines_of_a_camp_share_its_colour_and_differ_in_marker_and_dash() -> None:
+def test_lines_of_a_camp_share_its_colour_and_differ_in_shape_and_dash() -> None:
     looks = by_camp([f"mujoco {k}" for k in range(12)] + ["screw", "pinocchio"])
-    assert len({look["color"] for look in looks.values()}) == 3
-    assert len({(look["color"], look["marker"], look["linestyle"]) for look in looks.values()}) == 14
-    shapes = {saved(drawn([1.0], [1.0], linestyle="", marker=marker), "").svg for marker in MARKERS}
-    assert len(shapes) == len(MARKERS)
+    assert len({look.colour for look in looks.values()}) == 3
+    assert len({(look.colour, look.shape, look.dash) for look in looks.values()}) == 14
 
 
-def test_only_what_draws_imports_matplotlib() -> None:
+def test_only_what_draws_imports_the_library() -> None:
     code = (
         "import sys, screwgauge.report.results, screwgauge.commands; "
-        "from screwgauge.report.pages import bench, bench_simulation, paper, run, stress; "
-        "print('matplotlib' in sys.modules)"
+        "from screwgauge.report.figures import bench, chart, diagnosis, history, paper, run, stress; "
+        "print('vl_convert' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -25,7 +25,7 @@ def test_screw_alone_imports_no_engine():
         "scene = screwgauge.load_scene('3ups-upu-s').at([0.0, 1.0])\n"
         "assert screwgauge.run(scene, engines=['screw']).ok"
     )
-    assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "matplotlib"}
+    assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "vl_convert"}
 
 
 def test_screw_alone_on_the_command_line_imports_no_engine(paper_scene, tmp_path):
@@ -36,7 +36,7 @@ def test_screw_alone_on_the_command_line_imports_no_engine(paper_scene, tmp_path
 
 def test_help_imports_not_even_numpy():
     code = "import screwgauge.cli\ntry:\n    screwgauge.cli.main(['--help'])\nexcept SystemExit: pass"
-    assert not modules_after(code) & {"numpy", "pandas", "matplotlib", "pinocchio", "mujoco"}
+    assert not modules_after(code) & {"numpy", "pandas", "vl_convert", "pinocchio", "mujoco"}
 
 
 @cache

@@ -26,10 +26,7 @@ from screwgauge.reference.errors import OutputError
 from screwgauge.report import folder as writing
 from screwgauge.report.blocks import Picture, Table
 from screwgauge.report.figures import run as drawing
-from screwgauge.report.figures.page import arrange, panels, saved
-from screwgauge.report.figures.run import bin_maxima
 from screwgauge.report.figures.selection import default_figures
-from screwgauge.report.figures.style import styled
 from screwgauge.report.formatting import number, size
 from screwgauge.report.html import fragment
 from screwgauge.report.markdown import markdown
@@ -412,52 +409,6 @@ def test_a_single_sample_can_be_reported(make: Make, tmp_path: Path) -> None:
     assert "1, t = 0 s" in text
 
 
-@styled
-def corners(t: Any, v: Any) -> np.ndarray:
-    """Corners of a curve of t = 0 to 10 as it is drawn, 100 points high over -4 to 4. Shape (n, 2), time and value."""
-    page = panels(500.0, [100.0])
-    (ax,) = page.axes
-    ax.plot(t, v, color="#123456")
-    ax.set(xlim=(0.0, 10.0), ylim=(-4.0, 4.0))
-    arrange(page, "")
-    svg = saved(page, "").svg
-    (path,) = re.findall(r'<path d="([^"]*)"[^>]*stroke: #123456', svg)
-    height = float(re.search(r'viewBox="0 0 \S+ (\S+)"', svg)[1])  # type: ignore[index]
-    places = np.array(re.findall(r"[ML] (\S+) (\S+)", path), dtype=float)
-    return np.array(ax.transData.inverted().transform(np.column_stack([places[:, 0], height - places[:, 1]])))
-
-
-@pytest.mark.parametrize("at", [1, 4711, 9998])
-def test_peaks_survive_drawing(at: int) -> None:
-    t = np.linspace(0.0, 10.0, 10001)
-    v = np.sin(t)
-    v[at] += 0.5
-    shown = corners(t, v)
-    assert shown[np.abs(shown[:, 0] - t[at]) < 0.01, 1].max() == pytest.approx(v[at], abs=0.01)
-    assert len(shown) < 200
-    assert np.abs(np.interp(t, *shown.T) - np.sin(t))[np.abs(t - t[at]) > 0.02].max() < 0.04  # half a point
-    assert bin_maxima(t, np.abs(v - np.sin(t)))[1].max() == pytest.approx(0.5)
-
-
-def test_a_crowded_curve_stays_small_and_keeps_its_peak() -> None:
-    t = np.linspace(0.0, 10.0, 10001)
-    v = np.sin(900.0 * t)
-    v[5000] = 3.0
-    shown = corners(t, v)
-    assert len(shown) < 5000
-    assert shown[:, 1].max() == pytest.approx(3.0, abs=0.01)
-
-
-def test_gaps_stay_gaps() -> None:
-    t = np.linspace(0.0, 10.0, 1001)
-    v = np.sin(t)
-    v[300:400] = np.nan
-    shown = corners(t, v)[:, 0]
-    assert not ((shown > t[300]) & (shown < t[399])).any()
-    assert (shown.min(), shown.max()) == (pytest.approx(0.0, abs=0.01), pytest.approx(10.0, abs=0.01))
-    assert np.isnan(bin_maxima(t, np.abs(v))[1]).any()
-
-
 def test_samples_that_an_engine_did_not_solve_are_no_gap(make: Make) -> None:
     some = np.arange(0, N, 5)
     results = make(nan=True)
@@ -528,6 +479,6 @@ def test_environment_names_no_place_or_person() -> None:
 
 def test_environment_imports_no_engine() -> None:
     code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
-    code = "names = ['pinocchio', 'mujoco', 'matplotlib']; " + code
+    code = "names = ['pinocchio', 'mujoco', 'vl_convert']; " + code
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[False, False, False]"

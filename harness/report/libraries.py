@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import distribution, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,8 @@ def chart() -> str:
     kept, _ = cache.read("vega", release)  # whole, or computed anew
     if kept is not None:
         return kept["script"].tobytes().decode()
-    script = str(vl_convert.javascript_bundle())
+    bundle: Any = vl_convert.javascript_bundle  # its types ask for what is optional
+    script = str(bundle())
     cache.write("vega", release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})
     return script
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.environment import environment, json_text
+from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, written
@@ -63,14 +63,6 @@ def write_report(
         what = f"the report could not be made ({type(error).__name__}: {error})"
         raise ReportError(what, str(out), "its numbers are there; --debug shows where it broke") from error
     return out
-
-
-def write_table(
-    out: Path, name: str, found: pd.DataFrame, report: Callable[[pd.DataFrame, Mapping[str, Any]], Sequence[Block]]
-) -> Path:
-    """Writes the report of a study that is one table: this as `name`, ``environment.json``, and what tells of both."""
-    record = environment()
-    return write_report(out, lambda: report(found, record), {name: found, "environment.json": record})
 
 
 def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:

@@ -100,7 +100,9 @@ def _error_and_time(
     title, across, up = axes
     lines = {family: [p for p in points if p["family"] == family] for family in looks}
     shown = {family: look for family, look in looks.items() if lines[family]}
-    drawn = [{"family": OTHERS, "x": x, "y": max(y, ZERO), "label": who} for x, y, who in others if np.isfinite(x * y)]
+    drawn: list[Spec] = [
+        {"family": OTHERS, "x": x, "y": max(y, ZERO), "label": who} for x, y, who in others if np.isfinite(x * y)
+    ]
     shown |= {OTHERS: Look(INK, shape=STAR)} if drawn else {}
     rows = [[p | {"i": i} for i, p in enumerate(line)] for line in lines.values()]
     # the ends of a line say most, and the first labels find a place

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,10 +119,10 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (_plain({**head, **build(moving)}) for moving in (False, True))
-    still, draw = _still(still), vl_convert.vegalite_to_svg
+    still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
     if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
         still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
-        draw = vl_convert.vega_to_svg
+        draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
     svg = draw(json.dumps(still))
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
 
@@ -160,7 +160,7 @@ def _plain(value: Any) -> Any:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Samples that show as much as all: the largest (and smallest) of each stretch, and where one has no number.
+    """Samples that show as much as all: ends, largest (and smallest) of each stretch, a gap where one has no number.
 
     Args:
         values: Shape (n,).
@@ -178,4 +178,5 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
     found = [np.where(gap, -np.inf, values[at]).argmax(axis=1)]
     found += [np.where(gap, np.inf, values[at]).argmin(axis=1)] if lows else []
     missing, each = gap.any(axis=1) if lows else gap.all(axis=1), np.arange(bins)
-    return np.unique(np.concatenate([*(at[each, one] for one in found), at[each, gap.argmax(axis=1)][missing]]))
+    gaps = at[each, gap.argmax(axis=1)][missing]
+    return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in found), gaps]))

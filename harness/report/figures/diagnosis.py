@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import numbered
 
 if TYPE_CHECKING:
@@ -21,7 +22,11 @@ def make_plots(found: Diagnosis) -> list[Picture]:
     if found.attribution is None or not found.attribution.steps:
         return []
     rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
-    points = [{"joint": row[0], "when": name, "x": max(row[k], FLOOR)} for name, k in told.items() for row in rows]
+    points: list[Spec] = [
+        {"joint": row[0], "when": name, "x": max((row[1], row[2])[k - 1], FLOOR)}
+        for name, k in told.items()
+        for row in rows
+    ]
     looks = chart.ways("when", {name: numbered(k) for name, k in told.items()})
     joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
     ranking = found.attribution.ranking[:MOST]

@@ -6,6 +6,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import numbered
 
 MOST = 7  # scenes that are drawn; all are in the table
@@ -18,7 +19,7 @@ def make_plots(found: pd.DataFrame) -> list[Picture]:
     table = found.assign(name=found["scene"].astype(str), x=found.groupby("scene").cumcount() + 1)
     table = table[table["name"].isin(told["name"])].astype({"digits": float, "seconds": float})
     across = {"x_title": "check", "x_scale": {}, "x_axis": {"tickMinStep": 1}, "height": 110}
-    scales = {"y_scale": {}, "y_axis": {}}, chart.logarithm("y", table["seconds"])
+    scales: tuple[Spec, Spec] = {"y_scale": {}, "y_axis": {}}, chart.logarithm("y", table["seconds"])
     for column, title, scale in zip(("digits", "seconds"), ("digits", "time [s]"), scales, strict=True):
         points = table.assign(y=table[column])[["name", "x", "y"]].to_dict("records")
         panels.append(chart.filled("points", points=points, y_title=title, **across, **scale, **told))

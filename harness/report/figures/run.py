@@ -140,7 +140,7 @@ def _lower(
     A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
     """
     low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
-    values = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[1]:g}"}
+    values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[1]:g}"}
     values |= {"title": title, "label": f"{title}: ", "axis": "log", "marked": 0.0, **more}
     return {**chart.curves(series, moving), **chart.ways("pair", looks), **values}
 

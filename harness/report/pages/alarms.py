@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from screwgauge.report.blocks import Block, Heading, Items, Paragraph, Table, facts
-from screwgauge.report.write import write_table
+from screwgauge.report.blocks import Banner, Block, Heading, Items, Paragraph, Table
+from screwgauge.report.study import Study
 from screwgauge.study.gate.alarms import CHANGE, NAME
-
-DATA = (NAME, "environment.json")
 
 
 def terminal(found: pd.DataFrame) -> list[Block]:
@@ -41,15 +38,8 @@ def passed(found: pd.DataFrame) -> bool:
     return n > refused and bool(tried) and not alarms and not missed
 
 
-def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    head = Heading("False alarms and missed changes", 1)
-    return [head, *terminal(found), Heading("Environment"), facts(record)]
-
-
-def write(found: pd.DataFrame, out: Path) -> Path:
-    """Writes ``alarms.csv``, the report and ``environment.json``."""
-    return write_table(out, NAME, found, report)
+def _banner(found: pd.DataFrame) -> Banner:
+    return Banner(sentence(found), *(("✓ PASSED", "agree") if passed(found) else ("✗ FAILED", "differ")))
 
 
 def _counts(rows: pd.DataFrame) -> tuple[int, int, int, int, int]:
@@ -67,3 +57,11 @@ def _counts(rows: pd.DataFrame) -> tuple[int, int, int, int, int]:
 def _because(row: Mapping[str, Any]) -> str:
     missed = f"{row['parameter']} by {row['share']} missed ({row['error']}, tolerance {row['tolerance']})"
     return "; ".join([*([row["reason"]] if row["reason"] else []), *([missed] if row["caught"] == "no" else [])])
+
+
+def _body(found: pd.DataFrame) -> list[Block]:
+    return [Heading("By family"), *terminal(found)[1:]]
+
+
+PAGE = Study(NAME, "False alarms and missed changes", _banner, _body, terminal)
+DATA, write = PAGE.DATA, PAGE.write

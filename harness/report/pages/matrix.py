@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 import pandas as pd
 
 from screwgauge.casebook.book import CASES
-from screwgauge.report.blocks import Block, Folded, Heading, Items, Marked, Paragraph, Table, facts
-from screwgauge.report.formatting import Row, number, rows
-from screwgauge.report.write import write_table
+from screwgauge.report.blocks import Banner, Block, Folded, Items, Paragraph, Table
+from screwgauge.report.formatting import Row, listed, number, rows
+from screwgauge.report.study import Study, said
 from screwgauge.study.matrix import COLUMNS
 
 NAME = "matrix.csv"
-DATA = (NAME, "environment.json")
 ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
 #: Column -> what became of a case.
 STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
-MEANING = """Each row is a fresh environment with these versions, in which `screwgauge check --smoke` looks at all
-built-in scenes: how many pass, the fewest digits of two engines that agree, and where. **Cases** of the casebook are
-discrepancies that have a name: how many `screwgauge diagnose --case` shows there."""
-DEPENDS = """What is shown (the symptom is there) with some versions and not (-) with others; of engines that say
-nothing of the kind, or other functions, the reproduction failed."""
 
 
 def terminal(found: pd.DataFrame) -> list[Block]:
@@ -31,24 +21,18 @@ def terminal(found: pd.DataFrame) -> list[Block]:
     return [_pairs(found), *_reasons(found)]
 
 
-def report(found: pd.DataFrame, record: Mapping[str, Any]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    return [
-        Heading("Versions of Pinocchio and MuJoCo", 1),
-        Paragraph(Marked(MEANING)),
-        _pairs(found),
-        *_reasons(found),
-        Heading("Discrepancies that depend on the version"),
-        Paragraph(DEPENDS),
-        *_cases(found),
-        Heading("Environment"),
-        facts({key: record[key] for key in ("platform", "cpu", "cores", "python", "commit") if key in record}),
-    ]
+def _banner(found: pd.DataFrame) -> Banner:
+    good, bad = sum(found["status"] == "agree"), [f"pin {r['pin']}, mujoco {r['mujoco']}" for r in rows(found)]
+    bad = [name for name, status in zip(bad, found["status"], strict=True) if status != "agree"]
+    text = (
+        f"On {good} of {len(found)} pairs of versions all built-in scenes pass.{f' Not on {listed(bad)}.' * bool(bad)}"
+    )
+    return Banner(text, *(("✗ NOT ALL AGREE", "differ") if bad else ("✓ AGREE", "agree")))
 
 
-def write(found: pd.DataFrame, out: Path) -> Path:
-    """Writes ``matrix.csv``, the report and ``environment.json``."""
-    return write_table(out, NAME, found[[*COLUMNS]], report)
+def _body(found: pd.DataFrame) -> list[Block]:
+    depends = said("Discrepancies that depend on the version", *_cases(found))
+    return [*said("Versions", _pairs(found), *_reasons(found)), *depends]
 
 
 def _pairs(found: pd.DataFrame) -> Table:
@@ -92,3 +76,7 @@ def _broken(row: Row, package: str) -> bool:
     own = {name for name, case in CASES.items() if case.engines == (ENGINES[package],)}
     failed, others = {*row["failed"].split()} & own, {*row["shown"].split(), *row["not_shown"].split()} & own
     return bool(failed) and not others
+
+
+PAGE = Study(NAME, "Versions of Pinocchio and MuJoCo", _banner, _body, terminal, tuple(COLUMNS))
+DATA, write = PAGE.DATA, PAGE.write

@@ -91,13 +91,14 @@ def headline(found: Stress) -> str:
     """Who gives wrong numbers without a word and from where on, what our own solver does, and counts."""
     first, parts = {case.name: max if case.falling else min for case in found.cases}, list[str]()
     axes, own = {case.name: case.axis for case in found.cases}, {row.engine.split()[0] for row in found.rows if row.own}
+    asked = grouped(_named(found), "who")
     bad = grouped([row for row in _named(found) if row["verdict"] == SILENT], "who")
     for (engine,), group in bad.items():
         cases = grouped(group, "case")
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
         at = number(first[case](row["severity"] for row in some), 3)
         where = f"worst in {case}, from {axes[case]} = {at} on"
-        parts.append(f"{engine} in {len(cases)} of {len(found.cases)} cases ({where})")
+        parts.append(f"{engine} in {len(cases)} of {len(grouped(asked[engine,], 'case'))} cases ({where})")
     told = [f"Made extreme, these give wrong numbers without a word: {'; '.join(parts)}."] if parts else []
     if not parts:
         told = ["Made extreme, no engine gives a wrong number without saying so."]
