@@ -116,6 +116,7 @@ def _error_and_time(
     values |= chart.logarithm("x", [p["x"] for p in [*drawn, *upright]], chart.TIME)
     values |= chart.logarithm("y", [p["y"] for p in [*drawn, *level]])
     spec = chart.filled("error-time", points=drawn, **values, **chart.ways("family", shown))
+    spec["layer"] = [layer for layer in spec["layer"] if layer.get("data", spec["data"])["values"]]
     return chart.picture(name, title, lambda moving: spec, notes)
 
 

@@ -129,18 +129,28 @@ def _differences(found: dict[str, Apart], tolerance: float | None, title: str, m
             looks[name] = Look(GREY, dash)
             ends = np.array([times.min(), times.max()])
             series.append(({"pair": name, "kind": "line"}, ends, np.full(2, level)))
-    return _lower(series, looks, title, (floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0)), moving)
+    return _lower(
+        series, looks, title, (floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0), 1.1 * high), moving
+    )
 
 
 def _lower(
-    series: Sequence[Curve], looks: dict[str, Look], title: str, ends: tuple[float, float], moving: bool, **more: object
+    series: Sequence[Curve],
+    looks: dict[str, Look],
+    title: str,
+    ends: tuple[float, float, float],
+    moving: bool,
+    **more: object,
 ) -> Spec:
     """Values of a panel with a logarithmic axis, which a parameter makes linear.
 
     A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
+
+    Args:
+        ends: Of the logarithmic axis, and the upper one of the linear axis, from 0.
     """
     low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
-    values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[1]:g}"}
+    values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[2]:g}"}
     values |= {"title": title, "label": f"{title}: ", "axis": "log", "marked": 0.0, **more}
     return {**chart.curves(series, moving), **chart.ways("pair", looks), **values}
 
@@ -160,7 +170,9 @@ def _condition(name: str, comparison: Comparison) -> Picture:
             some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
             said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
-        return chart.filled("differences", **_lower(series, looks, title, (low, high), moving, axis=axis, marked=1.0))
+        return chart.filled(
+            "differences", **_lower(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
+        )
 
     return chart.picture(name, "Condition number of the closure along the path", build)
 
