@@ -178,11 +178,14 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
 
 
 def idle_forces(lay: Layout, at: Pose) -> Array:
-    """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal."""
+    """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
+
+    None are told at a singular pose, where rates are not numbers.
+    """
     rates = [velocities(lay, at, e[None]).w[0] for e in np.eye(len(lay.mechanism.independent))]
     sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
     work = np.array(rates)[:, lay.mechanism.actuated_columns] / sizes
-    return linear.null_space(work) if work.size else np.zeros((work.shape[1], 0))
+    return linear.null_space(work) if work.size and np.isfinite(work).all() else np.zeros((work.shape[1], 0))
 
 
 def _in_metres(found: Sequence[Element], unit: float) -> tuple[Element, ...]:

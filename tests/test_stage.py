@@ -196,6 +196,7 @@ def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
     picture = stage(mechanism, other=other)
     assert "the other" in words_of(picture.svg)
     assert any(s["g"] == "other" for s in data_of(picture)["shapes"])
+    assert "leg1.base" in told(picture)[0].text
 
 
 def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:

@@ -21,7 +21,7 @@ from screwgauge.report.pdf import browser
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
-SHOWN = 20e3  # longest wait for anything on the page [ms]
+SHOWN = 60e3  # longest wait for anything on the page, drawn without a graphics card on a busy machine [ms]
 STUCK = """
 name = "stuck"
 [independent]

@@ -44,10 +44,12 @@ def stage(
 
 
 def told(picture: Picture) -> list[Block]:
-    """What stands beside the picture of a mechanism: how it is held, and what looks odd."""
+    """What stands beside the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
     found = json.loads(picture.stage)
     odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
-    return [Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
+    differs = dict.fromkeys(shape["n"] for shape in found["shapes"] if shape["g"] == "other")
+    other = [Paragraph(f"Elsewhere in the other: {', '.join(differs)}.")] if differs else []
+    return [*other, Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
 
 
 def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
