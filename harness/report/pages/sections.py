@@ -28,6 +28,7 @@ from screwgauge.report.blocks import (
 from screwgauge.report.formatting import (
     FORMS,
     Row,
+    beyond,
     digits_text,
     grouped,
     listed,
