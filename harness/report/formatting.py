@@ -62,6 +62,11 @@ def digits_text(scaled: float) -> str:
     return "NaN" if np.isnan(value) else f"{value:.1f}"
 
 
+def beyond(error: float, tolerance: float) -> float:
+    """Error as a multiple of what is admitted; infinite where it is no number, or nothing is admitted."""
+    return error / tolerance if tolerance > 0.0 and not missing(error) else float("inf")
+
+
 def duration(seconds: float) -> str:
     """``12.3 µs``; empty where it was not measured."""
     if missing(seconds):

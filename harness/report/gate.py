@@ -12,7 +12,7 @@ from typing import Any
 
 from screwgauge.environment import json_text
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Table
-from screwgauge.report.formatting import digits_text, number, size, unit_text
+from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
@@ -96,10 +96,9 @@ class Check:
 
     def worst(self) -> list[Block]:
         """The three that come nearest to their tolerance, or are farthest beyond it."""
-        order = sorted(
-            self.rows, key=lambda row: (row.ok, -row.worst.error / row.worst.tolerance if row.worst else 0.0)
-        )
-        return [Table(HEAD[:-1], tuple(_cells(row)[:-1] for row in order[:3]))] if order else []
+        sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in self.rows if row.worst is not None]
+        order = sorted(sized, key=lambda pair: pair[0], reverse=True)
+        return [Table(HEAD[:-1], tuple(_cells(row)[:-1] for _, row in order[:3]))] if order else []
 
     def _tolerances(self) -> list[Block]:
         """The largest of each quantity by where they come from."""

@@ -28,6 +28,7 @@ from screwgauge.report.blocks import (
 from screwgauge.report.formatting import (
     FORMS,
     Row,
+    beyond,
     digits_text,
     grouped,
     listed,
@@ -72,7 +73,7 @@ def worst_three(results: Comparison) -> list[Block]:
     found = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     found += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
-    order = sorted(found, key=lambda x: -np.inf if missing(x["max_scaled"]) else -x["max_scaled"] / x["tolerance"])
+    order = sorted(found, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
     three = _shown(group[0] for group in list(grouped(order, "what").values())[:3])
     cells = [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
     columns = "worst numbers = what | between = who | off by = off | digits = reached | needed = tolerance:as_digits"
