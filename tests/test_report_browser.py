@@ -71,12 +71,6 @@ def opened(report: list[Any], tmp_path_factory: pytest.TempPathFactory) -> Itera
         window.close()
 
 
-def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:
-    """The last to look may find more: what all others here have done."""
-    assert opened.asked == [opened.path.as_uri()]
-    assert opened.said == []
-
-
 def test_a_page_that_asks_is_seen_and_not_served(opened: Opened) -> None:
     opened.ask("fetch('https://example.org/').catch(() => 0)")
     assert any("Content Security Policy" in text for text in opened.said)
@@ -173,6 +167,12 @@ def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
     )
     assert all(height > 0 and right <= PAPER + 1 for height, right in boxes)
     assert opened.ask("[...document.querySelectorAll('.moving')].filter(e => e.offsetHeight).length") == 0
+
+
+def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:
+    """The last test of the page: whatever was done to it before."""
+    assert opened.asked == [opened.path.as_uri()]
+    assert opened.said == []
 
 
 def test_a_page_of_paper_is_written_whole_or_not_at_all(

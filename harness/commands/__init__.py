@@ -101,10 +101,11 @@ def run(options: argparse.Namespace) -> int:
         browser()  # or none is found, which is told before any work
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
+    more: Any = {"limits": limits(options), "warn": lambda text: complain(f"screwgauge: warning: {text}")}
     results = carry_out(
         page,
         out,
-        lambda progress: run(scene, engines, quantities, progress=progress, warn=_warn, limits=limits(options)),
+        lambda progress: run(scene, engines, quantities, progress=progress, **more),
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
         samples=options.samples,
         errata=options.errata,
@@ -257,7 +258,6 @@ def carry_out(
     """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
 
     Args:
-        page: Has DATA, write and terminal: a module of pages, or a study's.
         work: Takes the progress.
         tell: What to print of what was found; by default what the page has for a terminal.
         again: File that the same command goes on from.
@@ -298,7 +298,3 @@ def limits(options: argparse.Namespace) -> Limits:
 
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _warn(sentence: str) -> None:
-    complain(f"screwgauge: warning: {sentence}")

@@ -38,9 +38,9 @@ def laid_out(
         picture: What stands on the first screen.
     """
     front = Front((*banners, *first, *([picture] if picture else [])))
-    blocks = [Heading(title, 1), front, *body]
+    blocks: list[Block] = [Heading(title, 1), front, *body]
     words = _used(markdown([*blocks, *(appendix := list(appendix))]))
-    glossary = [Heading("Words"), Glossary(words)] if words else []
+    glossary: list[Block] = [Heading("Words"), Glossary(words)] if words else []
     return [*blocks, Appendix((*appendix, *glossary))]
 
 

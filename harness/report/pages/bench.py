@@ -51,7 +51,8 @@ def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
         *section("Known limitations"),
     ]
     cheapest = _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1])
-    shown, first = [table(cheapest, CHEAPEST)] if cheapest else list[Block](), next(iter(over_time), None)
+    shown: list[Block] = [table(cheapest, CHEAPEST)] if cheapest else []
+    first = next(iter(over_time), None)
     return bench_report(bench, headline(bench), body, appendix, shown, first)
 
 

@@ -29,7 +29,7 @@ TERMINAL = "family | tolerance, step = label | observable = scaled | energy [J] 
 
 def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``."""
-    section, plan, (first, *others) = partial(blocks.section, "bench_simulation"), found.plan, [*pictures, None]
+    section, plan, drawn = partial(blocks.section, "bench_simulation"), found.plan, list(pictures)
     how = {
         "threads": "One thread for linear algebra." if found.environment["one_thread"] else "Threads were not limited.",
         "reference": found.reference,
@@ -39,15 +39,16 @@ def report(found: Bench, pictures: Iterable[Picture]) -> list[Block]:
         "budget": number(plan.budget),
     }
     about = [Paragraph(found.scene.description)] if found.scene.description else []
-    drawn = [picture for picture in others if picture]
-    body = [*section("Error against processor time", *about, *drawn, table(_rows(found), SHOWN))]
+    body = [*section("Error against processor time", *about, *drawn[1:], table(_rows(found), SHOWN))]
     appendix = [
         *section("Slopes", slopes(found.fits, "No contestant's error is a power of what is varied.")),
         *section("How it was measured", *([Items(found.notes)] if found.notes else []), **how),
         *section("Environment", facts({**judged(found.provenance), **found.environment})),
     ]
     cheapest = table(_cheapest(found), "digits | cheapest | setting | processor time = cpu | next | times as long")
-    return bench_report(found, headline(found), body, appendix, [cheapest] if cheapest.body else [], first)
+    return bench_report(
+        found, headline(found), body, appendix, [cheapest] if cheapest.body else [], next(iter(drawn), None)
+    )
 
 
 def write(found: Bench, out: Path) -> Path:

@@ -52,7 +52,7 @@ def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, A
     body += [Heading("What the libraries compute"), *_witnesses(found)]
     body += [Heading("All readings"), *_matrix(found.matrix)] if found.matrix else []
     appendix: list[Block] = [
-        *([Heading("Notes"), Items(found.notes)] if found.notes else []),
+        *((Heading("Notes"), Items(found.notes)) if found.notes else ()),
         *(Heading("Which joint is which"), _map(found)),
         *(Heading("What was not read"), _ignored(found)),
         *(Heading("Files"), facts({"A": _file(found.a), "B": _file(found.b)})),
