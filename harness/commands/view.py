@@ -11,17 +11,22 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.console import complain, say
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
+
+if TYPE_CHECKING:
+    from screwgauge.reference.mechanism import Mechanism
+    from screwgauge.scene.scene import Scene
+    from screwgauge.solution import Solution
 
 
 def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, beside another one if there are two."""
+    from screwgauge.scene.scene import Scene
+
     chosen = [name for name in ("out", "png", "mujoco", "port") if getattr(options, name) not in (None, False)]
     if len(chosen) > 1:
         raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
@@ -74,6 +79,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
     from screwgauge.report.blocks import Heading, Paragraph
     from screwgauge.report.html import page
     from screwgauge.report.stage.picture import stage, told
+    from screwgauge.scene.scene import Scene
 
     mechanism = what.mechanism if isinstance(what, Scene) else what
     moving = isinstance(what, Scene) and other is None  # two are compared at home

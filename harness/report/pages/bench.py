@@ -13,7 +13,7 @@ from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Folded, Items, Marked, Paragraph, Picture, Table, facts, table
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.layout import laid_out
-from screwgauge.report.pages.sections import judged, short_judged
+from screwgauge.report.pages.sections import judged, short
 from screwgauge.report.write import write_report
 from screwgauge.study.bench.contestant import count
 from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, bench_table, reach, timing_table
@@ -62,7 +62,7 @@ def bench_report(
     """A bench of any scene: `found` in a few sentences, `first` what is cheapest."""
     good, name = bench.complete and all(fit.ok for fit in bench.fits), bench.scene.title or bench.scene.name
     banner = Banner(found, "✓ MEASURED" if good else "✗ NOT ALL MEASURED AS EXPECTED", "agree" if good else "differ")
-    about: dict[str, Any] = {**short_judged(bench.provenance), "compared": count(len(bench.scene.t), "sample")}
+    about: dict[str, Any] = {**short(judged(bench.provenance)), "compared": count(len(bench.scene.t), "sample")}
     about |= {"errors against": bench.reference, "machine": bench.environment.get("cpu", "")}
     title = f"{name}: error against run time"
     return laid_out(title, [banner], body, appendix, first=[*first, facts(about)], picture=picture)

@@ -26,7 +26,7 @@ from screwgauge.report.blocks import (
 )
 from screwgauge.report.formatting import number, unit_text
 from screwgauge.report.layout import laid_out
-from screwgauge.report.pages.sections import judged, short_judged
+from screwgauge.report.pages.sections import judged, short
 from screwgauge.report.write import write_report
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -36,6 +36,7 @@ from screwgauge.study.paper.measure import NUMBERS, Paper, is_the_papers, measur
 from screwgauge.study.provenance import provenance
 
 DATA = ("errata.csv", "environment.json")
+ABOUT = ("scene file", "description", "date", "cpu", "python")  # of what was judged and where, on the first screen
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"
 MEANING = Paragraph(", ".join(f"{key} {word}" for key, word in KINDS.items()))
@@ -106,7 +107,7 @@ def report(paper: Paper, pictures: Iterable[Picture], record: Mapping[str, Any])
     folds = (Folded(picture.title, (picture,)) for picture in drawn[1:])
     body = [*section("paper", "Errata", _shown(paper.errata), MEANING), *section("paper", "Plots", *folds)]
     appendix = [*section("paper", "How it was measured"), *section("paper", "Environment", facts(record))]
-    about = {"paper": SOURCE, **short_judged(record), **{k: record[k] for k in ("cpu", "python") if k in record}}
+    about = {"paper": SOURCE, **short({key: record[key] for key in ABOUT if key in record})}
     return laid_out(
         "The paper, checked", [banner], body, appendix, first=[facts(about)], picture=drawn[0] if drawn else None
     )

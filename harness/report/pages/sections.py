@@ -82,7 +82,7 @@ def worst_three(results: Comparison) -> list[Block]:
 
 def what(results: Comparison) -> dict[str, str]:
     """What was judged, short enough for a first screen."""
-    files, t, versions = short_judged(results.provenance), results.times, dict[str, str]()
+    files, t, versions = short(judged(results.provenance)), results.times, dict[str, str]()
     for name in (*results.solutions, *results.failures):
         version = results.solutions[name].version or "given" if name in results.solutions else "✗ failed"
         versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
@@ -92,14 +92,14 @@ def what(results: Comparison) -> dict[str, str]:
     return {"scene": scene, "mechanism": mechanism, **versions, **files}
 
 
-def short_judged(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """As `judged`, with names of files alone and the beginnings of their hashes."""
+def short(judged: Mapping[str, str]) -> dict[str, str]:
+    """What was judged, see `judged`, with names of files alone and the beginnings of their hashes."""
 
-    def short(text: str) -> str:
+    def shortened(text: str) -> str:
         file, sha, digest = text.rpartition(", SHA-256 ")
         return f"{PurePath(file).name} (SHA-256 {digest[:8]})" if sha else text
 
-    return {what: short(text) for what, text in judged(provenance).items() if text}
+    return {what: shortened(text) for what, text in judged.items() if text}
 
 
 def differing(results: Comparison) -> list[Block]:

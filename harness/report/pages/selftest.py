@@ -19,7 +19,7 @@ WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}
 SLOWEST = 10.0
 FIGURES = f"diagnoses | {' | '.join(WANTED)} | median time [s] = time"
 PAIRS = "written | pairs | pairs of readers = readers | false alarms = alarms | largest torque difference = worst"
-MISSES = "number | kind | model | a | b | size | effect | error | verdict | named first = short"
+MISSES = "number | kind | model | a | b | size | effect | error = off | verdict | named first = short"
 
 
 def passed(found: pd.DataFrame) -> bool:
@@ -121,7 +121,7 @@ def _misses(found: pd.DataFrame) -> list[Block]:
     """All rows that are not right, and kinds that no model has a place for."""
     missed = [row for row in rows(found) if row["verdict"] != "ok"]
     cut = [
-        {**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}...", "error": str(row["error"])}
+        {**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}...", "off": str(row["error"])}
         for row in missed
     ]
     counts = Paragraph(f"{counted(row['verdict'] for row in missed)}.")

@@ -12,7 +12,7 @@ from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph, Picture, Table, facts
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
 from screwgauge.report.layout import laid_out
-from screwgauge.report.pages.sections import judged, short_judged
+from screwgauge.report.pages.sections import judged, short
 from screwgauge.report.write import write_report
 from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, SILENT, VERDICTS, Case
 from screwgauge.study.stress import Stress
@@ -38,7 +38,7 @@ def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
             *(block for case in found.cases for block in _case(case, by_case.get((case.name,), []))),
             *section("Environment", facts({**judged(found.provenance), **found.environment})),
         ],
-        first=[_worst(found), facts({**short_judged(found.provenance), **engines})],
+        first=[_worst(found), facts({**short(judged(found.provenance)), **engines})],
     )
 
 
