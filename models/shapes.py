@@ -68,7 +68,7 @@ def ends(mechanism: Mechanism) -> dict[str, list[End]]:
     for joint in mechanism.joints:
         if joint.kind != "F":
             standing = GROUND in (joint.parent, joint.child)
-            for name, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+            for name, frame in joint.sides:
                 found[name].append(End(frame.p, standing, joint.kind in "PC"))
     return found
 

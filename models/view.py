@@ -34,7 +34,7 @@ def _bar_ends(link: Link, tree: Tree) -> list[Array]:
     """The body's joint points; a body with one is a rod that reaches as far beyond its centre of mass."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
-        for side, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
+        for side, frame in joint.sides:
             if side == link.original:
                 ends[tuple(np.round(frame.p, 9))] = frame.p
     if len(ends) == 1:

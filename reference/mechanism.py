@@ -112,6 +112,11 @@ class Joint:
         return [(turn, axes[min(i, len(axes) - 1)]) for i, turn in enumerate(KINDS[self.kind])]
 
     @property
+    def sides(self) -> tuple[tuple[str, Frame], tuple[str, Frame]]:
+        """Parent and child, each with the frame of the joint on it."""
+        return (self.parent, self.parent_frame), (self.child, self.child_frame)
+
+    @property
     def role(self) -> str:
         """The last part of the dotted name: ``leg1.base`` and ``leg2.base`` share the role ``base``."""
         return self.name.rsplit(".", 1)[-1]

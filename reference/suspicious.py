@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
+from screwgauge.reference.mechanism import Body, Joint, Mechanism
 from screwgauge.reference.pose import layout, length, tree_pose
 from screwgauge.reference.rotations import Array, cross
 
@@ -44,10 +44,10 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     unit, at, index = length(lay), tree_pose(lay, mechanism.home[None]), mechanism.body_index
     joints = [joint for joint in mechanism.joints if joint.kind != "F"]
     cloud = [at[1][0, index[j.parent]] + at[0][0, index[j.parent]] @ j.parent_frame.p for j in joints]
-    extent = max((float(np.linalg.norm(a - b)) for a, b in combinations(cloud, 2)), default=0.0)
+    extent = _spread(cloud)
     found = list[Suspicion]()
     for body in mechanism.bodies:
-        its = [(joint, frame.p) for joint in joints for name, frame in _sides(joint) if name == body.name]
+        its = [(joint, frame.p) for joint in joints for name, frame in joint.sides if name == body.name]
         found += _masses(body, its, unit, extent)
         axes = _axes(mechanism, body.name)
         for a, b in combinations(axes, 2):
@@ -56,17 +56,13 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     return tuple(found)
 
 
-def _sides(joint: Joint) -> tuple[tuple[str, Frame], tuple[str, Frame]]:
-    return (joint.parent, joint.parent_frame), (joint.child, joint.child_frame)
-
-
 def _axes(mechanism: Mechanism, body: str) -> list[_Axis]:
     """Axes that are fixed in a body: the outer ones of its joints."""
     found = []
     for joint in mechanism.joints:
         if joint.kind in "SF":
             continue
-        for side, (name, frame) in enumerate(_sides(joint)):
+        for side, (name, frame) in enumerate(joint.sides):
             if name == body:
                 turns, axis = joint.freedoms[-side]
                 found.append(_Axis(joint.name, turns or joint.kind == "C", frame.R @ axis, frame.p))
@@ -79,7 +75,7 @@ def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: flo
     if body.mass == 0.0:
         yield Suspicion(name, body.com, f"{name} has no mass of its own")
         return
-    spread = max((float(np.linalg.norm(a - b)) for a, b in combinations(points, 2)), default=0.0)
+    spread = _spread(points)
     away = min((_distance(body.com, a, b) for a in points for b in points), default=0.0)
     measure = (spread, "its joints are") if spread > DISTANCE * unit else (extent, "all joints are")
     if len(points) > 1 and away > max(2.0 * measure[0], 0.05 * unit) and measure[0] > 0.0:
@@ -93,6 +89,11 @@ def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: flo
     if moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]:
         text = f"{name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
         yield Suspicion(name, body.com, text)
+
+
+def _spread(points: list[Array]) -> float:
+    """The largest distance of two points."""
+    return max((float(np.linalg.norm(a - b)) for a, b in combinations(points, 2)), default=0.0)
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:

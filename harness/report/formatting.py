@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import Any
 
@@ -104,6 +104,12 @@ def tick(ok: Any) -> str:
 def file_name(title: str) -> str:
     """A title as a file name: lower case, words joined by hyphens, not too long for any disk."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """The name, with a number behind it if others have it."""
+    names = (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3)))
+    return next(one for one in names if one not in taken)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -25,7 +25,7 @@ from screwgauge.report.blocks import (
     spans,
     walk,
 )
-from screwgauge.report.formatting import file_name
+from screwgauge.report.formatting import file_name, free_name
 
 PAGE = Path(__file__).with_name("page.html")
 #: Nothing is asked of anybody; vega makes functions of the head of a table, so pages with charts evaluate.
@@ -72,8 +72,7 @@ def _with_contents(body: str) -> str:
     places: dict[str, str] = {}
 
     def named(match: re.Match[str]) -> str:
-        names = (file_name(match[1]), *(f"{file_name(match[1])}-{k}" for k in range(2, len(places) + 3)))
-        place = next(name for name in names if name not in places)
+        place = free_name(file_name(match[1]), places)
         places[place] = match[1]
         return f'<h2 id="{place}">{match[1]}</h2>'
 

@@ -13,6 +13,7 @@ from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, written
+from screwgauge.report.formatting import free_name
 from screwgauge.report.html import page
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pdf import PDF, print_page
@@ -71,8 +72,7 @@ def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
     def named(block: Block) -> Block:
         if not isinstance(block, Picture):
             return block
-        names = (block.name, *(f"{block.name}-{k}" for k in range(2, len(taken) + 3)))
-        taken.add(name := next(name for name in names if name not in taken))
+        taken.add(name := free_name(block.name, taken))
         return replace(block, name=name)
 
     return changed(blocks, named)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array
 
@@ -30,7 +31,7 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
     """
     first, mechanism, index = found[0], lay.mechanism, lay.mechanism.body_index
     points = [(joint, index[joint.child]) for joint in mechanism.joints if joint.kind in "RUSC"]
-    places = {joint.name: at.p[0, i] + at.R[0, i] @ joint.child_frame.p for joint, i in points}
+    places = {joint.name: joint_point(joint, at.R[0, i], at.p[0, i]) for joint, i in points}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
     tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
     said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []
