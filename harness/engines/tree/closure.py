@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
-from screwgauge.engines.tree.protocol import BodyPoses, Tree
+from screwgauge.engines.tree.protocol import BodyPoses, Tree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.couplings import CouplingRows, bind
@@ -81,14 +81,13 @@ class Loops:
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
 
-        def side(angular: bool, body: int, where: Array) -> Array:
-            if angular:
-                return A[:, body, :3]
-            arm, w = at.R[:, body] @ where, V[:, body, :3]
-            return A[:, body, 3:] + cross(A[:, body, :3], arm) + cross(w, cross(w, arm))
-
-        sides = ([side(anchor.angular, *one) for one in anchor.sides] for anchor in self.anchors)
-        return np.concatenate([np.zeros((len(V), 0)), *(child - parent for child, parent in sides)], axis=1)
+        out, (rows, bodies, places) = np.empty((len(V), len(self.anchors), 3)), self._points
+        ends = shifted(V[:, bodies], A[:, bodies], at.points(bodies, places) - at.p[:, bodies])
+        out[:, rows] = ends[:, : len(rows)] - ends[:, len(rows) :]
+        for k, anchor in enumerate(self.anchors):
+            if anchor.angular:
+                out[:, k] = A[:, anchor.child, :3] - A[:, anchor.parent, :3]
+        return out.reshape(len(out), 3 * len(self.anchors))
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
         """Coordinates of the cut joints, or of some of them."""
