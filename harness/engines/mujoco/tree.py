@@ -150,12 +150,12 @@ class MujocoTree:
         completed where MuJoCo takes a coupling for a straight line."""
         flags, data = self.model.opt.disableflags, self.data
         self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
-        pushed, *state = data.xfrc_applied, data.qpos, data.qvel, data.qacc  # views, which are slow to get
-        for i in range(len(q)):
-            pushed[:] = 0.0
-            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+        qpos, qvel, qacc, bent = data.qpos, data.qvel, data.qacc, soft and self.curvature.ids  # views are slow to get
+        data.xfrc_applied[:] = 0.0
+        for i, (x, xd, xdd) in enumerate(zip(q, v, a, strict=True)):
+            qpos[:], qvel[:], qacc[:] = x, xd, xdd
             mujoco.mj_inverse(self.model, data)
-            if soft and self.curvature.ids:
+            if bent:
                 self.curvature.complete(self.data)
                 mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
             yield i
@@ -173,7 +173,7 @@ class MujocoTree:
         screws = np.zeros((n, model.nv, 6))
         screws[:, self.hinges, :3] = axes[:, self.hinges]
         screws[..., 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes)
-        return BodyPoses(R, p, screws.swapaxes(1, 2), self.moves)
+        return BodyPoses(R, p, np.ascontiguousarray(screws.swapaxes(1, 2)), self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data = self.model, self.data

@@ -96,7 +96,7 @@ class PinocchioTree:
             place[:], screw[:] = frames, twists
         bodies = placed[:, [0, *self.frames]]  # the first frame is the world
         R, p = bodies[..., :9].reshape(n, -1, 3, 3).swapaxes(2, 3), bodies[..., 9:]
-        return BodyPoses(R, p, screws[..., _ANGULAR_FIRST].swapaxes(1, 2), self.moves)
+        return BodyPoses(np.ascontiguousarray(R), p, screws[:, _ANGULAR_FIRST], self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, turning = self.model, self.data, self.views.turning
@@ -104,7 +104,7 @@ class PinocchioTree:
         for x, xd, row in zip(q, v, rates, strict=True):
             pin.computeJointJacobiansTimeVariation(model, data, x, xd)
             row[:] = turning
-        return at.bias(rates[..., _ANGULAR_FIRST].swapaxes(1, 2), v, V)
+        return at.bias(rates[:, _ANGULAR_FIRST], v, V)
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
@@ -150,14 +150,14 @@ class _Views:
         frames: Rotation by columns, then translation. Shape (n_frame, 12).
         forces: Of the joints in their own frames. Shape (n_joint, 6).
         pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
-        twists, turning: Columns of the Jacobian at the world's origin, and of its derivative. Shape (n_v, 6).
+        twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
     """
 
     def __init__(self, data: Any) -> None:
         self.frames = _rows([M.rotation for M in data.oMf], 12)
         self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
         self.forces, self.external = (_rows([one.vector for one in of], 6) for of in (data.f, self.pushed))
-        self.twists, self.turning = (J.reshape(6, -1).T for J in (data.J, data.dJ))  # one column comes without its axis
+        self.twists, self.turning = (J.reshape(6, -1) for J in (data.J, data.dJ))  # one column comes without its axis
 
 
 def _rows(parts: list[Array], size: int) -> Array:

@@ -7,14 +7,13 @@ shared by all tree engines; the frames, their rates and accelerations are each e
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, NEXT, TURN, Array, cross, other_triple, within_half_turn
+from screwgauge.reference.rotations import MIDDLE, TURN, Array, cross, other_triple, within_half_turn
 
 Flags = NDArray[np.bool_]
 
@@ -45,20 +44,18 @@ class Chart:
         return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(self.q[:, 1]) ** 2) / 3.0))
 
     @property
-    def axes(self) -> Array:
-        """Current directions of three axes in that frame. Shape (n, 3, 3)."""
-        out = np.zeros_like(self.R)
-        out[:, 0, 0], out[:, 1, 1], out[:, 1, 2] = 1.0, np.cos(self.q[:, 0]), np.sin(self.q[:, 0])
-        out[:, 2] = self.last
-        return out
+    def duals(self) -> Array:
+        """Products of its axes in that frame: second and third, third and first, first and second. Shape (n, 3, 3)."""
+        c, s, (x, y, z) = np.cos(self.q[:, 0]), np.sin(self.q[:, 0]), self.last.T
+        zero = np.zeros_like(c)
+        return np.stack([c * z - s * y, s * x, -c * x, zero, z, -y, zero, -s, c], axis=1).reshape(-1, 3, 3)
 
     def rates(self, omega: Array) -> Array:
         """Coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
-        axes = self.axes
-        duals = cross(axes[:, NEXT], axes[:, NEXT[NEXT]])
-        volume = np.sum(axes[:, 0] * duals[:, 0], axis=1)[:, None, None]
-        inverse = duals / np.where(volume == 0.0, np.nan, volume)
-        return np.asarray((inverse[:, : self.q.shape[1]] @ self.R.swapaxes(1, 2)) @ omega)
+        duals = self.duals
+        volume = duals[:, :1, :1]
+        inverse = duals[:, : self.q.shape[1]] / np.where(volume == 0.0, np.nan, volume)
+        return np.asarray((inverse @ self.R.swapaxes(1, 2)) @ omega)
 
     def bias(self, rates: Array, omega_parent: Array, omega: Array, beta: Array) -> Array:
         """Second derivatives for a relative angular acceleration in world axes.
@@ -71,10 +68,11 @@ class Chart:
         Returns:
             Shape (n, m).
         """
-        own, axes = np.zeros_like(omega), self.axes  # each axis is carried around by the rates before it
-        for i, j in combinations(range(self.q.shape[1]), 2):
-            own += cross(axes[:, i], axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        return self.rates((beta - cross(omega_parent, omega))[..., None] - self.R @ own[..., None])[..., 0]
+        local = beta - cross(omega_parent, omega)
+        if rates.shape[1] == 3:  # each axis is carried around by the rates before it
+            products = np.roll(rates, -1, axis=1) * np.roll(rates, 1, axis=1) * MIDDLE
+            local = local - (self.R @ (products[:, None] @ self.duals).swapaxes(1, 2))[..., 0]
+        return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
         """The same rotations by the triples of angles, and with the whole turns, that come nearest to others.
