@@ -144,7 +144,7 @@ class _Pass:
         """The values that are wanted, and what their errors rest on."""
         depth, A = self.work.depth, self.poses.A
         with self.clock.stage("condition"):
-            self.inverse, self.condition = linear.inverted(A)
+            self.inverse, self.condition = linear.inverted_along(A)
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 self._velocities()
@@ -226,9 +226,8 @@ class _Pass:
     def _inertia_and_weight(self) -> Array:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
-        bodies = range(1, len(tree.com) + 1)
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        J = at.jacobian(bodies, at.points(bodies, tree.com))
+        J = at.jacobian(at.moves[1:], at.points(range(1, len(tree.com) + 1), tree.com))
         weights = (tree.masses[:, None] * most[:, None]).reshape(len(J), 1, -1)
         along = (weights @ np.abs(J, out=J).reshape(len(J), weights.shape[2], -1))[:, 0]
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)

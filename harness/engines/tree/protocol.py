@@ -44,11 +44,16 @@ class BodyPoses:
         """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places))
 
-    def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
-        """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
+    def jacobian(self, moves: Array, at: Array) -> Array:
+        """Derivative of points by the coordinates, shape (n, m, 3, n_v).
+
+        Args:
+            moves: By how much of its screw a coordinate moves each of them. Shape (m, n_v).
+            at: In the world. Shape (n, m, 3).
+        """
         out: Array = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
         np.subtract(self.screws[:, None, 3:], out, out=out)
-        out *= self.moves[bodies, None]
+        out *= moves[:, None]
         return out
 
     def velocities(self, v: Array) -> Array:
