@@ -36,6 +36,10 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
     return replace(solution, tolerances=tolerances, assembly=np.concatenate(work.assembly))
 
 
+#: Quantities for which the accelerations of all bodies are needed.
+_MOVED = frozenset({"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft"})
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Poses:
     """Closed poses of some samples: tree coordinates, cut joints, closing system without dimension."""
@@ -135,6 +139,7 @@ class _Pass:
         self.work, self.closed, self.poses = work, work.closed, poses
         self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
         self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
+        self.acting = bool(work.problem.applied.springs or work.problem.applied.motors)
         self.conditions: dict[str, Array] = {}
         self.speed: Array | float = 0.0
         self.rush: Array | float = 0.0
@@ -168,8 +173,11 @@ class _Pass:
         self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
         self.V = poses.at.velocities(self.v)
-        self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
-        self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
+        if self.acting or self.wanted & {"joint_velocity", *_MOVED}:
+            self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
+            self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
+        else:
+            self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
 
@@ -187,7 +195,7 @@ class _Pass:
                 right[:, row] -= cut_bias[name][:, i]
         self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
-        if not self.wanted & {"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft"}:
+        if not self.wanted & _MOVED:
             return
         A = bias + poses.at.velocities(self.a)
         arms = poses.at.R[:, closed.bodies] @ tree.com[[b - 1 for b in closed.bodies], :, None]
@@ -233,8 +241,9 @@ class _Pass:
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
 
     def _forces(self) -> None:
-        at, t = self.poses.at, self.poses.motion.t
-        state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
+        at, t, state = self.poses.at, self.poses.motion.t, None
+        if self.acting:
+            state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
         self.values |= forces.values
