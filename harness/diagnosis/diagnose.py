@@ -8,23 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.attribution import Attribution, Torques
-from screwgauge.diagnosis.backfill import Backfill, write_fix
-from screwgauge.diagnosis.branches import missing
-from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques
+from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
+from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
+from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.explain import PROOF, Explanation, explained, proved
-from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
-from screwgauge.diagnosis.loops import Loops, loops
-from screwgauge.diagnosis.mapping import Pairing, paired, read_map
+from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.digits import marked
+from screwgauge.diagnosis.differences.loops import Loops, loops
+from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
-from screwgauge.diagnosis.soft import softness
-from screwgauge.diagnosis.static import differences
+from screwgauge.diagnosis.pairing.branches import missing
+from screwgauge.diagnosis.pairing.common import brought
+from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
