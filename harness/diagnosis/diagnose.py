@@ -22,7 +22,7 @@ from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
-from screwgauge.diagnosis.pairing.branches import missing
+from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
@@ -141,8 +141,11 @@ def diagnose(
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
     """Of two models of one machine."""
-    common = brought(a.reading, b.reading, pairing)
-    found = [*missing(a.reading, b.reading, pairing), *differences(common, deadline)[0]]
+    lost = [*missing(a.reading, b.reading, pairing)]
+    ours, theirs = bare(a.reading, b.reading, lost)
+    # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
+    common = brought(ours, b.reading, pairing)
+    found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
     found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -45,6 +45,16 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
         for joint in alone:
             if before[joint] not in alone and joint not in known:
                 yield _branch(reading, joint, alone, beside, (side, lost))
+
+
+def bare(a: Reading, b: Reading, found: Iterable[Difference]) -> tuple[Reading, Reading]:
+    """Both without the joints that, with all they carry, are `missing` in the other one: no part of what is before them
+    has their mass there."""
+    for each in found:
+        if each.what == "branch" and each.a is not None:
+            a = without(a, each.item_a) if each.item_a else a
+            b = without(b, each.item_b) if each.item_b else b
+    return a, b
 
 
 def _split(
@@ -91,7 +101,9 @@ def _branch(
     more = f" and {len(joints) - 1} joint{'s' if len(joints) > 2 else ''} behind it" if len(joints) > 1 else ""
     sentence = f"{joint}{more}: missing in {lost}, with all that {'they carry' if more else 'it carries'} ({what})"
     there_is, change = (np.array(1.0), np.array(0.0)), None
-    if side == "B":
+    if side == "A":
+        sentence += ", without which torques are compared"
+    else:
         there_is, change = there_is[::-1], Change(joint, "branch", np.array(0.0))
     return Difference(item_a, item_b, "branch", *there_is, "", math.inf, sentence, change)
 
