@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -191,9 +191,12 @@ class _Filled(Mapping[str, Any]):
             return [Paragraph(empty)] if empty else []
         if columns:
             value = table(value, columns)
-        if plus and isinstance(value, Table) and value.body[LONG:]:
-            more = Folded(f"{len(value.body) - LONG} more{noun}", (Table(value.head, value.body[LONG:]),))
-            return [Table(value.head, value.body[:LONG]), more]
+        if plus:
+            lines, part = (
+                (value.body, partial(Table, value.head)) if isinstance(value, Table) else (tuple(value), Items)
+            )
+            if rest := lines[LONG:]:
+                return [part(lines[:LONG]), Folded(f"{len(rest)} more{noun}", (part(rest),))]
         if isinstance(value, str):
             return [Paragraph(value)]
         if isinstance(value, Mapping):

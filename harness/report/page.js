@@ -19,6 +19,8 @@
     element.className = `moving ${kind}`;
     load(kind);
     figure.append(element);
+    if (json.width + 90 > figure.clientWidth) // one panel gets as narrow as its place; several scroll
+      Object.assign(json, { width: figure.clientWidth, autosize: { type: "fit-x", contains: "padding" } });
     try {
       if (kind === "stage") element.shown = await window.screwgaugeStage(element, json);
       else element.shown = await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg" });

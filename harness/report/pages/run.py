@@ -85,7 +85,7 @@ def _what(results: Comparison) -> dict[str, str]:
     """What was judged, short enough for a first screen."""
     files, versions = short(judged(results.provenance)), dict[str, str]()
     for name in (*results.solutions, *results.failures):
-        version = results.solutions[name].version or "given" if name in results.solutions else "✗ failed"
+        version = (results.solutions[name].version or "given") if name in results.solutions else "✗ failed"
         versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
     scene = f"{files.pop('scene file', results.scene.name)}, {samples(results.times)}"
     mechanism = files.pop("description", results.scene.mechanism.name)

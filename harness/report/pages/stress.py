@@ -133,6 +133,7 @@ PAGE = Report(
         "cases": lambda found: [*_cases(found)],
     },
     draw=make_plots,
+    plots=lambda found, pictures: list(pictures),
     figures=6,
 )
 DATA, report, write, terminal = PAGE.DATA, PAGE.blocks, PAGE.write, PAGE.terminal
