@@ -135,7 +135,7 @@ def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
     from screwgauge.report.stage.drawing import frames
     from screwgauge.study.motion import followed
 
-    motion = followed(*_solved(what))
+    motion = followed(*_solved(what), frames=60)
     first, *rest = (Image.open(BytesIO(svg_to_png(svg))).convert("RGB") for svg in frames(motion))
     each = 1000.0 * min(max(motion.t[-1] - motion.t[0], 3.0), 12.0) / (1 + len(rest))
     written = BytesIO()

@@ -162,7 +162,7 @@ class _Filled(Mapping[str, Any]):
         if name == "environment":
             return facts({**(own["files"](self.found) if "files" in own else {}), **self.record})
         if name == "about":
-            packages = {k: v for k, v in self.record.get("packages", {}).items() if k in ("pin", "mujoco")}
+            packages = {k: v for k, v in self.record.get("packages", {}).items() if k in ("screwgauge", "pin", "mujoco")}
             machine = {key: self.record[key] for key in MACHINE if key in self.record}
             return {**own["about"](self.found), **packages, **machine}
         return own[name](self.found)
