@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.diagnosis.static import sorted_by_size
 from screwgauge.report.blocks import Banner
 from screwgauge.report.figures.diagnosis import make_plots
 from screwgauge.report.formatting import Row, number, size, unit_text
