@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -193,11 +193,10 @@ class _Filled(Mapping[str, Any]):
         if columns:
             value = table(value, columns)
         if plus:
-            lines, part = (
-                (value.body, partial(Table, value.head)) if isinstance(value, Table) else (tuple(value), Items)
-            )
-            if rest := lines[LONG:]:
-                return [part(lines[:LONG]), Folded(f"{len(rest)} more{noun}", (part(rest),))]
+            lines: Any = value.body if isinstance(value, Table) else tuple(value)
+            parts = (lines[:LONG], lines[LONG:])
+            short, rest = (Table(value.head, part) if isinstance(value, Table) else Items(part) for part in parts)
+            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,))] if parts[1] else [short]
         if isinstance(value, str):
             return [Paragraph(value)]
         if isinstance(value, Mapping):

@@ -58,7 +58,7 @@ def _shown(found: Iterable[Row]) -> list[Row]:
         nowhere = missing(component) or not component
         at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
         digits, sign = digits_text(row["max_scaled"]), "" if row["ok"] else " ✗"
-        said = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
+        said: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
         said |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
         shown.append({"reason": "", **row, **said, "unique": "yes" if row.get("unique") else "no"})
     return shown
