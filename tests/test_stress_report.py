@@ -49,7 +49,7 @@ def found() -> Stress:
 
 
 def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> None:
-    (plot,) = make_plots(found)
+    _, plot = make_plots(found)
     texts = ["".join(node.itertext()).strip() for node in ET.fromstring(plot.svg).iter() if node.tag.endswith("text")]
     for name in ("Title of rising", "Title of falling", "severity [m]"):
         assert name in texts
@@ -60,8 +60,19 @@ def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> 
     assert {"0", "1", "1e4"} <= set(texts)  # decades of the axis, zero before them
 
 
+def test_the_first_picture_counts_cases_by_their_worst_verdict(found: Stress) -> None:
+    worst, _ = make_plots(found)
+    nodes = [node for node in ET.fromstring(worst.svg).iter() if node.tag.endswith("text")]
+    texts = ["".join(node.itertext()).strip() for node in nodes]
+    assert {"screw", "pinocchio", "mujoco", "silently wrong"} <= set(texts)
+    assert "mujoco RK4" not in texts  # a setting of mujoco
+    asked = {(row["who"], row["case"]) for row in json.loads(worst.chart)["data"]["values"]}
+    counts = [text for text, node in zip(texts, nodes, strict=True) if node.attrib.get("font-weight") == "bold"]
+    assert sum(int(text) for text in counts if text.isdigit()) == len(asked)
+
+
 def test_verdicts_differ_in_more_than_colour(found: Stress) -> None:
-    (plot,) = make_plots(found)
+    _, plot = make_plots(found)
     marks = [node for node in ET.fromstring(plot.svg).iter() if node.attrib.get("aria-roledescription") != "x"]
     shapes = {(node.attrib["d"], node.attrib.get("fill")) for node in marks if "d" in node.attrib}
     (panel, _) = json.loads(plot.chart)["concat"]
