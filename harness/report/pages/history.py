@@ -18,7 +18,7 @@ def _scenes(found: pd.DataFrame) -> Iterator[Block]:
     """A table for each scene."""
     columns = "date | = status | worst | scaled = error | digits | time = seconds:time_s | new"
     for (name,), of in grouped(rows(found), "scene").items():
-        yield from (Heading(str(name)), table(_lines(of), columns))
+        yield from (Heading(str(name), 3), table(_lines(of), columns))
 
 
 def _lines(found: list[Row]) -> Iterator[Row]:
