@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,6 +79,10 @@ def test_established_problem(name, engine):
         return
     found, lay = simulate_scene(engine, scene), layout(scene.mechanism)
     assert (found.stopped, len(found.q)) == ("", len(known))
+    if engine == "mujoco":
+        refined = re.search(r"(\S+) refinements on average, at most (\d+)", " ".join(found.notes))
+        assert bool(refined) == (name != "a05-governor")  # which has no closed loop
+        assert not refined or 1.0 <= float(refined[1]) <= int(refined[2])
     assert np.abs(observe(lay, scene.observables, found.q).array - known).max() < error
     rate = velocities(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
     # joints that were cut, too
