@@ -18,7 +18,6 @@ from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
 from screwgauge.report.layout import laid_out
 from screwgauge.report.pages import sections
-from screwgauge.report.pages.paper import errata_section
 from screwgauge.report.pages.simulation import published
 from screwgauge.report.record import samples_table, summary, timings
 from screwgauge.report.stage.picture import stage, told
@@ -116,6 +115,12 @@ def pictures(results: Comparison) -> list[Picture]:
     return [stage(results.scene, results.solutions), *make_plots(results)]
 
 
+def _errata(results: Comparison) -> list[Block]:
+    from screwgauge.report.pages.paper import errata_section  # brings all that measures them
+
+    return errata_section(results.scene)
+
+
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
     timed = pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__))
@@ -123,6 +128,6 @@ def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool
     data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: samples_table(results)} if samples else {})
 
     def tell() -> list[Block]:
-        return report(results, pictures(results), errata_section(results.scene) if errata else ())
+        return report(results, pictures(results), _errata(results) if errata else ())
 
     return write_report(out, tell, data, pdf=pdf)
