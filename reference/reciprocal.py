@@ -253,17 +253,13 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _points(E: Array, M: Array, h: Array, off: Array) -> Array:
-    """A point of each axis, from O, the same for all if they meet there but for couples. Shape (k, 3)."""
+    """The point, from O, at which the axes of a system in principal directions meet, but for couples. Shape (k, 3)."""
     k = E.shape[1]
     if not k:
         return np.zeros((0, 3))
     wanted = off @ (M - E * h)
     A = np.concatenate([-off @ skew(e) for e in E.T])  # r x e = -e x r
-    r = np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0]
-    if np.abs(A @ r - wanted.T.ravel()).max() < 10 * NONE:
-        return np.tile(r, (k, 1))
-    each = [np.linalg.lstsq(A[3 * i : 3 * i + 3], wanted[:, i], rcond=NONE)[0] for i in range(k)]
-    return np.array(each)
+    return np.tile(np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0], (k, 1))
 
 
 def _upright(E: Array) -> Array:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.diagnosis.dynamics import deflection, downwards, rotor_acceleration
-from screwgauge.diagnosis.fitting import TENSOR
-from screwgauge.diagnosis.tree import Motion, States, Tree
+from screwgauge.diagnosis.causes.fitting import TENSOR
+from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
+from screwgauge.diagnosis.mechanics.tree import Motion, States, Tree
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import acceleration_at, velocity_at
 

@@ -14,6 +14,9 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.linear import null_space, rank
 from screwgauge.reference.loops import LoopEquations
 from screwgauge.reference.pose import layout, tree_pose
+from screwgauge.reference.rotations import rotation
+from screwgauge.reference.traced.closing import Cut
+from screwgauge.reference.traced.vectors import matrix, vector
 
 STEP = 1e-6
 #: Mechanism, joint that is cut, its kind.
@@ -26,6 +29,8 @@ CASES = [
     ("rccc", "c", "C"),
     ("stewart", "s3", "P"),
 ]
+#: Others that only compiled programs are asked about.
+TRACED = [*CASES, ("rccc", "a", "R"), ("stewart", "v0", "S")]
 
 
 @pytest.fixture(params=CASES, ids=lambda case: f"{case[0]}, {case[1]}")
@@ -64,3 +69,32 @@ def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
     R, p, _ = tree_pose(lay, q)
     assert np.abs(read(lay, equations.cut, R, p, guess) - q).max() < LINEAR
     assert np.abs(q[:, lay.cut_columns]).max() > 1e-3
+
+
+def opened(joint, q, twist, outer):
+    """Rows of a joint of given coordinates, whose child has then been moved by a small twist of its frame's origin."""
+    turns = q if joint.kind in "US" else q[:1] if joint.kind in "RC" else []
+    M, d = np.eye(3), joint.axes[0] * (q[-1] if joint.kind in "PC" else 0.0)
+    for axis, angle in zip(joint.axes, turns, strict=False):
+        M = M @ rotation(axis, np.array(angle))
+    angle = np.linalg.norm(twist[:3])
+    M = rotation(twist[:3] / angle, angle) @ M if angle else M
+    return Cut(joint, matrix(M), vector(d + twist[3:]), outer).rows(), M
+
+
+#: Rows of what slides are such derivatives in the axes of the parent, and are used in no others.
+@pytest.mark.parametrize(
+    ("name", "joint", "outer"),
+    [(name, joint, outer) for name, joint, kind in TRACED for outer in (False, True) if not (outer and kind in "PC")],
+)
+def test_compiled_programs_close_joints_by_errors_whose_derivatives_are_their_wrenches(name, joint, outer, tmp_path):
+    described(name, tuple(MECHANISMS[name][1]), tmp_path)
+    joint, q = load_mechanism(tmp_path / "mechanism.toml").joint(joint), [0.3, -0.4, 0.2]
+    rows, M = opened(joint, q, np.zeros(6), outer)
+    assert max(abs(row.residual) for row in rows) < CLOSED
+    for twist in STEP * np.eye(6):
+        ahead, behind = ([row.residual for row in opened(joint, q, sign * twist, outer)[0]] for sign in (1, -1))
+        for row, more, less in zip(rows, ahead, behind, strict=True):
+            force, moment = (np.array(part) for part in row.child)
+            power = force @ (M.T @ twist[3:]) + moment @ (M.T @ twist[:3])
+            assert (more - less) / 2 == pytest.approx(power, abs=DIFFERENCE * STEP)

@@ -19,7 +19,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.quantities import GIVEN, SIMULATED
 from screwgauge.reference.forward import Forces, forward, forward_dense
 from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.mobility import mobility
+from screwgauge.reference.mobility import in_lengths, mobility
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.precision import in_precision
 
@@ -164,3 +164,16 @@ def test_the_independent_coordinate_may_be_the_coupled_one(write):
     text = f'name = "pair"\nindependent = {{ y = "b" }}\n{body("A", 0)}{body("B", 1)}{joints}'
     scene = moving(write, text + coupling_tables(couplings), {"y": 0.5}, "B")
     assert screwgauge.run(scene, engines=ENGINES).ok
+
+
+def test_in_lengths_of_the_mechanism_they_hold_alike():
+    """A polynomial between an angle and a slide has another value where the slide is measured otherwise."""
+    lay = layout(load_mechanism("screw-press"))
+    columns = lay.mechanism.independent_columns
+    q = positions(lay, lay.mechanism.home[None, columns] + 0.1, np.zeros(1)).q
+    scaled, at = in_lengths(lay, pose(lay, q))
+    rows, there = lay.mechanism.coupling_rows, scaled.mechanism.coupling_rows
+    assert len(rows) == len(there) > 0
+    assert np.abs(rows.residuals(q)).max() < LINEAR
+    assert np.abs(there.residuals(at.q)).max() < LINEAR
+    assert np.abs(at.q - q)[:, ~lay.turns].max() > 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +20,11 @@ from screwgauge.reference.resting import home_equations
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}
 ABOUT_X = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-#: Next to the rotation of joint b about y by 0.4 rad, one about its second axis by 0.3 rad, which the frame takes back.
-TWISTED = """
-kind = "U"
-axes = [[0, -1, 0], [0, 0, 1]]
-child_frame.rotation = { axis = [0, 0, 1], angle = 0.3 }
-coordinates = ["b.turn", "b.rests"]
-"""
+#: In place of joint b: beside its rotation another, or a slide, by 0.3 which the frame of the child takes back.
+RESTING = (
+    ("axes = [[0, -1, 0], [0, 0, 1]]\nchild_frame.rotation = { axis = [0, 0, 1], angle = 0.3 }", "U", "[0.0, 0, 0]"),
+    ("axes = [[0, -1, 0]]", "C", "[0.0, -0.3, 0]"),
+)
 
 
 @pytest.mark.parametrize(("steps", "expected"), [(STEPS, QUARTER @ ABOUT_X), (STEPS[::-1], ABOUT_X @ QUARTER)])
@@ -39,14 +38,13 @@ def test_actuators_are_named_by_all_but_the_last_part_where_that_is_unique(paper
     assert actuator_names([replace(slide, name=name) for name in names]) == ("left.leg", "right.leg", *names[2:])
 
 
-def test_a_coordinate_that_rests_keeps_its_home_that_is_not_zero(write):
+@pytest.mark.parametrize(("axes", "kind", "taken_back"), RESTING)
+def test_a_coordinate_that_rests_keeps_its_home_that_is_not_zero(axes, kind, taken_back, write):
     bars = [Bar(0.2), Bar(0.5, com=(0.25, 0.01, 0.02)), Bar(0.4)]
     text = four_bar(bars, 0.4, 0.9)
-    b = text.index("[joints.b]")
-    home = float(text[b:].split("home = [")[1].split("]")[0])
-    joint = text[b : text.index("[joints.c]")]
-    twisted = joint.replace('kind = "R"\n', TWISTED).replace("axes = [[0, -1, 0]]\n", "")
-    twisted = twisted.replace(f"home = [{home!r}]", f"home = [{home!r}, 0.3]")
+    joint = text[text.index("[joints.b]") : text.index("[joints.c]")]
+    twisted = joint.replace('"R"', f'"{kind}"').replace("axes = [[0, -1, 0]]", axes).replace("[0.0, 0, 0]", taken_back)
+    twisted = re.sub(r"home = \[(.*)\]", r'home = [\1, 0.3]\ncoordinates = ["b.turn", "b.rests"]', twisted)
     write("m.toml", 'name = "twisted"\n[independent]\ncrank = "a"\n' + text.replace(joint, twisted))
     scene = write("s.toml", 'mechanism = "m.toml"\nmotion.crank.polynomial = [0.9, 3]\ntime.times = [0, 0.1]\n')
     mechanism = load_mechanism(scene.parent / "m.toml")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.tree import draw
+from screwgauge.diagnosis.mechanics.tree import draw
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.attribution import Torques, attribute
-from screwgauge.diagnosis.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
+from screwgauge.diagnosis.causes.attribution import Torques, attribute
+from screwgauge.diagnosis.causes.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
+from screwgauge.diagnosis.causes.hypothesis import Hypothesis
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.hypothesis import Hypothesis
-from screwgauge.diagnosis.matter import Matter
-from screwgauge.diagnosis.words import vector
+from screwgauge.diagnosis.differences.words import vector
+from screwgauge.diagnosis.mechanics.matter import Matter
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.lookalikes import renamed

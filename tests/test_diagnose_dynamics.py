@@ -10,11 +10,17 @@ import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 from screwgauge.diagnosis.asked import answers, pairs
-from screwgauge.diagnosis.closed import closed, equations, left
-from screwgauge.diagnosis.closing import constraint_rows, gaps, residual_at_home
-from screwgauge.diagnosis.common import STANDARD
-from screwgauge.diagnosis.dynamics import armature_force, dynamics, inverse_dynamics, not_modelled, passive_force
-from screwgauge.diagnosis.tree import States, draw, move, moved, plant
+from screwgauge.diagnosis.mechanics.closed import closed, equations, left
+from screwgauge.diagnosis.mechanics.closing import constraint_rows, gaps, residual_at_home
+from screwgauge.diagnosis.mechanics.dynamics import (
+    armature_force,
+    dynamics,
+    inverse_dynamics,
+    not_modelled,
+    passive_force,
+)
+from screwgauge.diagnosis.mechanics.tree import States, draw, move, moved, plant
+from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading
 from screwgauge.reference.mechanism import GROUND

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.change import Change, applied
-from screwgauge.diagnosis.dynamics import inverse_dynamics
-from screwgauge.diagnosis.fitting import fitted
-from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.causes.fitting import fitted
+from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.trees import mjcf, tree

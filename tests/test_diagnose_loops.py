@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.growth import SPEEDS, growth
+from screwgauge.diagnosis.causes.growth import SPEEDS, growth
 from screwgauge.engines.mujoco import plain
 
 #: A planar four-bar in the x-z plane, closed at home.

@@ -7,13 +7,13 @@ import difflib
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.attribution import Largest, Torques
-from screwgauge.diagnosis.backfill import backfill, write_fix
-from screwgauge.diagnosis.change import Change, applied
-from screwgauge.diagnosis.dynamics import inverse_dynamics
-from screwgauge.diagnosis.patch import patched
-from screwgauge.diagnosis.tree import draw, plant
-from screwgauge.diagnosis.xml_text import XmlText
+from screwgauge.diagnosis.causes.attribution import Largest, Torques
+from screwgauge.diagnosis.causes.backfill import backfill, write_fix
+from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.files.patch import patched
+from screwgauge.diagnosis.files.xml_text import XmlText
+from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.rotations import rotation

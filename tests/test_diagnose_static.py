@@ -9,13 +9,13 @@ import arm
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.change import Change, applied
-from screwgauge.diagnosis.common import brought
-from screwgauge.diagnosis.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mapping import paired
-from screwgauge.diagnosis.reshape import held, placed, rehomed
-from screwgauge.diagnosis.static import differences
-from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.differences.static import differences
+from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mechanics.reshape import held, placed, rehomed
+from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.diagnosis.pairing.common import brought
+from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.renamed import renamed
@@ -147,8 +147,8 @@ def test_a_model_that_stands_elsewhere_under_other_names_is_the_same(arms):
 
 
 def test_a_joint_that_is_held_is_told_from_a_branch_that_is_missing(arms):
-    from screwgauge.diagnosis.branches import missing
-    from screwgauge.diagnosis.change import without
+    from screwgauge.diagnosis.differences.change import without
+    from screwgauge.diagnosis.pairing.branches import missing
 
     a, b = arms
     for other, word in ((held(b, ["joint6"]), "does not move"), (without(b, "joint6"), "missing in B")):
@@ -160,7 +160,7 @@ def test_a_joint_that_is_held_is_told_from_a_branch_that_is_missing(arms):
 
 
 def test_printed_digits_are_told_as_such(arms):
-    from screwgauge.diagnosis.digits import ALL, digits_of, marked
+    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
 
     a, b = arms
     third = {name: replace(body, mass=body.mass / 3) for name, body in a.bodies.items()}
@@ -182,7 +182,7 @@ def test_printed_digits_are_told_as_such(arms):
 
 @pytest.mark.parametrize(("size", "kind"), [(1e-6, "digits"), (1e-4, "convention")])
 def test_a_zero_that_a_printed_orientation_has_moved_is_digits(arms, size, kind):
-    from screwgauge.diagnosis.digits import ALL, marked
+    from screwgauge.diagnosis.differences.digits import ALL, marked
 
     a, b = arms
     (said,) = marked(found(a, applied(b, [Change("joint3", "zero", np.asarray(size))])), (ALL, 6))

@@ -25,12 +25,12 @@ FOUR_BAR = (
 def diagnosed(tmp_path):
     """Diagnosis of the linkage against a copy with some texts replaced."""
 
-    def of(*edits):
-        text = FOUR_BAR
+    def of(*edits, a=FOUR_BAR, b=FOUR_BAR):
+        text = b
         for old, new in edits:
             assert text.count(old) == 1
             text = text.replace(old, new)
-        for name, content in (("a.xml", FOUR_BAR), ("b.xml", text)):
+        for name, content in (("a.xml", a), ("b.xml", text)):
             (tmp_path / name).write_text(content, encoding="utf-8")
         return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
 
@@ -57,6 +57,37 @@ def test_a_coupling_to_another_joint_names_both(diagnosed):
     found = diagnosed(('joint1="d" joint2="a"', 'joint1="d" joint2="b"'))
     assert sentences(found) == ["d: follows b in B, a in A"]
     assert [each.change for each in found.differences] == [None]
+
+
+WEIGHT = (
+    '<body name="weight" pos="0 0 0.1"><joint name="w" axis="0 0 1"/>'
+    '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/></body><body name="rod"'
+)
+
+
+def test_a_branch_that_one_lacks_changes_nothing_before_it(diagnosed):
+    """Nor does what carries it have its mass, in whichever model it is."""
+    right, extra = FOUR_BAR, FOUR_BAR.replace('<body name="rod"', WEIGHT)
+    found = diagnosed(('<body name="rod"', WEIGHT))
+    assert sentences(found) == ["w: missing in A, with all that it carries (1 body, 0.3 kg)"]
+    assert "explains 100.0000 % of the torque difference" in found.verdict
+    found = diagnosed(a=extra, b=right)
+    said = "w: missing in B, with all that it carries (1 body, 0.3 kg), without which torques are compared"
+    assert sentences(found) == [said]
+    found = diagnosed(a=extra, b=right.replace('mass="1"', 'mass="1.1"', 1))
+    assert sentences(found) == [said, "crank: mass 1.100 kg in B, 1.000 kg in A (+10.00 %)"]
+    assert "crank: mass 1.100 kg in B, 1.000 kg in A (+10.00 %); explains 100.0000 %" in found.verdict
+
+
+def test_a_coupling_that_one_lacks(diagnosed):
+    found = diagnosed(('<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/>', ""))
+    assert sentences(found) == ["d follows a in A only"]
+    assert "Closures and couplings leave 1 degree of freedom in A, 2 in B." in found.verdict
+
+
+def test_a_medium(diagnosed):
+    found = diagnosed(("<worldbody>", '<option density="1.2" viscosity="0.001"/><worldbody>'))
+    assert sentences(found) == ["medium (1.2, 0.001) kg/m^3, Pa s in B, (0, 0) kg/m^3, Pa s in A"]
 
 
 OPEN = "torques are compared of the open tree, which cannot show it."

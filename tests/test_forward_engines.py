@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from asking import model_files, simulate, simulate_scene
 from tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 
 import screwgauge
+from screwgauge.engines.methods import METHODS, SIZES
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.models.generate import write_models
@@ -77,6 +79,10 @@ def test_established_problem(name, engine):
         return
     found, lay = simulate_scene(engine, scene), layout(scene.mechanism)
     assert (found.stopped, len(found.q)) == ("", len(known))
+    if engine == "mujoco":
+        refined = re.search(r"(\S+) refinements on average, at most (\d+)", " ".join(found.notes))
+        assert bool(refined) == (name != "a05-governor")  # which has no closed loop
+        assert not refined or 1.0 <= float(refined[1]) <= int(refined[2])
     assert np.abs(observe(lay, scene.observables, found.q).array - known).max() < error
     rate = velocities(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
     # joints that were cut, too
@@ -195,3 +201,38 @@ def test_bad_problems_are_said(engine):
     refused("unknown coordinate 'd9'", UnknownNameError, applied=scene.under(motors=hold({"d9": 1.0})).applied)
     refused(r"start of shape \(2,\) for 1 independent", screwgauge.ScrewgaugeError, start=np.zeros(2))
     refused("has no loops file", ModelFileError, files=ModelFiles(files.model))
+
+
+class Sticking(METHODS["DOP853"]):
+    """Steps shrink to nothing after 0.3 s, as they do where a pose is nearly singular, unless begun farther away."""
+
+    def step(self):
+        if 0.3 < self.t < 0.4 and self.sticks:
+            self.h_abs, self.sticks = 1e-9, self.sticks - 1
+            assert self.sticks, "nobody minds"
+        return super().step()
+
+
+@pytest.mark.parametrize("tries", [1, 3, 99])
+def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, monkeypatch):
+    begun = []
+
+    def begin(*args, first_step=None, **options):
+        solver = Sticking(*args, first_step=first_step, **options)
+        solver.sticks = 20 * (len(begun) < tries)
+        begun.append((solver.t, first_step))
+        return solver
+
+    scene = screwgauge.load_scene("a04-bricard-box").at(np.linspace(0.0, 0.6, 25))
+    easy = simulate_scene("pinocchio", scene)
+    monkeypatch.setitem(METHODS, "DOP853", begin)
+    found = simulate_scene("pinocchio", scene)
+    again = begun[1:]
+    assert all(0.2 < t < 0.4 and 1e-4 < size < 1.0 for t, size in again)
+    assert len({size for _, size in again}) == len(again) == min(tries, len(SIZES))
+    assert np.abs(found.q - easy.q[: len(found.q)]).max() < FOLLOWED["a04-bricard-box"]
+    if tries > len(SIZES):
+        assert "steps have shrunk to 1e-09 s, and none leads on" in found.stopped
+    else:
+        assert found.stopped == ""
+        assert f"{tries} steps were made anew" in " ".join(found.notes)

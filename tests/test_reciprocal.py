@@ -13,7 +13,7 @@ from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import reciprocal_screws
 from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces
+from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
 from screwgauge.reference.screws import couple, force, prismatic, revolute
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
@@ -198,6 +198,10 @@ def test_a_thread_leaves_one_freedom_of_a_cylindrical_joint_of_the_pitch_of_its_
 def test_joints_that_constrain_nothing_are_no_legs() -> None:
     assert [leg.name for leg in of("stewart").legs] == [f"leg{k}" for k in range(1, 7)]
     assert len(of("stewart").twists) == 6
+    mechanism = load_mechanism("stewart")
+    pose = replace(mechanism.joint("pose"), child="leg1.upper")
+    joints = tuple(pose if joint.name == "pose" else joint for joint in mechanism.joints)
+    assert len(legs(replace(mechanism, joints=joints), "platform")) == 6  # one of them beside what leaves it free
 
 
 def test_of_a_chain_the_hand_is_told() -> None:

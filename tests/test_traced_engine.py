@@ -18,6 +18,7 @@ from screwgauge.problem import GivenMotion, ModelFiles
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import rotation
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
@@ -178,3 +179,22 @@ def test_long_motions_are_traced_unless_the_arrays_are_asked_for():
 def test_there_is_no_other_backend():
     with pytest.raises(UnknownNameError, match="unknown backend 'numba'"):
         get_engine("screw").load(ModelFiles(screwgauge.load_scene("3ups-upu-s").mechanism_file), backend="numba")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_ball_whose_middle_angle_is_beyond_a_right_angle_is_read_so(backend):
+    """Of two triples of angles that mean the same, programs know the one whose middle angle is within a right angle."""
+    scene = screwgauge.load_scene("3-rps")
+    mechanism, home = scene.mechanism, np.array([0.2, 2.0, -0.3])
+    balls = {joint.name: joint for joint in layout(mechanism).tree.cuts}
+    assert {joint.kind for joint in balls.values()} == {"S"}
+    for name, ball in balls.items():
+        assert not ball.home.any()
+        turns = [rotation(axis, np.array(angle)) for axis, angle in zip(ball.axes, home, strict=True)]
+        back = np.linalg.multi_dot(turns).T
+        balls[name] = replace(ball, home=home, parent_frame=replace(ball.parent_frame, R=ball.parent_frame.R @ back))
+    turned = replace(mechanism, joints=tuple(balls.get(joint.name, joint) for joint in mechanism.joints))
+    scene = replace(scene.at(scene.t[:: len(scene.t) // 20]), mechanism=turned)
+    mine = solved(scene, backend)
+    assert by_program(mine) == len(scene.t)
+    assert worst(mine, solved(scene, "array"))[1] <= LOCAL

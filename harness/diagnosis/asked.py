@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.closed import DEPENDENT, closed, equations, left
 from screwgauge.diagnosis.compare import components
-from screwgauge.diagnosis.dynamics import dynamics, passive_parts
-from screwgauge.diagnosis.lines import size
-from screwgauge.diagnosis.tree import States, Tree
+from screwgauge.diagnosis.mechanics.closed import DEPENDENT, closed, equations, left
+from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
+from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.mechanics.tree import States, Tree
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
 from screwgauge.reference.rotations import Array
 

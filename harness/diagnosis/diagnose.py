@@ -8,23 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.attribution import Attribution, Torques
-from screwgauge.diagnosis.backfill import Backfill, write_fix
-from screwgauge.diagnosis.branches import missing
-from screwgauge.diagnosis.change import Change, Difference, applied
-from screwgauge.diagnosis.common import brought
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques
+from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
+from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
+from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import Row, drawn, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.digits import marked
-from screwgauge.diagnosis.explain import PROOF, Explanation, explained, proved
-from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
-from screwgauge.diagnosis.loops import Loops, loops
-from screwgauge.diagnosis.mapping import Pairing, paired, read_map
+from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.digits import marked
+from screwgauge.diagnosis.differences.loops import Loops, loops
+from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
-from screwgauge.diagnosis.soft import softness
-from screwgauge.diagnosis.static import differences
+from screwgauge.diagnosis.pairing.branches import bare, missing
+from screwgauge.diagnosis.pairing.common import brought
+from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
@@ -141,8 +141,11 @@ def diagnose(
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
     """Of two models of one machine."""
-    common = brought(a.reading, b.reading, pairing)
-    found = [*missing(a.reading, b.reading, pairing), *differences(common, deadline)[0]]
+    lost = [*missing(a.reading, b.reading, pairing)]
+    ours, theirs = bare(a.reading, b.reading, lost)
+    # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
+    common = brought(ours, b.reading, pairing)
+    found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
     found = marked(_said(found, a, b), (a.digits, b.digits))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from screwgauge.diagnosis.change import PROPERTIES, Change, Difference
-from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.differences.change import PROPERTIES, Change, Difference
+from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.words import NAMES
+from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.models.readings.reading import Reading
 
 #: Value of a property that no file has to say, for all that is not zero.

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from screwgauge.diagnosis.branches import missing
-from screwgauge.diagnosis.change import Difference
-from screwgauge.diagnosis.common import brought
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mapping import Pairing, paired
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.static import differences, sorted_by_size
+from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.model import Model, Read
-from screwgauge.diagnosis.static import differences, sorted_by_size
+from screwgauge.diagnosis.pairing.branches import missing
+from screwgauge.diagnosis.pairing.common import brought
+from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.diagnosis.witness import Witness, witnesses
-from screwgauge.diagnosis.words import with_sides
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError

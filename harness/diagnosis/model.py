@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from screwgauge.diagnosis.common import STANDARD
-from screwgauge.diagnosis.digits import ALL, digits_of
+from screwgauge.diagnosis.differences.digits import ALL, digits_of
+from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.readings.loops import with_loops

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from screwgauge.diagnosis.common import STANDARD, Common
 from screwgauge.diagnosis.compare import STATES, components
-from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.tree import draw, plant
+from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array

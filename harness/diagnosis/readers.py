@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.asked import answers
-from screwgauge.diagnosis.common import STANDARD, counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.mapping import paired
+from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.matrix import differences_between
-from screwgauge.diagnosis.tree import draw, plant
-from screwgauge.diagnosis.words import with_sides
+from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.diagnosis.pairing.common import STANDARD, counterpart, states_of_b, velocity_map
+from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.engines.plain import Answers
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError

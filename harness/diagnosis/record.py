@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from screwgauge.diagnosis.attribution import Attribution
-from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.causes.attribution import Attribution
 from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.model import Model
 
 SCHEMA = 1

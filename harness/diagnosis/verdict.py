@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from screwgauge.diagnosis.attribution import Attribution, Largest
-from screwgauge.diagnosis.backfill import Backfill
-from screwgauge.diagnosis.change import Difference
-from screwgauge.diagnosis.explain import Explanation
-from screwgauge.diagnosis.growth import Growth
+from screwgauge.diagnosis.causes.attribution import Attribution, Largest
+from screwgauge.diagnosis.causes.backfill import Backfill
+from screwgauge.diagnosis.causes.explain import Explanation
+from screwgauge.diagnosis.causes.growth import Growth
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.loops import Loops
+from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
-from screwgauge.diagnosis.loops import Loops
-from screwgauge.diagnosis.mapping import Pairing
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.static import sorted_by_size
+from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.reference.wording import first_few
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
-from screwgauge.diagnosis.common import STANDARD
+from screwgauge.diagnosis.causes.fitting import PASSIVE, fitted
+from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.fitting import PASSIVE, fitted
-from screwgauge.diagnosis.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.mechanics.tree import States, Tree, draw, plant
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.tree import States, Tree, draw, plant
+from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.engines.plain import Answers
 from screwgauge.reference.errors import ScrewgaugeError
 

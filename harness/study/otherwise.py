@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from screwgauge.diagnosis.branches import missing
-from screwgauge.diagnosis.change import Difference
-from screwgauge.diagnosis.common import brought
-from screwgauge.diagnosis.digits import ALL, digits_of, marked
-from screwgauge.diagnosis.mapping import paired
-from screwgauge.diagnosis.static import differences, sorted_by_size
-from screwgauge.diagnosis.words import with_sides
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+from screwgauge.diagnosis.differences.static import differences, sorted_by_size
+from screwgauge.diagnosis.differences.words import with_sides
+from screwgauge.diagnosis.pairing.branches import missing
+from screwgauge.diagnosis.pairing.common import brought
+from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.engines.registry import get_engine
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.readings.read import LIBRARIES, read

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.attribution import Attribution
-from screwgauge.diagnosis.change import Difference
+from screwgauge.diagnosis.causes.attribution import Attribution
 from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.matrix import Matrix
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.diagnosis.static import sorted_by_size
 from screwgauge.environment import environment
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts, folded
 from screwgauge.report.formatting import number, size, unit_text

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.diagnosis.change import Difference
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.digits import ALL, digits_of
+from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.digits import ALL, digits_of
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.attribution import Step
-from screwgauge.diagnosis.conventions import rotation_vector
+from screwgauge.diagnosis.causes.attribution import Step
+from screwgauge.diagnosis.causes.conventions import rotation_vector
+from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
 from screwgauge.diagnosis.diagnose import Diagnosis
-from screwgauge.diagnosis.hypothesis import Hypothesis, Value
 from screwgauge.study.selftest.mutant import EVERYWHERE, Expected
 
 #: A magnitude that is told is right within so much of it.

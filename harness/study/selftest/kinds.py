@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from screwgauge.diagnosis.xml_text import XmlText
+from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.study.selftest import mutations, placements
 from screwgauge.study.selftest.mutant import CannotError, Expected
 from screwgauge.study.selftest.mutations import Mutation, Random, passive

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from screwgauge.diagnosis.layout import urdf_links
-from screwgauge.diagnosis.matter import NOTHING, Matter, combined, displaced, relative
-from screwgauge.diagnosis.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.layout import urdf_links
+from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter, combined, displaced, relative
 from screwgauge.models.placement import number_text, vector_text
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.marks import inertials

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.layout import compilers, mjcf_pose, numbers, origin
-from screwgauge.diagnosis.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
 from screwgauge.reference.rotations import Array
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from screwgauge.diagnosis.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text
 from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array

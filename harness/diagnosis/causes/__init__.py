@@ -1,0 +1,1 @@
+"""What makes two models differ: thought of, weighed against the torques, proved."""

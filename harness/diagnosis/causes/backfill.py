@@ -1,0 +1,137 @@
+"""Proof of a cause: B's own file with the change made is read again by B's own library, and has to agree with A."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeVar
+from uuid import uuid4
+
+from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
+from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.files.patch import patched
+from screwgauge.diagnosis.known import unheard
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.files import read_file
+
+#: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
+RELOADED = 10 * ROUNDING
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Backfill:
+    """What the proof gave.
+
+    Attributes:
+        on: ``file`` if the change was made in B's file, ``reading`` if in what was read from it.
+        why_not: Why not, or not all of it, in the file; a sentence each.
+        left: Largest torque difference that is left.
+        text: The file with the changes; empty if none could be made in it, or none is read from it.
+        unheard: Changes that the file says and B's library does not read; they are made in what it reads.
+    """
+
+    on: Literal["file", "reading"]
+    why_not: tuple[str, ...]
+    left: Largest
+    text: str
+    unheard: tuple[Change, ...] = ()
+
+    @property
+    def agrees(self) -> bool:
+        """Whether rounding is all that is left."""
+        return self.left.scaled <= RELOADED
+
+
+def backfill(
+    torques: Torques, b: Reading, changes: Sequence[Change], file: Path | None, read: Callable[[Path], Reading]
+) -> Backfill:
+    """Makes changes in a copy of B's file, or, where that cannot be, in its reading.
+
+    Args:
+        file: B's, if it has one.
+        read: B's library.
+    """
+    on_reading = largest(torques, torques.left(applied(b, changes)))
+    if file is None:
+        return Backfill("reading", ("B has no file of a format that is changed here",), on_reading, "")
+    why, best = list[str](), Backfill("reading", (), on_reading, "")
+    for plain in (False, True):
+        patch = patched(read_file(file), b, changes, plain=plain)
+        why = list(dict.fromkeys(reason for _, reason in patch.left))
+        done = [change for change in changes if all(change is not other for other, _ in patch.left)]
+        if not done:
+            break
+        try:
+            again = reread(file, patch.text, read)
+        except ScrewgaugeError as error:
+            why.append(f"the changed file cannot be read: {error.what}")
+            continue
+        deaf = tuple(change for change in done if unheard(change, b, again))
+        why += dict.fromkeys(f"{b.library} reads no {change.what} from the file" for change in deaf)
+        if len(deaf) == len(done):
+            return Backfill("reading", tuple(why), on_reading, "", deaf)
+        left = largest(torques, torques.left(applied(again, [*(change for change, _ in patch.left), *deaf])))
+        if best.on == "reading" or left.scaled < best.left.scaled:
+            best = Backfill("file", tuple(why), left, patch.text, deaf)
+        if best.agrees:
+            return best
+    return best if best.on == "file" else Backfill("reading", tuple(why), on_reading, "")
+
+
+def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
+    """What is read from a file if its text is another one; the file stays as it is.
+
+    Raises:
+        ScrewgaugeError: The text cannot be read.
+    """
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        copy = Path(folder) / file.name
+        _bring(file.parent, Path(folder), text)
+        copy.write_text(text, encoding="utf-8")
+        return read(copy)
+
+
+def _bring(source: Path, folder: Path, text: str) -> None:
+    """Copies what an MJCF includes, and what that includes, if it lies in the folder of the file."""
+    waiting = re.findall(r"<include\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']", text)
+    seen = set[str]()
+    while waiting:
+        name = waiting.pop()
+        origin, copy = (source / name).resolve(), (folder / name).resolve()
+        inside = origin.is_relative_to(source.resolve()) and copy.is_relative_to(folder.resolve())
+        if name in seen or not inside or not origin.is_file():
+            continue
+        seen.add(name)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(origin, copy)
+        waiting += re.findall(r"<include\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']", read_file(origin))
+
+
+def write_fix(out: Path, text: str, b: Path) -> None:
+    """Writes the changed file, whole or not at all.
+
+    Raises:
+        OutputError: It is B's own, or it cannot be written.
+    """
+    if out.exists() and os.path.samefile(out, b):
+        raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
+    if out.is_dir():
+        raise OutputError("is a folder", str(out), "name a file")
+    beside = out.with_name(f".{out.name}.{uuid4().hex}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, out)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        what = f"cannot be written ({(error.strerror or str(error)).lower()})"
+        raise OutputError(what, str(out), "choose another --fix") from None

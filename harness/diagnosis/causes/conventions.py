@@ -1,0 +1,192 @@
+"""Which slip of convention or unit makes one value of another: a tensor turned the wrong way, millimetres, grams.
+
+Each function says in words what B's value is, made from A's, or nothing. Slips that give the same value are all named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import permutations, product
+
+import numpy as np
+
+from screwgauge.diagnosis.mechanics.matter import Matter
+from screwgauge.models.readings.assemble import steiner
+from screwgauge.reference.rotations import Array
+
+#: A slip has to explain all of a difference but this share of it, or else it is none.
+LEFT = 1e-6
+_AXES = "xyz"
+#: Factor by which B is too large -> what may have been mixed up; by quantity.
+_INCH, _POUND, _DEGREE = 0.0254, 0.45359237, np.pi / 180.0
+UNITS: dict[str, dict[float, str]] = {
+    "mass": {1e3: "in g", 1e-3: "in t", 1 / _POUND: "in lb"},
+    "com": {1e3: "in mm", 1e2: "in cm", 1 / _INCH: "in inches"},
+    "inertia": {
+        1e9: "in g mm^2",
+        1e6: "in kg mm^2",
+        1e7: "in g cm^2",
+        1e4: "in kg cm^2",
+        1e3: "in g m^2",
+        1 / (_POUND * _INCH**2): "in lb in^2",
+    },
+    "placement": {1e3: "in mm", 1e2: "in cm", 1 / _INCH: "in inches"},
+    "angle": {1 / _DEGREE: "in degrees"},
+    "gravity": {-1.0: "upside down"},
+}
+
+
+def unit_slip(what: str, a: Array, b: Array) -> str:
+    """``in mm`` where B is A written in mm and read in m, ``meant to be in mm`` the other way round; else nothing.
+
+    Args:
+        what: A key of `UNITS`.
+        a, b: Values. Shape (...).
+    """
+    for factor, name in UNITS[what].items():
+        if _is(factor * a, b, a):
+            return name
+        if factor > 0.0 and _is(a / factor, b, a):
+            return f"as if A were {name}"
+    return ""
+
+
+def _is(value: Array, b: Array, a: Array) -> bool:
+    """Whether B is a value made from A, and not A itself."""
+    before, small = float(np.abs(b - a).max()), max(float(np.abs(b).max()), 1e-9 * float(np.abs(a).max()))
+    return before > 0.0 and float(np.abs(value - b).max()) <= LEFT * min(before, small)
+
+
+def com_slips(a: Array, b: Array, R: Array) -> list[str]:
+    """What a centre of mass is of another one.
+
+    Args:
+        a, b: In the frame of the link. Shape (3,).
+        R: Orientation of the inertial frame in the link. Shape (3, 3).
+    """
+    found = [f"is {said}" for said in [unit_slip("com", a, b)] if said]
+    if _is(np.zeros(3), b, a):
+        found.append("is left out")
+    mirrored = [(signs, np.array(signs) * a) for signs in product((1.0, -1.0), repeat=3) if min(signs) < 0.0]
+    for signs, value in mirrored:
+        if _is(value, b, a) and np.all(a[np.array(signs) < 0.0]):
+            axes = " and ".join(axis for axis, sign in zip(_AXES, signs, strict=True) if sign < 0.0)
+            found.append(f"is mirrored in {axes}")
+    for order in permutations(range(3)):
+        if _is(a[list(order)], b, a):
+            found.append(f"has its entries in the order {''.join(_AXES[i] for i in order)}")
+    turned = {"turned by the orientation of its inertial": R @ a, "turned back by it": R.T @ a}
+    return found + [f"is {said}" for said, value in turned.items() if _is(value, b, a)]
+
+
+def tensor_slips(a: Matter, b: Array, rotations: Mapping[str, Array]) -> list[str]:
+    """What an inertia tensor is of another one.
+
+    Args:
+        a: Of the link in A, in the frame of the link.
+        b: Inertia about the centre of mass in B, in the same frame. Shape (3, 3).
+        rotations: Model -> orientation of the inertial frame that it gives the link. Shape (3, 3) each.
+    """
+    found = [f"is {said}" for said in [unit_slip("inertia", a.inertia, b)] if said]
+    found += [said for said, value in _tensors(a, rotations) if _is(value, b, a.inertia)]
+    if not found and (turn := _turned(a.inertia, b)):
+        found.append(turn)
+    return list(dict.fromkeys(found))
+
+
+def _tensors(a: Matter, rotations: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
+    """What A's tensor would be after each slip."""
+    I = a.inertia
+    away = a.mass * steiner(a.com)
+    yield "is about the origin of the link, not the centre of mass", I + away
+    yield "has the parallel-axis term taken off twice", I - away
+    for name, R in rotations.items():
+        whose = f"its orientation in {name}"
+        if np.abs(R - np.eye(3)).max() > 0.0:
+            yield f"is not turned by {whose}", R.T @ I @ R
+            yield f"is turned by {whose} once too often", R @ I @ R.T
+            yield f"is turned by {whose} transposed", R.T @ R.T @ I @ R @ R
+            yield f"is turned by {whose}, where it should be turned by the transposed one", R @ R @ I @ R.T @ R.T
+        local = R.T @ I @ R
+        for said, value in _entries(local):
+            yield said, R @ value @ R.T
+    values, V = np.linalg.eigh(I)
+    for order in permutations(range(3)):
+        yield "has its principal moments on other axes", V @ np.diag(values[list(order)]) @ V.T
+
+
+def _entries(I: Array) -> Iterator[tuple[str, Array]]:
+    """Slips with the entries of a tensor, in the axes in which it is written."""
+    moments, products = np.diag(np.diag(I)), I - np.diag(np.diag(I))
+    yield "has products of inertia of the other sign", moments - products
+    yield "has no products of inertia", moments
+    entries = {"xx": I[0, 0], "yy": I[1, 1], "zz": I[2, 2], "xy": I[0, 1], "xz": I[0, 2], "yz": I[1, 2]}
+    mjcf, urdf = ("xx", "yy", "zz", "xy", "xz", "yz"), ("xx", "xy", "xz", "yy", "yz", "zz")
+    yield (
+        "has URDF's order of entries in the place of MJCF's",
+        _tensor({k: entries[u] for k, u in zip(mjcf, urdf, strict=True)}),
+    )
+    yield (
+        "has MJCF's order of entries in the place of URDF's",
+        _tensor({u: entries[k] for k, u in zip(mjcf, urdf, strict=True)}),
+    )
+    for order in permutations(("xy", "xz", "yz")):
+        swapped = {name: entries[other] for name, other in zip(("xy", "xz", "yz"), order, strict=True)}
+        yield "has products of inertia in another order", _tensor({**entries, **swapped})
+    for order in permutations(("xx", "yy", "zz")):
+        swapped = {name: entries[other] for name, other in zip(("xx", "yy", "zz"), order, strict=True)}
+        yield "has its moments of inertia in another order", _tensor({**entries, **swapped})
+
+
+def _tensor(entries: dict[str, float]) -> Array:
+    I = np.zeros((3, 3))
+    for (i, j), value in ((tuple(_AXES.index(axis) for axis in name), value) for name, value in entries.items()):
+        I[i, j] = I[j, i] = value
+    return I
+
+
+def _turned(a: Array, b: Array) -> str:
+    """Of tensors with the same principal moments."""
+    (one, V), (two, W) = np.linalg.eigh(a), np.linalg.eigh(b)
+    if np.abs(one - two).max() > LEFT * np.abs(b - a).max():
+        return ""
+    turns = [W @ np.diag(signs) @ V.T for signs in product((1.0, -1.0), repeat=3)]
+    angle = min(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)) for R in turns if np.linalg.det(R) > 0.0)
+    return f"is turned by {np.degrees(angle):.4g} degrees"
+
+
+def placement_slips(a: Array, b: Array) -> list[str]:
+    """What a placement is of another one; both relative to the link before. Shape (4, 4)."""
+    found = []
+    (R, p), (Q, r) = ((T[:3, :3], T[:3, 3]) for T in (a, b))
+    turn = rotation_vector(R)
+    if np.abs(Q - R).max() <= LEFT * np.abs(r - p).max():
+        found += [f"is {said}" for said in [unit_slip("placement", p, r)] if said]
+        if _is(np.zeros(3), r, p):
+            found.append("has no position")
+    if np.abs(r - p).max() <= LEFT * np.abs(Q - R).max():
+        if _is(R.T, Q, R):
+            found.append("has its rotation transposed")
+        if _is(np.eye(3), Q, R):
+            found.append("has no rotation")
+        if said := unit_slip("angle", turn, rotation_vector(Q)):
+            found.append(f"has its angles {said}")
+    return found
+
+
+def rotation_vector(R: Array) -> Array:
+    """Axis times angle [rad], of the shorter way. Shape (3, 3) -> (3,)."""
+    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    s, c = float(np.linalg.norm(axis)), 0.5 * (float(np.trace(R)) - 1.0)
+    return axis * (np.arctan2(s, c) / s) if s > 0.0 else axis
+
+
+def gravity_slips(a: Array, b: Array) -> list[str]:
+    """What gravity is of another one. Shape (3,)."""
+    found = [f"is {said}" for said in [unit_slip("gravity", a, b)] if said]
+    if not b.any():
+        found.append("is left out")
+    one, two = np.linalg.norm(a), np.linalg.norm(b)
+    if not found and abs(one - two) <= LEFT * np.abs(b - a).max():
+        found.append(f"is turned by {np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)):.4g} degrees")
+    return found

@@ -1,0 +1,90 @@
+"""What equalities exert that MuJoCo keeps by springs, and how much of their difference their softness explains.
+
+The library itself is asked, near closed states: where loops are closed and stay so, soft equalities exert nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.asked import ASKED, CLOSING, joint_states
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute
+from screwgauge.diagnosis.causes.backfill import reread
+from screwgauge.diagnosis.causes.hypothesis import Hypothesis
+from screwgauge.diagnosis.compare import components
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.files.patch import patched
+from screwgauge.diagnosis.mechanics.closed import closed
+from screwgauge.diagnosis.mechanics.tree import States, Tree, draw, moved, plant
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map
+from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.files import read_file
+from screwgauge.reference.rotations import Array
+
+#: States that are drawn, and how far they then are from closed [rad or m]: impedances change within a millimetre.
+DRAWN, OPEN = 10, 1e-3
+_REFUSED = (ScrewgaugeError, ValueError, LookupError)
+
+
+def softness(
+    models: tuple[Model, Model], pairing: Pairing, found: Sequence[Difference], seed: int, deadline: Deadline
+) -> Attribution | None:
+    """Attributes the difference of soft forces to softness, all other differences that B's file can say put right.
+
+    None where softness does not differ, no library is asked of both, or there was no time.
+    """
+    numbers = [i for i, each in enumerate(found) if each.what == "softness"]
+    a, b = models
+    apart = pairing.only_a or pairing.only_b or not {a.library, b.library} <= {*CLOSING}
+    if not numbers or apart or a.file is None or b.file is None or deadline.over("forces of soft equalities"):
+        return None
+    one, file = plant(a.reading), b.file
+    two, own = (plant(each) for each in counterpart(a.reading, b.reading, pairing.joints))
+    states = _near(one, seed)
+    theirs, C, text = states_of_b(one, two, states), velocity_map(one, two), read_file(file)
+    rest = [each.change for each in found if each.change is not None and each.what != "softness"]
+
+    def of(reading: Reading) -> Array:
+        soft = _softness(b.reading)
+        changes = [
+            Change(name, "softness", np.array(to)) for name, to in _softness(reading).items() if to != soft[name]
+        ]
+        try:
+            there = patched(text, b.reading, [*rest, *changes]).text
+            return reread(file, there, lambda copy: _force(copy, b, own, theirs)) @ C
+        except _REFUSED:
+            return np.full((len(states.q), len(one.before)), np.nan)
+
+    try:
+        force = _force(a.file, a, one, states)
+    except _REFUSED:  # which is said where it is asked for torques
+        return None
+    names, units = zip(*components(a.reading), strict=True)
+    each_alone = [Hypothesis(f"softness of {found[i].item_b}", (i,)) for i in numbers]
+    return attribute(Torques(force, of, names, units), b.reading, found, each_alone, deadline)
+
+
+def _softness(reading: Reading) -> dict[str, tuple[float, ...]]:
+    return {name: each.softness for part in (reading.closures, reading.couplings) for name, each in part.items()}
+
+
+def _near(tree: Tree, seed: int) -> States:
+    """Random states, near closed ones where there are such."""
+    drawn = draw(tree.reading, DRAWN, seed)
+    there, fits = closed(tree, drawn)
+    drawn, q = (drawn.at(fits), there.q) if fits.any() else (drawn, drawn.q)
+    return replace(drawn, q=moved(tree, q, OPEN * np.random.default_rng(seed).normal(size=drawn.qd.shape)))
+
+
+def _force(file: Path, model: Model, tree: Tree, states: States) -> Array:
+    force: Array = import_module(ASKED[model.library]).closing(file, joint_states(tree, states), model.floating).force
+    return force

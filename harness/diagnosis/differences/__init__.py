@@ -1,0 +1,1 @@
+"""What two readings say otherwise, in physical terms."""

@@ -1,0 +1,217 @@
+"""Where the joints of two models differ: which way they count and from where, where they sit, about what they turn.
+
+A joint is looked at after what is before it has been put right; what it carries tells a joint that is displaced with
+all outwards of it from one of which the axis alone is another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
+from screwgauge.diagnosis.mechanics.lines import apart, size
+from screwgauge.diagnosis.mechanics.reshape import rehomed
+from screwgauge.diagnosis.pairing.common import Common, owned
+from screwgauge.models.importing.motion import moved
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
+from screwgauge.reference.rotations import Array, vee
+
+#: Rounding of readers: nothing below counts, relative to 1 rad or to the size of the machine. Readers keep 1e-14.
+ROUNDING = 1e-11
+#: A displacement is there if it brings what a joint carries so many decades nearer, all taken together.
+DECADES = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviation:
+    """How a joint of B differs in place from that of A.
+
+    Attributes:
+        joint: Common name.
+        what: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
+        value: That B should have, in common terms.
+        amount: Angle [rad] and way [m] of the difference.
+        change: In B's own terms.
+    """
+
+    joint: str
+    what: str
+    value: Array
+    amount: tuple[float, float]
+    change: Change
+
+
+def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Common]:
+    """All of them, from the ground outwards, and both models where they are put right; as far as there is time."""
+    found: list[Deviation] = []
+    length = size(common.a)
+    for name in _outwards(common.a):
+        if deadline.over(f"place of {name}"):
+            continue
+        for what, value, amount in _of_joint(common.a, common, name, length):
+            change = Change(name, what, np.asarray(value, dtype=float))
+            found.append(Deviation(name, what, change.value, amount, owned(common, change)))
+            common = _righted(common, change)
+    return found, common
+
+
+def _outwards(reading: Reading) -> list[str]:
+    return [joint for body in reading.bodies.values() for joint in body.joints if joint in reading.joints]
+
+
+def _righted(common: Common, change: Change) -> Common:
+    """B with a change made, and at the common home again."""
+    home = common.b.joints[change.item].home
+    b = applied(common.b, [change])
+    if change.what not in ("zero", "sign"):
+        return replace(common, b=b)
+    now = b.joints[change.item].home
+    b, _, behind = rehomed(b, {change.item: home} if now != home else {})
+    bodies, joints = outwards(common.b, change.item)
+    before = {n: _displacement(b, behind, n) @ X if n in joints[1:] else X for n, X in common.before.items()}
+    after = {n: behind[n] @ X if n in bodies else X for n, X in common.behind.items()}
+    homes = {**common.homes, change.item: common.homes[change.item] * (-1.0 if change.what == "sign" else 1.0)}
+    return replace(common, b=b, before=before, behind=after, homes=homes)
+
+
+def _displacement(b: Reading, behind: dict[str, Array], joint: str) -> Array:
+    """Of one joint that moves, all that it carries is displaced alike."""
+    return next(behind[name] for name, body in b.bodies.items() if joint in body.joints)
+
+
+def _of_joint(
+    a: Reading, common: Common, name: str, length: float
+) -> Iterator[tuple[str, Array | float, tuple[float, float]]]:
+    """Deviations of one joint; after each, the caller puts B right and goes on with the next joint."""
+    ours, theirs = a.joints[name], common.b.joints[name]
+    b = common.b
+    if ours.kind != theirs.kind:
+        return
+    turns = ours.kind in ("hinge", "slide")
+    if turns and axis(ours) @ axis(theirs) < 0.0:
+        yield "sign", -1.0, (math.pi, 0.0)
+        b = _righted(common, Change(name, "sign", np.array(-1.0))).b
+        common = replace(common, b=b)
+    D = _displaced(a, b, name, length)
+    if D is not None:
+        along = _along(ours, D, length) if turns else None
+        if along is not None:
+            # B's home geometry is A's at another coordinate
+            yield "zero", b.joints[name].home - along, (abs(along), 0.0) if ours.kind == "hinge" else (0.0, abs(along))
+            b = rehomed(
+                applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
+            )[0]
+        else:
+            yield "placement", D, _amount(D, ours.centre)
+            b = applied(b, [Change(name, "placement", D)])
+    theirs = b.joints[name]
+    if not turns:
+        return
+    off = math.atan2(float(np.linalg.norm(np.cross(axis(theirs), axis(ours)))), float(axis(theirs) @ axis(ours)))
+    if off > ROUNDING:
+        yield "axis", axis(ours), (off, 0.0)
+    if ours.kind == "hinge":
+        step = ours.centre - theirs.centre
+        step = step - (step @ axis(ours)) * axis(ours)
+        if np.linalg.norm(step) > ROUNDING * length:
+            yield "centre", theirs.centre + step, (0.0, float(np.linalg.norm(step)))
+
+
+def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None:
+    """The displacement of a joint and all outwards that brings B nearest to A; None if it is nearest as it is."""
+    bodies, joints = outwards(b, name)
+    bodies = [body for body in bodies if body in a.bodies and (a.bodies[body].mass and b.bodies[body].mass)]
+    joints = [joint for joint in joints if joint in a.joints]
+    still = _nearness(a, b, (bodies, joints), np.eye(4), length)
+    if still <= math.log10(ROUNDING) * (2 * len(bodies) + len(joints)):
+        return None
+    best, most, next_ = None, still - DECADES, _next(b, name)
+    for D in _candidates(a, b, name):
+        if _breaks(a, b, next_, D, length):
+            continue
+        score = _nearness(a, b, (bodies, joints), D, length)
+        if score < most - 1e-6:
+            best, most = D, score
+    return best
+
+
+def _next(b: Reading, name: str) -> tuple[list[str], list[str]]:
+    """What a joint carries itself, not by another joint: a body at most, and the joints behind it; itself."""
+    carrier = next(key for key, body in b.bodies.items() if name in body.joints)
+    joints = b.bodies[carrier].joints
+    if name != joints[-1]:
+        return [], [name, joints[joints.index(name) + 1]]
+    return [carrier], [name, *(body.joints[0] for body in b.bodies.values() if body.near == carrier)]
+
+
+def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array, length: float) -> bool:
+    """Whether a displacement takes something from its place that is there: then it is that of a joint further out."""
+    for T, limit in ((np.eye(4), 10.0), (D, 100.0)):
+        there = {name: apart(a.joints[name], moved(b.joints[name], T), length) for name in items[1] if name in a.joints}
+        there |= {
+            f"body {name}": max(_matter(a.bodies[name], b.bodies[name], T, length))
+            for name in items[0]
+            if name in a.bodies and a.bodies[name].mass and b.bodies[name].mass
+        }
+        near = {name for name, off in there.items() if off < limit * ROUNDING}
+        if limit == 10.0:
+            kept = near
+    return not kept <= near
+
+
+def _candidates(a: Reading, b: Reading, name: str) -> Iterator[Array]:
+    carried = outwards(b, name)[0]
+    for body in [body for body in carried if body in a.bodies][:4]:
+        yield a.bodies[body].pose @ np.linalg.inv(b.bodies[body].pose)
+
+
+def _nearness(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array, length: float) -> float:
+    """Decades of the distances of what a joint carries once it is displaced."""
+    off = [apart(a.joints[name], moved(b.joints[name], D), length) for name in items[1]]
+    for name in items[0]:
+        off += _matter(a.bodies[name], b.bodies[name], D, length)
+    return float(np.sum(np.log10(np.maximum(off, ROUNDING / 10.0))))
+
+
+def _matter(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[float]:
+    """How far apart two bodies' centres of mass and the directions of their inertia are."""
+    T = D @ b.pose
+    R, S = a.pose[:3, :3], T[:3, :3]
+    step = (R @ a.com + a.pose[:3, 3]) - (S @ b.com + T[:3, 3])
+    I = R @ a.inertia @ R.T - S @ b.inertia @ S.T
+    scale = max(float(np.abs(a.inertia).max()), float(np.abs(b.inertia).max())) or 1.0
+    return [float(np.linalg.norm(step)) / length, float(np.abs(I).max()) / scale]
+
+
+def _along(joint: JointReading, D: Array, length: float) -> float | None:
+    """The coordinate by which a joint itself displaces so; None if it cannot."""
+    R, p = D[:3, :3], D[:3, 3]
+    turn = vee(R)
+    sine = float(np.linalg.norm(turn))
+    angle = math.atan2(sine, 0.5 * (float(np.trace(R)) - 1.0))
+    step = R @ joint.centre + p - joint.centre
+    scale = max(angle, float(np.linalg.norm(step)) / length)
+    loose = max(1e-4 * scale, ROUNDING)
+    if joint.kind == "slide":
+        way = float(step @ axis(joint))
+        off = max(angle, float(np.linalg.norm(step - way * axis(joint))) / length)
+        return way if off < loose else None
+    if sine <= 1e-9 and angle > 1.0:  # half a turn, whose axis its sine does not tell
+        turn = axis(joint) if np.abs(R @ axis(joint) - axis(joint)).max() < loose else 0.0 * turn
+        sine = 1.0
+    w = turn / max(sine, 1e-300) * angle
+    along = float(w @ axis(joint))
+    off = max(float(np.linalg.norm(w - along * axis(joint))), float(np.linalg.norm(step)) / length)
+    return along if off < loose else None
+
+
+def _amount(D: Array, at: Array) -> tuple[float, float]:
+    """Angle of a displacement [rad], and how far it moves a point [m]."""
+    R = D[:3, :3]
+    angle = math.atan2(float(np.linalg.norm(vee(R))), 0.5 * (float(np.trace(R)) - 1.0))
+    return angle, float(np.linalg.norm(R @ at + D[:3, 3] - at))

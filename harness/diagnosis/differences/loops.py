@@ -1,0 +1,74 @@
+"""What the loops of two models leave of their motion, whichever rows state them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.diagnosis.compare import Row, components, row_of
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.mechanics.closed import closed, equations, left
+from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
+from screwgauge.diagnosis.pairing.mapping import Pairing
+
+#: States that are drawn, and closed where they can be.
+DRAWN = 12
+#: Scaled motions that loops leave and that differ by no more are the same: rounding over small singular values.
+ALIKE = 1e-9
+_NOT_COMPARED = "what closures and couplings leave is not compared"
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Closures and couplings of two models at closed states.
+
+    Attributes:
+        row: Difference of what they leave of unit velocities, as projectors.
+        mobility: Degrees of freedom that they leave in A and in B; `freedoms` without them.
+        states: At how many states.
+    """
+
+    row: Row
+    mobility: tuple[int, int]
+    freedoms: int
+    states: int
+
+    @property
+    def alike(self) -> bool:
+        """Whether they leave the same motions."""
+        return self.mobility[0] == self.mobility[1] and self.row.max_abs <= ALIKE
+
+
+def loops(
+    models: tuple[Model, Model], common: Common, pairing: Pairing, seed: int, deadline: Deadline
+) -> tuple[Loops | None, str]:
+    """What loops leave in both models, and a sentence on it; None where that is not compared.
+
+    Where B is open at a state that closes A, the nearest is taken that closes B.
+    """
+    closures = bool(common.a.closures or common.b.closures)
+    if not (closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
+        return None, ""
+    if closures and not all(model.says_closures for model in models):
+        return None, ""  # which is said of closures
+    if pairing.only_a or pairing.only_b:
+        return None, f"{_NOT_COMPARED}: joints are in one model only"
+    a, b = plant(common.a), plant(common.b)
+    states, _ = closed(a, draw(common.a, DRAWN, seed))
+    theirs, fits = closed(b, states_of_b(a, b, states))
+    if not fits.any():
+        return None, f"{_NOT_COMPARED}: no random state closes both models"
+    force, length = components(common.a), size(common.a)
+    slides = np.array([unit == "N" for _, unit in force])
+    rows = equations(a, states.at(fits)).rows, equations(b, theirs).rows @ velocity_map(a, b)
+    ours, others = (left(each, slides, length)[0] for each in rows)
+    n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))
+    row = row_of(
+        "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
+    )
+    said = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
+    return Loops(row, (n, m), len(force), len(ours)), said

@@ -1,0 +1,135 @@
+"""What two readings say otherwise of what is no part of the tree itself: closures, couplings, actuators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.geometry import ROUNDING
+from screwgauge.diagnosis.differences.stated import differ, difference
+from screwgauge.diagnosis.differences.words import vector
+from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
+from screwgauge.diagnosis.mechanics.closing import residual_at_home
+from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.mechanics.tree import plant
+from screwgauge.diagnosis.pairing.common import Common
+from screwgauge.models.readings.reading import ClosureReading
+
+
+def closures(common: Common) -> Iterator[Difference]:
+    """Those that both have, with how far they are open; then those of one alone, A's first."""
+    gaps = [residual_at_home(plant(each)) for each in (common.a, common.b)]
+    for name in common.a.closures:
+        if name in common.b.closures:
+            yield from _closure(common, name, (gaps[0][name], gaps[1][name]))
+            yield from _softness(common, "closures", name)
+    for side, here, there, open_ in (("A", common.a, common.b, gaps[0]), ("B", common.b, common.a, gaps[1])):
+        for name, closure in here.closures.items():
+            if name not in there.closures:
+                own = common.own["closures"].get(name, name) if side == "B" else name
+                sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
+                sentence += f", open at home by {_gap(closure, open_[name])}"
+                items = (own, "") if side == "A" else ("", own)
+                yield Difference(*items, "closure", None, None, "", math.inf, sentence)
+
+
+def _gap(closure: ClosureReading, gap: float) -> str:
+    return f"{gap:.3g} m" if closure.kind == "point" else f"{gap:.3g} m or rad"
+
+
+def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[Difference]:
+    a, b = common.a.closures[name], common.b.closures[name]
+    own = common.own["closures"].get(name, name)
+    still = f"; open at home by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
+    if a.kind != b.kind:
+        sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
+        yield Difference(name, own, "closure", None, None, "", math.inf, sentence)
+    if (a.first, a.second) == (b.second, b.first) and a.first != a.second:
+        a = replace(a, first=a.second, first_frame=a.second_frame, second=a.first, second_frame=a.first_frame)
+    for what, body in (("first_frame", a.first), ("second_frame", a.second)):
+        ours, theirs = getattr(a, what), getattr(b, what)
+        if body in common.a.bodies and body in common.b.bodies:
+            ours = np.linalg.inv(common.b.bodies[body].pose) @ common.a.bodies[body].pose @ ours
+        step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
+        turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
+        if max(step / size(common.a), turn) > 10 * ROUNDING:
+            off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{still}"
+            yield difference(common, name, what, ours, theirs, more)
+
+
+def couplings(common: Common) -> Iterator[Difference]:
+    """Couplings that one alone has, that follow other joints, or otherwise."""
+    for name, coupling in common.a.couplings.items():
+        other = common.b.couplings.get(name)
+        if other is None:
+            sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in A only"
+            yield Difference(name, "", "coupling", coupling.polynomial, None, "1", math.inf, sentence)
+            continue
+        if coupling.of != other.of:
+            own = common.own["couplings"].get(name, name)
+            leads = common.own["joints"].get(other.of, other.of) or "nothing"
+            sentence = f"{coupling.joint}: follows {leads} in B, {coupling.of or 'nothing'} in A"
+            yield Difference(name, own, "leading joint", None, None, "", math.inf, sentence)
+        n = max(len(coupling.polynomial), len(other.polynomial))
+        a, b = (np.pad(each.polynomial, (0, n - len(each.polynomial))) for each in (coupling, other))
+        if np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max())):
+            yield difference(common, name, "polynomial", a, b)
+        yield from _softness(common, "couplings", name)
+    for name, coupling in common.b.couplings.items():
+        if name not in common.a.couplings:
+            sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in B only"
+            yield Difference(
+                "",
+                common.own["couplings"].get(name, name),
+                "coupling",
+                None,
+                coupling.polynomial,
+                "1",
+                math.inf,
+                sentence,
+            )
+
+
+def actuators(common: Common) -> Iterator[Difference]:
+    """Actuators that one alone has, that drive other joints, or through another gear."""
+    if not (common.a.actuators and common.b.actuators):
+        return  # one of the formats has none
+    for name, (joint, gear) in common.a.actuators.items():
+        if name not in common.b.actuators:
+            yield Difference(
+                name, "", "actuator", np.asarray(gear), None, "1", math.inf, f"{name}: an actuator of {joint} in A only"
+            )
+            continue
+        driven, other = common.b.actuators[name]
+        if driven != joint:
+            own = common.own["actuators"].get(name, name)
+            sentence = f"{name}: drives {common.own['joints'].get(driven, driven)} in B, {joint} in A"
+            yield Difference(name, own, "driven joint", None, None, "", math.inf, sentence)
+        if differ(gear, other):
+            yield difference(common, name, "gear", np.asarray(gear), np.asarray(other))
+    for name, (joint, gear) in common.b.actuators.items():
+        if name not in common.a.actuators:
+            own = common.own["actuators"].get(name, name)
+            yield Difference(
+                "", own, "actuator", None, np.asarray(gear), "1", math.inf, f"{own}: an actuator of {joint} in B only"
+            )
+
+
+def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:
+    """Of a constraint that both libraries keep by springs: those that keep it exactly have none."""
+    a, b = (np.array(getattr(each, kind)[name].softness) for each in (common.a, common.b))
+    if a.size == b.size and np.any(np.abs(a - b) > ROUNDING * np.maximum(np.abs(a), np.abs(b))):
+        parts = [
+            f"{word} {vector(b[part], a[part])} in B, {vector(a[part], b[part])} in A"
+            for word, part in SOFTNESS.items()
+            if not np.array_equal(a[part], b[part])
+        ]
+        apart = float((np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), 1e-300)).max())
+        sentence = f"{name}: softness, {'; '.join(parts)}"
+        change = Change(common.own[kind].get(name, name), "softness", a)
+        yield Difference(name, change.item, "softness", a, b, "", apart, sentence, change)

@@ -1,0 +1,128 @@
+"""Differences in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from screwgauge.diagnosis.differences.change import PROPERTIES
+from screwgauge.models.readings.reading import JointReading
+from screwgauge.reference.rotations import Array
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.pairing.common import Common
+
+_AXES = "xyz"
+#: Property -> how it is called in a sentence.
+NAMES = {
+    "com": "centre of mass",
+    "gravcomp": "compensated share of weight",
+    "friction": "dry friction",
+    "rest": "rest of the spring",
+    "polynomial": "coupling",
+}
+
+
+def unit_of(what: str, joint: JointReading | None) -> str:
+    """Of a property, by what the joint does."""
+    turns, _, slides = PROPERTIES[what].unit.partition("|")
+    unit = slides if slides and joint is not None and joint.kind == "slide" else turns
+    return "" if unit == "1" else unit
+
+
+def compared(item: str, what: str, a: Array, b: Array, unit: str) -> tuple[float, str]:
+    """Relative difference of two values, and a sentence on it."""
+    name = NAMES.get(what, what)
+    lead = f"{item}: {name}" if item else name
+    behind = f" {unit}" if unit else ""
+    step = b - a
+    with np.errstate(invalid="ignore"):
+        apart = float(np.nanmax(np.abs(step))) if np.size(step) else 0.0
+    scale = max(_finite(a), _finite(b)) or 1.0
+    if np.ndim(a) == 0:
+        said = f"{lead} {digits(float(b), float(a))}{behind} in B, {digits(float(a), float(b))}{behind} in A"
+        return apart / scale, f"{said} ({_change(float(a), float(b))})"
+    if what in ("com", "centre", "gravity"):
+        size = float(np.linalg.norm(step))
+        said = f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
+        if unit == "m":
+            return size / scale, f"{said} ({size * 1e3:.4g} mm apart)"
+        return size / scale, f"{said} ({size:.4g}{behind} apart)"
+    if what == "inertia":
+        return apart / scale, f"{lead} {_tensors(a, b)}"
+    return apart / scale, f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
+
+
+def place(item: str, what: str, amount: tuple[float, float], joint: JointReading, common: Common) -> str:
+    """A sentence on a joint that is elsewhere, or counts otherwise."""
+    angle, way = amount
+    if what == "sign":
+        return f"{item}: counts the other way in B (its axis is reversed)"
+    if what == "zero":
+        much = f"{angle:.6g} rad ({math.degrees(angle):.6g} deg)" if joint.kind == "hinge" else f"{way * 1e3:.6g} mm"
+        return f"{item}: its zero is {much} elsewhere in B"
+    much = " and ".join([f"{angle:.4g} rad"] * (angle > 1e-12) + [f"{way * 1e3:.4g} mm"] * (way > 1e-12)) or "nothing"
+    if what == "placement":
+        return f"{item}: sits elsewhere in B, with all that it carries ({much})"
+    if what == "axis":
+        return f"{item}: its axis alone is tilted in B by {angle:.6g} rad ({math.degrees(angle):.4g} deg)"
+    return f"{item}: its axis alone is shifted in B by {way * 1e3:.6g} mm"
+
+
+def with_sides(sentence: str, a: str, b: str) -> str:
+    """A sentence with other words for "in A" and "in B"."""
+    return re.sub(r"\bin ([AB])\b", lambda found: a if found.group(1) == "A" else b, sentence)
+
+
+def digits(value: float, other: float) -> str:
+    """A number with as many digits as tell it from another one, and two more; 4 at least."""
+    if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
+        return f"{value + 0.0:.6g}"
+    near = max(abs(value), abs(other)) / abs(value - other)
+    shown = min(17, max(4, math.ceil(math.log10(near)) + 2))
+    text = f"{value:#.{shown}g}"
+    return text.rstrip(".") if "e" not in text else f"{value:.{shown}g}"
+
+
+def vector(value: Array, other: Array) -> str:
+    """Entries in brackets."""
+    least = 1e-13 * max(_finite(value), _finite(other))  # rounding beside the largest entry
+    pairs = zip(value.ravel(), other.ravel(), strict=True)
+    return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
+
+
+def _finite(value: Array) -> float:
+    finite = np.abs(np.asarray(value))[np.isfinite(value)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def _change(a: float, b: float) -> str:
+    """From A to B in percent, or, of small ones, as a share."""
+    if a == 0.0 or b == 0.0:
+        return "none in A" if a == 0.0 else "none in B"
+    share = (b - a) / a
+    return f"{share * 100:+.2f} %" if 1e-4 <= abs(share) < 10.0 else f"{share:+.3g} relative"
+
+
+def _tensors(a: Array, b: Array) -> str:
+    """The entry that differs, if it is one; else principal moments, and whether the axes are others."""
+    apart = np.triu(np.abs(a - b))
+    entries = np.argwhere(apart > 1e-6 * apart.max())
+    if len(entries) == 1:
+        ((i, j),) = entries
+        x, y = float(a[i, j]), float(b[i, j])
+        return f"{_AXES[i]}{_AXES[j]} {digits(y, x)} kg m^2 in B, {digits(x, y)} kg m^2 in A ({_change(x, y)})"
+    with np.errstate(invalid="ignore"):
+        first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
+    scale = max(_finite(a), _finite(b)) or 1.0
+    share = float(np.abs(a - b).max()) / scale
+    same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
+    if same:
+        return f"has other axes in B, and the same principal moments {vector(first, first)} kg m^2 ({share:.3g} apart)"
+    return (
+        f"with principal moments {vector(second, first)} kg m^2 in B, {vector(first, second)} kg m^2 in A "
+        f"({share:.3g} apart, relative)"
+    )

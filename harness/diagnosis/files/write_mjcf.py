@@ -1,0 +1,238 @@
+"""Changes in the text of an MJCF."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
+from screwgauge.diagnosis.files.write_urdf import SAME
+from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.mechanics.matter import Matter, relative
+from screwgauge.models.placement import number_text, quaternion, vector_text
+from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.rotations import Array
+
+#: What a joint's reading has -> attribute.
+JOINT = {
+    "armature": "armature",
+    "damping": "damping",
+    "friction": "frictionloss",
+    "stiffness": "stiffness",
+    "rest": "springref",
+    "home": "ref",
+    "limits": "range",
+}
+_FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
+_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial", "first_frame", "second_frame", "softness"})
+SAYS = frozenset({"mass", "com", "inertia", *_FRAMES, *_PARTS, *JOINT})
+#: Attribute -> its part of a constraint's softness.
+SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
+#: Settings of the compiler that change mass properties after they were read.
+_MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
+_ANGLES = ("rest", "home", "limits")
+#: Ways to write an orientation; one at a time may be there.
+_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
+#: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
+_REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
+
+links = mjcf_links
+
+
+def place(xml: XmlText, link: Link, T: Array) -> None:
+    """Gives a body another placement on the one before it."""
+    new = relative(link.base, T)
+    old = mjcf_pose(link.element, compilers(xml))
+    if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
+        xml.set(link.element, pos=vector_text(new[:3, 3]))
+    if np.abs(new[:3, :3] - old[:3, :3]).max() > SAME:
+        _orient(xml, link.element, new[:3, :3])
+
+
+def _orient(xml: XmlText, element: Element, R: Array) -> None:
+    xml.set(element, **dict.fromkeys(name for name in _ORIENTATIONS if name in element.attributes))
+    xml.set(element, quat=vector_text(quaternion(R)))
+
+
+def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
+    """Gives a joint another axis, through another point, in the frame of its body."""
+    xml.set(joint, axis=vector_text(axis), pos=vector_text(point))
+
+
+def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
+    """Gives a body other mass properties; only what differs is written.
+
+    Args:
+        plain: All of them, the tensor in the axes of the body.
+    """
+    J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
+    full = vector_text([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+    mass, pos = number_text(matter.mass), vector_text(matter.com)
+    if inertial is None:
+        xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=full)
+        return
+    if plain or old is None or matter.mass != old.mass:
+        xml.set(inertial, mass=mass)
+    if plain or old is None or np.abs(matter.com - old.com).max() > SAME:
+        xml.set(inertial, pos=pos)
+    if not plain and old is not None and np.allclose(J, old.inertia, rtol=0.0, atol=1e-15 * np.abs(J).max()):
+        return
+    R = mjcf_pose(inertial, compilers(xml))[:3, :3]
+    principal = R.T @ J @ R
+    moments = np.diag(principal)
+    aside = float(np.abs(principal - np.diag(moments)).max())
+    if not plain and inertial.get("diaginertia") and aside <= SAME * float(moments.max()):
+        xml.set(inertial, diaginertia=vector_text(moments))
+        return
+    lost = [name for name in ("diaginertia", *_ORIENTATIONS) if name in inertial.attributes]
+    xml.set(inertial, **dict.fromkeys(lost))
+    xml.set(inertial, fullinertia=full)
+
+
+def check_matter(xml: XmlText) -> None:
+    """Whether mass properties that are written are those that MuJoCo then has.
+
+    Raises:
+        UnpatchableError: They are not.
+    """
+    settings = compilers(xml)
+    if settings.get("inertiafromgeom") == "true":
+        raise UnpatchableError('inertiafromgeom="true" takes mass properties from geoms and not from <inertial>')
+    for name in _MENDING:
+        if settings.get(name, "false") not in ("false", "0", "-1"):
+            raise UnpatchableError(f'{name}="{settings[name]}" changes mass properties after they were read')
+
+
+def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
+    """Gives a joint another property; angles as the file counts them."""
+    turns = joint.get("type") != "slide"
+    unit = 180.0 / np.pi if turns and compilers(xml).get("angle") != "radian" and what in _ANGLES else 1.0
+    if what != "limits":
+        xml.set(joint, **{JOINT[what]: number_text(float(value) * unit)})
+    elif np.all(np.isfinite(value)):
+        xml.set(joint, limited="true", range=vector_text(value * unit))
+    else:
+        xml.set(joint, limited="false")
+
+
+def tell_body(xml: XmlText, body: Element, gravcomp: float) -> None:
+    """Compensates another share of a body's weight."""
+    xml.set(body, gravcomp=number_text(gravcomp))
+
+
+def tell_model(xml: XmlText, **said: ArrayLike) -> None:
+    """Gives the model another gravity, density or viscosity."""
+    texts = {name: vector_text(value) for name, value in said.items()}
+    option = [element for element in xml.root.children if element.tag == "option"][-1:]
+    if option:
+        xml.set(option[0], **texts)
+    else:
+        xml.add(xml.root, "option", **texts)
+
+
+def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
+    """Gives two coupled joints another polynomial."""
+    for part in xml.root.iter("equality"):
+        for equality in part.children:
+            if equality.tag == "joint" and equality.get("joint1") == coupling.joint:
+                xml.set(equality, polycoef=vector_text(coupling.polynomial))
+                return
+    raise UnpatchableError(f"no equality of joint '{coupling.joint}' stands in the file itself")
+
+
+def drive(xml: XmlText, name: str, gear: float) -> None:
+    """Gives an actuator another gear ratio."""
+    xml.set(_entry(xml, "actuator", name), gear=number_text(gear))
+
+
+def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
+    """Gives a constraint another softness."""
+    said = {word: vector_text(part) for word, place in SOFTNESS.items() if (part := np.array(softness[place])).size}
+    xml.set(_entry(xml, "equality", name), **said)
+
+
+def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]) -> None:
+    """Gives a closure other frames.
+
+    Args:
+        ends: Of every closure, the two frames in the world. Shape (4, 4) each.
+        frames: Body -> its frame in the world. Shape (4, 4).
+    """
+    entry = _entry(xml, "equality", name)
+    if "site1" in entry.attributes:
+        for i, side in enumerate(_SITES):
+            _put_site(xml, entry.get(side), ends[name][i], ends, frames)
+        return
+    named = {body.get("name"): T for body, T in frames.items()}
+    at = [named.get(entry.get(side), np.eye(4)) for side in _BODIES]
+    first, second = (relative(body, T) for body, T in zip(at, ends[name], strict=True))
+    if entry.tag == "weld":
+        q = quaternion(first[:3, :3] @ second[:3, :3].T)
+        xml.set(entry, anchor=vector_text(second[:3, 3]), relpose=vector_text([*first[:3, 3], *q]))
+    elif _apart(*ends[name], entry.tag):
+        raise UnpatchableError(f"the points of '{name}' are apart, and one anchor says both: join sites instead")
+    else:
+        xml.set(entry, anchor=vector_text(first[:3, 3]))
+
+
+def _apart(one: Array, other: Array, tag: str) -> bool:
+    """Whether frames are not the same, or their origins, where that is all that counts."""
+    return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
+
+
+def _put_site(
+    xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
+) -> None:
+    """Places a site in the world, if nothing uses it but closures that want it there."""
+    site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
+    if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
+        raise UnpatchableError(f"site '{name}' does not stand in a body of the file itself, or not by its pos")
+    ties = _entries(xml, "equality")
+    wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
+    others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
+    if others or any(_apart(T, other, tag) for tag, other in wanted):
+        raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
+    at = relative(frames.get(site.parent, np.eye(4)), T)
+    xml.set(site, pos=vector_text(at[:3, 3]))
+    _orient(xml, site, at[:3, :3])
+
+
+def _entries(xml: XmlText, section: str) -> dict[str, Element]:
+    """Actuators or constraints; one without a name is called as `readings.naming` calls it, if the file is whole."""
+    rooms = [element for element in xml.root.children if element.tag == section]
+    whole = not any(xml.root.iter("include"))
+    entries = enumerate(entry for room in rooms for entry in room.children)
+    return {entry.get("name", f"{entry.tag}_{i + 1}" if whole else ""): entry for i, entry in entries}
+
+
+def _entry(xml: XmlText, section: str, name: str) -> Element:
+    if entry := _entries(xml, section).get(name):
+        return entry
+    raise UnpatchableError(f"no {section} of the name '{name}' stands in the file itself")
+
+
+def drop(xml: XmlText, gone: Collection[Link]) -> None:
+    """Takes bodies out, with all that refers to them, and all that refers to that."""
+    names = set()
+    for link in gone:
+        xml.replace(link.element)
+        named = link.element.iter("body", "joint", "freejoint", "geom", "site", "camera")
+        names |= {element.get("name") for element in named} - {""}
+    parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
+    while lost := [part for room, part in parts if room.tag == "keyframe" or names & _referred(part)]:
+        parts = [(room, part) for room, part in parts if part not in lost]
+        for part in lost:
+            xml.replace(part)
+            names |= {part.get("name")} - {""}
+
+
+def _referred(part: Element) -> set[str]:
+    """Names in an element but its own."""
+    return set().union(*map(_values, (part, *part.children)))
+
+
+def _values(element: Element) -> set[str]:
+    return {value for key, value in element.attributes.items() if key != "name"}

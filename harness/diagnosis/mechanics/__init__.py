@@ -1,0 +1,1 @@
+"""How the tree of a reading moves, for all samples at once, and rigid matter."""

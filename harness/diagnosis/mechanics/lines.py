@@ -1,0 +1,98 @@
+"""Joints as lines in space: how far apart two are, and which placement lays one set of lines onto another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from screwgauge.diagnosis.differences.change import axis
+from screwgauge.models.importing.motion import moved
+from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.reference.rotations import Array, cross
+
+#: Placements are compared by the joints that they lay onto each other so closely, relative to the size of the machine.
+CLOSE = 1e-6
+
+
+def size(reading: Reading) -> float:
+    """A length of the machine: the largest distance from the middle of its joints and bodies [m]."""
+    points = [joint.centre for joint in reading.joints.values()]
+    points += [body.pose[:3, :3] @ body.com + body.pose[:3, 3] for body in reading.bodies.values()]
+    spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
+    return float(spread) or 1.0
+
+
+def apart(a: JointReading, b: JointReading, length: float) -> float:
+    """How far two joints are from turning or sliding alike, whichever way they count: angle plus way over a length."""
+    if a.kind != b.kind:
+        return float("inf")
+    if a.kind == "free":
+        return 0.0  # wherever its coordinates say
+    if a.kind == "ball":
+        return float(np.linalg.norm(a.centre - b.centre)) / length
+    sign = 1.0 if axis(a) @ axis(b) >= 0.0 else -1.0
+    off = float(np.linalg.norm(axis(a) - sign * axis(b)))
+    if a.kind == "hinge":
+        off += float(np.linalg.norm(np.cross(b.centre - a.centre, axis(a)))) / length
+    return off
+
+
+def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: Iterable[tuple[str, str]]) -> Array:
+    """The placement of B's world in A's that lays most joints onto their partners; none where those at the ground fit.
+
+    A base that stands elsewhere cannot be told from a first joint that counts from elsewhere, which is likelier.
+
+    Args:
+        pairs: Joints of A with those of B.
+        bodies: Bodies of A with those of B.
+
+    Returns:
+        Shape (4, 4).
+    """
+    length, best, most = size(a), np.eye(4), -1.0
+    pairs = [(i, j) for i, j in pairs if a.joints[i].kind != "free"]
+    ground = {body.joints[0] for body in a.bodies.values() if body.near not in a.bodies}
+    stands = [a.fixed[name] @ np.linalg.inv(b.fixed[name]) for name in a.fixed if name in b.fixed]
+    rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
+    if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):
+        return best
+    for T in [*_candidates(a, b, pairs, bodies), *stands]:
+        off = [apart(a.joints[i], moved(b.joints[j], T), length) for i, j in pairs]
+        score = sum(each < CLOSE for each in off) - np.mean(np.minimum(off, 1.0)) if off else 0.0
+        if score > most + 1e-3:
+            best, most = T, float(score)
+    return best
+
+
+def _candidates(
+    a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: Iterable[tuple[str, str]]
+) -> Iterable[Array]:
+    yield np.eye(4)
+    for name, other in list(bodies)[:8]:
+        yield a.bodies[name].pose @ np.linalg.inv(b.bodies[other].pose)
+    frames_a, frames_b = _frames([a.joints[i] for i, _ in pairs]), _frames([b.joints[j] for _, j in pairs])
+    for first, second in zip(frames_a, frames_b, strict=False):
+        for turn in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)):
+            yield first @ np.diag([*turn, 1.0]) @ np.linalg.inv(second)
+
+
+def _frames(joints: Sequence[JointReading]) -> list[Array]:
+    """Frames that skew or crossing axes of successive hinges span: z along the first, x towards the second."""
+    frames = []
+    hinges = [joint for joint in joints if joint.kind == "hinge"]
+    for first, second in list(pairwise(hinges))[:6]:
+        z, other = axis(first), axis(second)
+        x = cross(z, other)
+        sine = np.linalg.norm(x)
+        if sine < 1e-6:
+            continue
+        x = x / sine
+        y = cross(z, x)
+        # foot of the common perpendicular on the first axis
+        along = float(cross(second.centre - first.centre, other) @ (sine * x)) / float(sine**2)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.stack([x, y, z], axis=1), first.centre + along * z
+        frames.append(T)
+    return frames

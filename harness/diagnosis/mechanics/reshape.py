@@ -1,0 +1,130 @@
+"""The same machine said otherwise: at other coordinates, in another place, by other names, with joints held."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.diagnosis.mechanics.matter import combined, displaced, of_body
+from screwgauge.diagnosis.mechanics.tree import displacements, home, plant
+from screwgauge.models.importing.motion import moved
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+
+def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
+    """A reading with its home at other coordinates.
+
+    Args:
+        q: Coordinates of hinges and slides; the others stay.
+
+    Returns:
+        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
+    """
+    if not q:
+        still = np.eye(4)
+        return reading, dict.fromkeys(reading.joints, still), dict.fromkeys(reading.bodies, still)
+    tree = plant(reading)
+    there = home(reading).q
+    for name, value in q.items():
+        there[0, tree.places[name]] = value
+    (inner_R, inner_p), (outer_R, outer_p) = displacements(tree, there)
+    before = {name: matrix(inner_p[0, i], inner_R[0, i]) for i, name in enumerate(reading.joints)}
+    behind = {name: matrix(outer_p[0, i], outer_R[0, i]) for name, i in zip(reading.bodies, tree.last, strict=True)}
+    new = replace(
+        reading,
+        joints={
+            name: replace(moved(joint, before[name]), home=float(q.get(name, joint.home)))
+            for name, joint in reading.joints.items()
+        },
+        bodies={name: replace(body, pose=behind[name] @ body.pose) for name, body in reading.bodies.items()},
+    )
+    return new, before, behind
+
+
+def placed(reading: Reading, T: Array) -> Reading:
+    """A reading seen from another world.
+
+    Args:
+        T: Of its world in the other. Shape (4, 4).
+    """
+
+    def end(body: str, frame: Array) -> Array:
+        return T @ frame if body not in reading.bodies else frame
+
+    return replace(
+        reading,
+        joints={name: moved(joint, T) for name, joint in reading.joints.items()},
+        bodies={name: replace(body, pose=T @ body.pose) for name, body in reading.bodies.items()},
+        fixed={name: T @ frame for name, frame in reading.fixed.items()},
+        closures={
+            name: replace(c, first_frame=end(c.first, c.first_frame), second_frame=end(c.second, c.second_frame))
+            for name, c in reading.closures.items()
+        },
+        gravity=None if reading.gravity is None else T[:3, :3] @ reading.gravity,
+    )
+
+
+def ordered(reading: Reading, joints: Collection[str]) -> Reading:
+    """A reading with its joints, and so all vectors of velocities, in a given order."""
+    return replace(reading, joints={name: reading.joints[name] for name in joints})
+
+
+def held(reading: Reading, joints: Collection[str]) -> Reading:
+    """A reading with joints that do not move from home: bodies that they alone move are one with what carries them."""
+    bodies: dict[str, BodyReading] = {}
+    into: dict[str, tuple[str, Array]] = {}  # body that is part of another one -> that, its frame there
+    fixed = dict(reading.fixed)
+    for name, body in reading.bodies.items():
+        near, _ = into.get(body.near, (body.near, np.eye(4)))
+        moving = tuple(joint for joint in body.joints if joint not in joints)
+        if moving:
+            bodies[name] = replace(body, near=near, joints=moving)
+        elif near in bodies:
+            into[name] = near, np.linalg.inv(bodies[near].pose) @ body.pose
+            bodies[near] = joined(bodies[near], name, body)
+        else:
+            into[name] = GROUND, body.pose
+            fixed |= {name: body.pose, **{link: body.pose @ T for link, T in body.fixed.items()}}
+    gone = set(joints)
+    return replace(
+        reading,
+        bodies=bodies,
+        joints={name: joint for name, joint in reading.joints.items() if name not in gone},
+        fixed=fixed,
+        closures={name: _moved_to(closure, into) for name, closure in reading.closures.items()},
+        couplings={name: c for name, c in reading.couplings.items() if not {c.joint, c.of} & gone},
+        actuators={name: driven for name, driven in reading.actuators.items() if driven[0] not in gone},
+    )
+
+
+def _moved_to(closure: ClosureReading, into: Mapping[str, tuple[str, Array]]) -> ClosureReading:
+    first, T1 = into.get(closure.first, (closure.first, np.eye(4)))
+    second, T2 = into.get(closure.second, (closure.second, np.eye(4)))
+    return replace(
+        closure,
+        first=first,
+        first_frame=T1 @ closure.first_frame,
+        second=second,
+        second_frame=T2 @ closure.second_frame,
+    )
+
+
+def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
+    """A body with another one fixed to it as both are at home."""
+    T = np.linalg.inv(body.pose) @ part.pose
+    both = combined(of_body(body), displaced(of_body(part), T))
+    weight = body.mass * body.gravcomp + part.mass * part.gravcomp
+    links = {name: T, **{link: T @ frame for link, frame in part.fixed.items()}}
+    return replace(
+        body,
+        mass=both.mass,
+        com=both.com,
+        inertia=both.inertia,
+        gravcomp=weight / both.mass if both.mass else 0.0,
+        fixed={**body.fixed, **links},
+    )

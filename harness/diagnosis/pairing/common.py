@@ -1,0 +1,228 @@
+"""Two readings brought to the same names, order, home and world, and changes brought back to what B says itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.diagnosis.differences.change import PROPERTIES, Change, applied, outwards
+from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed, rehomed
+from screwgauge.diagnosis.mechanics.tree import States, Tree, rotations
+from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.readings.collapse import collapsed
+from screwgauge.models.readings.naming import NUMBERED
+from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.renamed import renamed
+from screwgauge.reference.rotations import Array, skew
+
+#: Gravity of a file that cannot say it [m/s^2].
+STANDARD = np.array([0.0, 0.0, -9.81])
+_KINDS = {
+    "body": "bodies",
+    "joint": "joints",
+    "closure": "closures",
+    "coupling": "couplings",
+    "actuator": "actuators",
+    "model": "",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Common:
+    """A and B in common terms: the names, the order of joints and the home coordinates are those of A.
+
+    Coordinates are counted as either file does: what counts otherwise shows as a difference.
+
+    Attributes:
+        a, b: Readings with the joints that both have; all others are held at home.
+        own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``) -> common name -> B's.
+        before, behind: Displacement from B's home to the common one of what is before each joint, of each body.
+        homes: Coordinate of each joint at B's own home.
+        placement: Of B's world in A's. Shape (4, 4).
+    """
+
+    a: Reading
+    b: Reading
+    own: Mapping[str, Mapping[str, str]]
+    before: Mapping[str, Array]
+    behind: Mapping[str, Array]
+    homes: Mapping[str, float]
+    placement: Array
+
+
+def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
+    """Brings both to common terms."""
+    a, b = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in (a, b))
+    a = held(collapsed(a, pairing.bodies), pairing.only_a)
+    b = held(collapsed(b, {*pairing.bodies.values()}), pairing.only_b)
+    names = {
+        "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
+        "joints": {other: name for name, other in pairing.joints.items()},
+    }
+    names |= {
+        "closures": _same(_ends(a, {}), _ends(b, names["bodies"])),
+        "couplings": _same({n: c.joint for n, c in a.couplings.items()}, _carried(b, names["joints"])),
+        "actuators": _same(
+            {n: joint for n, (joint, _) in a.actuators.items()},
+            {n: names["joints"].get(joint, "") for n, (joint, _) in b.actuators.items()},
+            commanded=True,
+        ),
+    }
+    b = ordered(renamed(_unclashed(b, names), names), a.joints)
+    homes = {name: joint.home for name, joint in b.joints.items()}
+    b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
+    T, root = pairing.placement, next(iter(b.joints), "")
+    if b.joints and b.joints[root].kind == "free":
+        # A free base is where its coordinates say: this placement is one of them, not of the world.
+        b = applied(b, [Change(root, "placement", T)])
+        bodies, joints = outwards(b, root)
+        before = {n: T @ X if n in joints and n != root else X for n, X in before.items()}
+        behind = {n: T @ X if n in bodies else X for n, X in behind.items()}
+        T = np.eye(4)
+    b = placed(b, T)
+    return Common(
+        a,
+        b,
+        {kind: {name: other for other, name in entries.items()} for kind, entries in names.items()},
+        {name: T @ X for name, X in before.items()},
+        {name: T @ X for name, X in behind.items()},
+        homes,
+        T,
+    )
+
+
+def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:
+    """Names of B that are A's of something else get a stroke."""
+    for kind in ("bodies", "closures", "couplings", "actuators"):
+        taken = set(names[kind].values())
+        for name in getattr(b, kind):
+            if name not in names[kind]:
+                other = name
+                while other in taken:
+                    other += "'"
+                names[kind][name] = other
+                taken.add(other)
+    return b
+
+
+def _carried(b: Reading, joints: Mapping[str, str]) -> dict[str, str]:
+    return {name: joints.get(coupling.joint, "") for name, coupling in b.couplings.items()}
+
+
+def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:
+    """Name in B -> name in A, of what is called alike and of the same joint or bodies, or else one of the two.
+
+    Args:
+        a, b: Name -> what it is of.
+        commanded: A name that the file gives tells more than what it is of: those who command it use it.
+    """
+    found: dict[str, str] = {}
+
+    def pair(fits: Callable[[str, str], bool]) -> None:
+        for other in b:
+            names = [name for name in a if name not in found.values() and fits(name, other)]
+            if names and other not in found:
+                found[other] = names[0]
+
+    pair(lambda name, other: name == other and a[name] == b[other])
+    if commanded:
+        pair(lambda name, other: name == other and not NUMBERED.fullmatch(name))
+    pair(lambda name, other: a[name] == b[other])
+    pair(lambda name, other: name == other)
+    return found
+
+
+def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, object]:
+    """Closure -> the bodies that it joins, by other names."""
+    closures = reading.closures.items()
+    return {name: {bodies.get(c.first, c.first), bodies.get(c.second, c.second)} for name, c in closures}
+
+
+def owned(common: Common, change: Change) -> Change:
+    """A change of the common B as one of the B that was read."""
+    what, value = change.what, change.value
+    item = common.own.get(_KINDS[PROPERTIES[what].owner], {}).get(change.item, change.item)
+    X = common.before.get(change.item, common.placement)
+    if what == "zero":
+        value = value - common.b.joints[change.item].home + common.homes[change.item]
+    elif what == "placement":
+        value = np.linalg.inv(X) @ value @ X
+    elif what == "axis":
+        value = X[:3, :3].T @ value
+    elif what == "centre":
+        value = X[:3, :3].T @ (value - X[:3, 3])
+    elif what == "pose":
+        value = np.linalg.inv(common.behind[change.item]) @ value
+    elif what == "gravity":
+        value = common.placement[:3, :3].T @ value
+    elif what in ("first_frame", "second_frame"):
+        closure = common.b.closures[change.item]
+        if (closure.first if what == "first_frame" else closure.second) not in common.b.bodies:
+            value = np.linalg.inv(common.placement) @ value
+    return Change(item, what, np.asarray(value, dtype=float))
+
+
+def counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Reading, Reading]:
+    """B with its joints in the order of A's, by the names of A and by its own.
+
+    Args:
+        joints: Name in A, all of them, -> name in B.
+    """
+    there = ordered(renamed(b, {"joints": {other: name for name, other in joints.items()}}), a.joints)
+    return there, renamed(there, {"joints": joints})
+
+
+def states_of_b(a: Tree, b: Tree, states: States) -> States:
+    """The same states, where the frames that ball and free joints carry differ."""
+    if not (other := _reframed(a, b)):
+        return states
+    q, C = states.q.copy(), velocity_map(a, b)
+    for i, frame in other:
+        place = list(a.places.values())[i]
+        q[:, place] = _conjugated(states.q[:, place], frame)
+    return States(q, states.qd @ C.T, states.qdd @ C.T)
+
+
+def velocity_map(a: Tree, b: Tree) -> Array:
+    """Velocities of A -> those of B, where frames of ball and free joints differ. Shape (n_freedom, n_freedom)."""
+    C = np.eye(len(a.before))
+    for i, frame in _reframed(a, b):
+        part = list(a.freedoms.values())[i]
+        C[part, part] = _adjoint(_inverse(frame))[: part.stop - part.start, : part.stop - part.start]
+    return C
+
+
+def _reframed(a: Tree, b: Tree) -> list[tuple[int, Array]]:
+    """Ball and free joints whose frames differ, and B's frame in A's."""
+    found = []
+    for i, frame in a.frames.items():
+        C = np.linalg.inv(frame) @ b.frames[i]
+        if list(a.reading.joints.values())[i].kind == "ball":
+            C[:3, 3] = 0.0
+        if not np.allclose(C, np.eye(4), rtol=0.0, atol=1e-12):
+            found.append((i, C))
+    return found
+
+
+def _inverse(T: Array) -> Array:
+    return np.asarray(np.linalg.inv(T))
+
+
+def _adjoint(T: Array) -> Array:
+    """Of a twist [angular; linear]. Shape (6, 6)."""
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = T[:3, :3]
+    out[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
+    return out
+
+
+def _conjugated(q: Array, C: Array) -> Array:
+    """``C^-1 X C`` of placements in coordinates of ball or free joints. Shape (n, 4 or 7)."""
+    R = C[:3, :3].T
+    turned = np.concatenate([q[:, -4:-3], q[:, -3:] @ R.T], axis=1)
+    if q.shape[1] == 4:
+        return turned
+    moved = (rotations(q[:, 3:]) @ C[:3, 3]) + q[:, :3] - C[:3, 3]
+    return np.concatenate([moved @ R.T, turned], axis=1)

@@ -1,0 +1,271 @@
+"""Which joint and which body of one model is which of another."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.differences.change import outwards
+from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting, size
+from screwgauge.diagnosis.mechanics.reshape import rehomed
+from screwgauge.models.importing.motion import moved
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import read_file
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Below this share of joints with a partner, two models are of different machines.
+ALIKE = 0.5
+#: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
+NEAR = 0.1
+#: How joints are paired that have each other's names.
+AGAINST_NAME = "geometry, against its name"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairing:
+    """Joints and bodies of A with those of B.
+
+    Attributes:
+        joints, bodies: Name in A -> name in B.
+        how: Joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or ``geometry, against its name``.
+        only_a, only_b: Joints without a partner.
+        placement: Of B's world in A's. Shape (4, 4).
+    """
+
+    joints: Mapping[str, str]
+    bodies: Mapping[str, str]
+    how: Mapping[str, str]
+    only_a: tuple[str, ...]
+    only_b: tuple[str, ...]
+    placement: Array
+
+    @property
+    def alike(self) -> bool:
+        """Whether enough has a partner for the two to be models of one machine: of one by name, or of both."""
+        named, alone = sum(how != "geometry" for how in self.how.values()), (len(self.only_a), len(self.only_b))
+        by_name = named >= ALIKE * (len(self.joints) + min(alone))
+        return bool(self.joints) and (by_name or len(self.joints) >= ALIKE * (len(self.joints) + max(alone)))
+
+
+def read_map(path: Path) -> dict[str, str]:
+    """Names of A and of B from a TOML file.
+
+    Raises:
+        DescriptionError: It is no table of names.
+    """
+    try:
+        given = tomllib.loads(read_file(path))
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(
+            f"is no TOML ({error})", str(path), 'write lines such as "joint of A" = "joint of B"'
+        ) from None
+    for name, other in given.items():
+        if not isinstance(other, str):
+            raise DescriptionError(f"'{name}' is no name", str(path), 'write lines such as "joint of A" = "joint of B"')
+    return given
+
+
+def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pairing:
+    """Finds partners: as given, by name, by similar name, then by the tree and the geometry.
+
+    Args:
+        given: Joints or bodies of A -> those of B.
+
+    Raises:
+        UnknownNameError: A given name is of neither.
+    """
+    given = given or {}
+    for name, other in given.items():
+        if name not in a.joints and name not in a.bodies:
+            raise UnknownNameError("joint or body of A", name, [*a.joints, *a.bodies], "map")
+        if other not in b.joints and other not in b.bodies:
+            raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
+    joints, how = _by_name(a, b, given)
+    for name, other in _crossed(a, b, joints, how).items():
+        joints[name], how[name] = other, AGAINST_NAME
+    alike = counted_as(a, b, joints)
+    for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
+        joints[name], how[name] = other, "geometry"
+    T = _placement(a, counted_as(a, b, joints), joints)
+    bodies = _bodies(a, b, joints, given)
+    return Pairing(
+        {name: joints[name] for name in a.joints if name in joints},
+        bodies,
+        how,
+        tuple(name for name in a.joints if name not in joints),
+        tuple(name for name in b.joints if name not in joints.values()),
+        T,
+    )
+
+
+def counted_as(a: Reading, b: Reading, joints: Mapping[str, str]) -> Reading:
+    """B where its joints have the coordinates that their partners in A have at home."""
+    there = {other: a.joints[name].home for name, other in joints.items() if name in a.joints}
+    return rehomed(b, {name: q for name, q in there.items() if b.joints[name].home != q})[0]
+
+
+def _by_name(a: Reading, b: Reading, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    joints = {name: other for name, other in given.items() if name in a.joints and other in b.joints}
+    how = dict.fromkeys(joints, "given")
+    for similar, word in ((lambda name: name, "name"), (_plain, "similar name")):
+        left = [name for name in b.joints if name not in joints.values()]
+        keys = [similar(name) for name in left]
+        own = [similar(name) for name in a.joints if name not in joints]
+        for name in a.joints:
+            key = similar(name)
+            if name in joints or keys.count(key) != 1 or own.count(key) != 1:
+                continue
+            other = left[keys.index(key)]
+            if a.joints[name].kind == b.joints[other].kind:
+                joints[name], how[name] = other, word
+    if not joints:
+        joints = _prefixed(a, b)
+        how = dict.fromkeys(joints, "similar name")
+    return joints, how
+
+
+def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
+    """Joints of which the names of one model are those of the other with one and the same text before them."""
+    for one, two, back in ((a, b, False), (b, a, True)):
+        first = next(iter(one.joints), "")
+        for prefix in (name.removesuffix(first) for name in two.joints if first and name.endswith(first)):
+            longer = {name: prefix + name for name in one.joints}
+            kinds = all(n in two.joints and two.joints[n].kind == one.joints[m].kind for m, n in longer.items())
+            if kinds and len(longer) == len(two.joints):
+                return {n: m for m, n in longer.items()} if back else longer
+    return {}
+
+
+def _plain(name: str) -> str:
+    """A name without what files add to it: case, separators, the words joint and link, a robot's name before it."""
+    return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
+
+
+def _placement(a: Reading, b: Reading, joints: Mapping[str, str]) -> Array:
+    bodies = [(name, name) for name in a.bodies if name in b.bodies]
+    pairs = list(joints.items())
+    if pairs:
+        return fitting(a, b, pairs, bodies)
+    # nothing is called alike: the order of files is what there is
+    by_order = [(i, j) for i, j in zip(a.joints, b.joints, strict=False) if a.joints[i].kind == b.joints[j].kind]
+    return fitting(a, b, by_order, bodies) if by_order else np.eye(4)
+
+
+def joints_before(reading: Reading) -> dict[str, str]:
+    """Joint -> the one before it; empty of one at the ground."""
+    last: dict[str, str] = {}
+    before = {}
+    for name, body in reading.bodies.items():
+        prior = last.get(body.near, "")
+        for joint in body.joints:
+            before[joint], prior = prior, joint
+        last[name] = prior
+    return before
+
+
+def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]) -> dict[str, str]:
+    """Joints of one name that have each other's place: those that some permutation of the names puts where they are."""
+    alike = counted_as(a, b, joints)
+    found = [
+        _permutation(a, alike, [n for n in joints if how[n] == "name"], T)
+        for T in (np.eye(4), _placement(a, alike, joints))
+    ]
+    return max(found, key=len)
+
+
+def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
+    """Those of some joints of A that sit where others of them do in B, all of which have such a partner in turn.
+
+    Args:
+        T: Placement of B's world in A's. Shape (4, 4).
+    """
+    length, placed = size(a), {name: moved(b.joints[name], T) for name in names}
+    behind = [{j: (n, i) for n, body in r.bodies.items() for i, j in enumerate(body.joints)} for r in (a, b)]
+
+    def sits(name: str, other: str) -> bool:
+        return apart(a.joints[name], placed[other], length) < CLOSE
+
+    def carries(name: str, other: str) -> bool:
+        """Whether the name of a body says so; where it says nothing, what is carried has to be alike."""
+        known = behind[0][name][0] in b.bodies
+        return behind[0][name] == behind[1][other] if known else _unlike((a, name), (b, other), T, length) < CLOSE
+
+    off = [name for name in names if not (sits(name, name) and carries(name, name))]
+    fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
+    found = {name: others[0] for name, others in fits.items() if len(others) == 1}
+    while loose := [name for name in found if found[name] not in found or name not in found.values()]:
+        found = {name: other for name, other in found.items() if name not in loose}
+    return found
+
+
+def _by_geometry(a: Reading, b: Reading, joints: Mapping[str, str], T: Array) -> Iterator[tuple[str, str]]:
+    """Partners among the joints behind partners, the nearest first; what they carry decides between equals."""
+    before_a, before_b, length = joints_before(a), joints_before(b), size(a)
+    found = {"": "", **joints}
+    placed = {name: moved(joint, T) for name, joint in b.joints.items()}
+    for first in _outwards(before_a):
+        prior = before_a[first]
+        if first in found or prior not in found:
+            continue
+        names = [name for name, at in before_a.items() if at == prior and name not in found]
+        free = [other for other, at in before_b.items() if at == found[prior] and other not in found.values()]
+        costs = {
+            (name, other): apart(a.joints[name], placed[other], length) + _unlike((a, name), (b, other), T, length)
+            for name in names
+            for other in free
+        }
+        for name, other in sorted(costs, key=lambda pair: costs[pair]):
+            if costs[name, other] < NEAR + 1.0 and name not in found and other not in found.values():
+                found[name] = other
+                yield name, other
+
+
+def _outwards(before: Mapping[str, str]) -> list[str]:
+    """Joints, each after the one before it."""
+
+    def depth(name: str) -> int:
+        return 1 + depth(before[name]) if before[name] else 0
+
+    return sorted(before, key=depth)
+
+
+def _unlike(one: tuple[Reading, str], other: tuple[Reading, str], T: Array, length: float) -> float:
+    """How unlike the trees are that two joints carry, from 0 to 1: by number of joints, mass and centre of mass.
+
+    Args:
+        T: Placement of the other's world in the one's. Shape (4, 4).
+    """
+    (n, first, c), (m, second, d) = (_carried(*each) for each in (one, other))
+    mass = abs(first - second) / max(first, second, 1e-300)
+    off = float(np.linalg.norm(c - T[:3, :3] @ d - T[:3, 3])) / length if first and second else 0.0
+    return (abs(n - m) / max(n, m) + mass + min(off, 1.0)) / 3.0
+
+
+def _carried(reading: Reading, joint: str) -> tuple[int, float, Array]:
+    """Number of joints that a joint carries, mass [kg] and centre of mass [m], shape (3,), in the world at home."""
+    names, joints = outwards(reading, joint)
+    bodies = [reading.bodies[name] for name in names]
+    mass = sum(body.mass for body in bodies)
+    moment = sum((body.mass * (body.pose[:3, :3] @ body.com + body.pose[:3, 3]) for body in bodies), np.zeros(3))
+    return len(joints), mass, moment / (mass or 1.0)
+
+
+def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Bodies behind the same last joint, then those that are called alike."""
+    behind = {body.joints[-1]: name for name, body in b.bodies.items()}
+    bodies = {name: other for name, other in given.items() if name in a.bodies and other in b.bodies}
+    for name, body in a.bodies.items():
+        partner = behind.get(joints.get(body.joints[-1], ""))
+        if name not in bodies and partner is not None and partner not in bodies.values():
+            bodies[name] = partner
+    for name in a.bodies:
+        if name not in bodies and name in b.bodies and name not in bodies.values() and name != GROUND:
+            bodies[name] = name
+    return {name: bodies[name] for name in a.bodies if name in bodies}
