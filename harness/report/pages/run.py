@@ -256,7 +256,7 @@ def _kind(results: Comparison, **values: Value) -> Report:
     return replace(RUN, text="simulation" if results.scene.simulated else "run", values={**VALUES, **values})
 
 
-def _errata(results: Comparison) -> Mapping[str, Value]:
+def _errata(results: Comparison) -> dict[str, Value]:
     from screwgauge.report.pages.paper import errata_values  # brings all that measures them
 
     return errata_values(results.scene)
