@@ -128,8 +128,7 @@ class Follower:
         Raises:
             PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
         """
-        pieces, near = list[tuple[Array, ...]](), np.empty((len(y), len(self.anchor.all)))
-        i = 0
+        pieces, near, i = list[tuple[Array, ...]](), np.empty((len(y), len(self.anchor.all))), 0
         while i < len(y):
             some, anchor = y[i : i + BLOCK], self.anchor
             near_by = np.abs(some - anchor.y).max(axis=1, initial=0.0) <= self.reach
@@ -144,7 +143,7 @@ class Follower:
             pieces.append(found)
             self.begun, i = True, i + len(found[0])
         self.last = (t[-1], y[-1], *(array[-1] for array in rates or ()))
-        z, matrix, error, *more = pieces[0] if len(pieces) == 1 else (np.concatenate(x) for x in zip(*pieces, strict=True))
+        z, matrix, error, *more = (x[0] if len(x) == 1 else np.concatenate(x) for x in zip(*pieces, strict=True))
         return Followed(z, matrix, error, near, tuple(more))
 
     def _correct(self, y: Array, *, arriving: bool = False) -> tuple[Array, ...]:
@@ -167,8 +166,7 @@ class Follower:
         begun = self.evaluate(start, y)
         before = at.change(begun[1])
         m = _leading(arriving | (before <= CHANGE) & (np.abs(way).max(axis=1) < FARTHEST))
-        found = newton(self.evaluate, start[:m], y[:m], begun=[array[:m] for array in begun])
-        z, matrix, error, *more = found
+        z, matrix, error, *more = found = newton(self.evaluate, start[:m], y[:m], begun=[x[:m] for x in begun])
         after, moved = at.change(matrix), np.abs(z - start[:m]).max(axis=1)
         clear = after <= CHANGE
         right = (arriving | clear | (moved <= at.slack)) & (error < OPEN) & (moved < FARTHEST)
@@ -194,8 +192,7 @@ class Follower:
             rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
             inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
-            found = newton(self.evaluate, start, y, most=FEW)  # a bad prediction is not worth more
-            z, matrix, error = found[:3]
+            z, matrix, error, *_ = found = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
             change = np.linalg.norm(inverse[near] @ matrix - np.eye(matrix.shape[2]), axis=(1, 2))
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:

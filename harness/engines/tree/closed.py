@@ -136,9 +136,9 @@ class ClosedTree:
         return np.stack([columns[name] for name in self.names], axis=1)
 
     def cut_velocities(self, charts: Charts, V: Array) -> dict[str, Array]:
-        """Cut joint -> velocities of its coordinates, shape (n, m), for velocities of the bodies, (n, n_body + 1, 6)."""
-        omega = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
-        return {name: chart.rates(omega[name])[..., 0] for name, chart in charts.items()}
+        """Cut joint -> velocities of its coordinates, (n, m), for those of the bodies, (n, n_body + 1, 6)."""
+        turns = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
+        return {name: chart.rates(turns[name])[..., 0] for name, chart in charts.items()}
 
     def cut_accelerations(self, charts: Charts, rates: dict[str, Array], V: Array, A: Array) -> dict[str, Array]:
         """Cut joint -> accelerations of its coordinates.

@@ -69,7 +69,7 @@ class _Work:
         self.tolerances: dict[str, float] = {}
 
     def part(self, rows: slice) -> Part:
-        loops, tree, motion = self.closed.loops, self.closed.tree, self.motion.part(rows)
+        loops, motion = self.closed.loops, self.motion.part(rows)
         with self.clock.stage("positions"):
             q, A, at = self._positions(motion)
             charts = loops.charts(at)
@@ -82,8 +82,8 @@ class _Work:
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
             some, sizes = motion.part(doubtful), self.closed.sizes
             there = q[doubtful] + shake * sizes.q
-            _, matrix, *moved = self._scaled(there / sizes.q, some.y / sizes.y)
-            found = BodyPoses(*moved, at.moves)
+            _, matrix, R, p, screws = self._scaled(there / sizes.q, some.y / sizes.y)
+            found = BodyPoses(R, p, screws, at.moves)
             read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(found).items()}
             angles = {name: c.q for name, c in read.items()}
             return _Pass(self, _Poses(some, there, found, read, angles, matrix)).all()[0]
@@ -119,7 +119,8 @@ class _Work:
         sizes = self.closed.sizes
         found = self.path.follow(motion.y / sizes.y, motion.t, (motion.yd / sizes.y, motion.ydd / sizes.y))
         self.residual = float(found.error.max()) * max(1.0, sizes.length)
-        return found.z * sizes.q, found.matrix, BodyPoses(*found.more, self.moves)
+        R, p, screws = found.more
+        return found.z * sizes.q, found.matrix, BodyPoses(R, p, screws, self.moves)
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
