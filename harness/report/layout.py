@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from screwgauge.report.write import write_report
 
 TEXTS = Path(__file__).with_name("texts")
 RECORD, TERMINAL = "environment.json", "On a terminal"
-MACHINE = ("platform", "cpu", "python", "commit")  # of the record, on the first screen
+MACHINE = ("screwgauge", "pin", "mujoco", "python", "platform", "cpu", "commit")  # of the record, on the first screen
 Value = Callable[[Any], Any]
 
 
@@ -55,8 +56,9 @@ class Report:
         text: Name of the file in ``texts/``.
         banner: Verdict in a sentence, then warnings.
         data: File name -> what it holds. The record of the machine is added.
-        values: Name -> value; computed when a text asks for it. All texts know ``title``, ``environment``, ``about``
-            (facts of the first screen, those of the machine added), ``plots`` and ``beside`` (the first picture).
+        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found. All
+            texts know ``title``, ``environment``, ``about`` (facts of the first screen, those of the machine added),
+            ``plots`` and ``beside`` (the first picture).
         draw: Pictures, that of the first screen first.
         plots: How all others are told.
         figures: Significant figures of numbers in CSV; every bit by default.
@@ -162,10 +164,9 @@ class _Filled(Mapping[str, Any]):
         if name == "environment":
             return facts({**(own["files"](self.found) if "files" in own else {}), **self.record})
         if name == "about":
-            packages = {k: v for k, v in self.record.get("packages", {}).items() if k in ("screwgauge", "pin", "mujoco")}
-            machine = {key: self.record[key] for key in MACHINE if key in self.record}
-            return {**own["about"](self.found), **packages, **machine}
-        return own[name](self.found)
+            known = {**self.record.get("packages", {}), **self.record}
+            return {**own["about"](self.found), **{key: known[key] for key in MACHINE if key in known}}
+        return own[name](self.found) if name in own else attrgetter(name.replace(" ", "_"))(self.found)
 
     def section(self, title: str, text: str) -> list[Block]:
         """Heading and blocks; nothing where it may be left out and has nothing to say."""
@@ -192,11 +193,10 @@ class _Filled(Mapping[str, Any]):
         if columns:
             value = table(value, columns)
         if plus:
-            lines, part = (
-                (value.body, partial(Table, value.head)) if isinstance(value, Table) else (tuple(value), Items)
-            )
-            if rest := lines[LONG:]:
-                return [part(lines[:LONG]), Folded(f"{len(rest)} more{noun}", (part(rest),))]
+            lines: Any = value.body if isinstance(value, Table) else tuple(value)
+            parts = (lines[:LONG], lines[LONG:])
+            short, rest = (Table(value.head, part) if isinstance(value, Table) else Items(part) for part in parts)
+            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,))] if parts[1] else [short]
         if isinstance(value, str):
             return [Paragraph(value)]
         if isinstance(value, Mapping):

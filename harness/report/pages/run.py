@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -56,7 +57,7 @@ def _shown(found: Iterable[Row]) -> list[Row]:
         nowhere = missing(component) or not component
         at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
         digits, sign = digits_text(row["max_scaled"]), "" if row["ok"] else " ✗"
-        said = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
+        said: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
         said |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
         shown.append({"reason": "", **row, **said, "unique": "yes" if row.get("unique") else "no"})
     return shown
@@ -80,9 +81,9 @@ def _worst_three(results: Comparison) -> list[Row]:
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
 
-def _what(results: Comparison) -> dict[str, str]:
+def _what(results: Comparison) -> dict[str, Any]:
     """What was judged, short enough for a first screen."""
-    files, versions = short(judged(results.provenance)), dict[str, str]()
+    files, versions = short(judged(results.provenance)), dict[str, Any]()
     for name in (*results.solutions, *results.failures):
         version = (results.solutions[name].version or "given") if name in results.solutions else "✗ failed"
         versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
@@ -203,24 +204,20 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
 
 VALUES: dict[str, Value] = {
     "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
-    "description": lambda results: results.scene.description,
     "worst three": _worst_three,
     "what": _what,
-    "pairs": _pairs,
+    "every pair": _pairs,
     "pairs that differ": lambda results: [row for row in _pairs(results) if not row["ok"]],
     "residuals": _residuals,
     "residuals too large": lambda results: [row for row in _residuals(results) if not row["ok"]],
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
-    "covered": lambda results: results.coverage.sentence,
-    "shares": lambda results: results.coverage.shares,
     "parameters": _parameters,
     "estimates": estimates,
     "limit": lambda results: LIMIT,
-    "scene": lambda results: about(results.scene, results.times) | judged(results.provenance),
+    "computed": lambda results: about(results.scene, results.times) | judged(results.provenance),
     "engines": lambda results: [*_engines(results)],
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
-    "mobility": lambda results: results.mobility,
     "published": published,
     "times": _times,
     **dict.fromkeys(("reach", "errata", "meaning"), lambda results: ""),  # see `errata_values`
