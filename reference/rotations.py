@@ -110,11 +110,15 @@ def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
     sign = _handed(axes.tobytes(), axes.dtype.str, axes.shape).astype(R.dtype, copy=False)
-    M = axes @ R @ axes.swapaxes(-1, -2)
+    return sign * sequence_angles(axes @ R @ axes.swapaxes(-1, -2), few)
+
+
+def sequence_angles(M: Array, few: NDArray[np.bool_] | bool = False) -> Array:
+    """Angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``; see `triad_angles`."""
     q1 = np.arctan2(np.where(few, M[..., 2, 1], -M[..., 1, 2]), np.where(few, M[..., 1, 1], M[..., 2, 2]))
     q2 = np.arctan2(M[..., 0, 2], np.where(few, M[..., 0, 0], np.hypot(M[..., 1, 2], M[..., 2, 2])))
-    q3 = np.where(few, 0.0, np.arctan2(-M[..., 0, 1], M[..., 0, 0])).astype(R.dtype)
-    return np.asarray(sign * np.stack([q1, q2, q3], axis=-1))
+    q3 = np.where(few, 0.0, np.arctan2(-M[..., 0, 1], M[..., 0, 0])).astype(M.dtype)
+    return np.stack([q1, q2, q3], axis=-1)
 
 
 @lru_cache(maxsize=1024)

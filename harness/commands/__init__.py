@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.console import complain, say
 
@@ -70,13 +71,12 @@ def import_(options: argparse.Namespace) -> int:
 
 def imported(name: str) -> None:
     """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
-    from screwgauge.models.importing.model import is_model, keep, notes
-    from screwgauge.reference.files import beside
-    from screwgauge.study.importing import import_apart
-
     if is_model(name):
-        path = beside(Path(), name)
-        for sentence in notes(keep(path, import_apart(path))[1]):
+        from screwgauge.models.importing.model import keep, notes
+        from screwgauge.reference.files import beside
+        from screwgauge.study.importing import import_apart
+
+        for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
 
 

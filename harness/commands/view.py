@@ -57,7 +57,7 @@ def view(options: argparse.Namespace) -> int:
 def _load(name: str) -> Scene | Mechanism:
     """A scene, or what a description or model file gets as one; a mechanism at rest where none can be made."""
     from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-    from screwgauge.models.importing.model import is_model
+    from screwgauge.models.importing import is_model
     from screwgauge.reference.files import is_path
     from screwgauge.scene.read import load_scene, scene_names
 

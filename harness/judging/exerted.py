@@ -76,9 +76,9 @@ def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
         if quantity == "actuator_force":
             parts = {driven[joint]: ("m" if joint.kind == "R" else "f", times(far, joint.axes[0]))}
         for name, (kind, along) in parts.items():
-            pair = (along, np.zeros(3))
-            unit, acts = ("N", pair) if kind == "f" else ("N m", pair[::-1])
-            yield Unit(quantity, name, unit, (Act(joint, *acts, point),))
+            none, pushes = np.zeros(3), kind == "f"
+            act = Act(joint, along if pushes else none, none if pushes else along, point)
+            yield Unit(quantity, name, "N" if pushes else "N m", (act,))
     if quantity == "reaction":
         yield from _of_couplings(answer)
 

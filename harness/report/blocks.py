@@ -214,7 +214,7 @@ def spans(text: str) -> Iterator[tuple[str, str]]:
 
     What steers a terminal, or the direction of writing, becomes a space.
     """
-    shown, end = "".join(sign if sign.isprintable() else " " for sign in text), 0
+    shown, end = str(text) if text.isprintable() else "".join(x if x.isprintable() else " " for x in text), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)

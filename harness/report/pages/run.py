@@ -34,7 +34,6 @@ from screwgauge.report.formatting import (
     words,
 )
 from screwgauge.report.layout import Report, Value
-from screwgauge.report.pages.paper import errata_values
 from screwgauge.report.pages.scene import about, judged, samples, short
 from screwgauge.report.record import samples_table, summary, timings
 from screwgauge.report.stage.picture import stage
@@ -254,9 +253,15 @@ def _kind(results: Comparison, **values: Value) -> Report:
     return replace(RUN, text="simulation" if results.scene.simulated else "run", values={**VALUES, **values})
 
 
+def _errata(results: Comparison) -> dict[str, Value]:
+    from screwgauge.report.pages.paper import errata_values  # brings all that measures them
+
+    return errata_values(results.scene)
+
+
 def report(results: Comparison, pictures: Iterable[Picture], *, errata: bool = False) -> list[Block]:
     """The blocks of ``report.md`` and ``report.html``; `errata`: also what the paper has wrong."""
-    return _kind(results, **(errata_values(results.scene) if errata else {})).blocks(results, pictures)
+    return _kind(results, **(_errata(results) if errata else {})).blocks(results, pictures)
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
@@ -267,5 +272,5 @@ def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
-    kind = _kind(results, **(errata_values(results.scene) if errata else {}))
+    kind = _kind(results, **(_errata(results) if errata else {}))
     return kind.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)
