@@ -55,4 +55,3 @@ PAGE = study(
     families=lambda found: [{"family": name, **_counts(some)} for name, some in found.groupby("family")],
     bad=_bad,
 )
-DATA, write, terminal = PAGE.DATA, PAGE.write, PAGE.terminal

@@ -243,4 +243,3 @@ SIMULATION = replace(
         "each": lambda bench: number(bench.plan.each),
     },
 )
-write, terminal = PAGE.write, PAGE.terminal

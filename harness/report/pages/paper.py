@@ -91,7 +91,6 @@ PAGE = Report(
     values=VALUES,
     draw=make_plots,
 )
-DATA, write, terminal = PAGE.DATA, PAGE.write, PAGE.terminal
 
 
 def errata_values(scene: Scene) -> dict[str, Value]:

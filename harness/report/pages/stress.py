@@ -136,4 +136,3 @@ PAGE = Report(
     plots=lambda found, pictures: list(pictures),
     figures=6,
 )
-DATA, report, write, terminal = PAGE.DATA, PAGE.blocks, PAGE.write, PAGE.terminal
