@@ -83,7 +83,7 @@ def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, mo
         ],
         "reach": lambda results: "It reaches far.",
     }
-    monkeypatch.setattr("screwgauge.report.pages.run.errata_values", lambda scene: values)
+    monkeypatch.setattr("screwgauge.report.pages.paper.errata_values", lambda scene: values)
     texts = [
         (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")
         for errata in (False, True)
