@@ -162,7 +162,7 @@ def min_norm(B: Array, Q: Array) -> Array:
     Returns:
         Shape (n, n_actuator).
     """
-    return linear.solve(B.swapaxes(1, 2), Q[..., None])[..., 0]
+    return np.asarray((linear.inverted(B)[0].swapaxes(1, 2) @ Q[..., None])[..., 0])
 
 
 def preload_space(B: Array) -> Array:

@@ -75,12 +75,14 @@ class Followed:
         matrix: Derivative of the closure residuals. Shape (n, m, n_q).
         error: Largest closure residual of each. Shape (n,).
         near: All joint coordinates of the pose that each was reached from. Shape (n, n_all).
+        more: What else was evaluated there. Shape (n, ...) each.
     """
 
     z: Array
     matrix: Array
     error: Array
     near: Array
+    more: tuple[Array, ...]
 
 
 class Follower:
@@ -106,7 +108,7 @@ class Follower:
             ClosureError: The loops do not close there.
         """
         self.evaluate, self.size, self.read, self.reach = evaluate, size, read, STEP
-        found, matrix, error = newton(evaluate, z[None], y[None])
+        found, matrix, error, *self.beside = newton(evaluate, z[None], y[None])
         if not error[0] < OPEN:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)
@@ -126,11 +128,8 @@ class Follower:
         Raises:
             PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
         """
-        n, anchor = len(y), self.anchor
-        z, matrix, error = np.empty((n, len(anchor.z))), np.empty((n, *anchor.matrix.shape)), np.empty(n)
-        near = np.empty((n, len(anchor.all)))
-        i = 0
-        while i < n:
+        pieces, near, i = list[tuple[Array, ...]](), np.empty((len(y), len(self.anchor.all))), 0
+        while i < len(y):
             some, anchor = y[i : i + BLOCK], self.anchor
             near_by = np.abs(some - anchor.y).max(axis=1, initial=0.0) <= self.reach
             some = some[: 0 if anchor.blurred else _leading(near_by)]
@@ -139,15 +138,15 @@ class Follower:
                 motion = [] if rates is None else self._motion(y, t, rates, i)
                 self._reach(y[i], float(t[i]), motion, strict=strict)
                 anchor = self.anchor
-                found = anchor.z[None], anchor.matrix[None], np.array([anchor.error])
-            rows = slice(i, i + len(found[0]))
-            z[rows], matrix[rows], error[rows] = found
-            near[rows] = anchor.all
-            self.begun, i = True, rows.stop
+                found = anchor.z[None], anchor.matrix[None], np.array([anchor.error]), *self.beside
+            near[i : i + len(found[0])] = anchor.all
+            pieces.append(found)
+            self.begun, i = True, i + len(found[0])
         self.last = (t[-1], y[-1], *(array[-1] for array in rates or ()))
-        return Followed(z, matrix, error, near)
+        z, matrix, error, *more = (x[0] if len(x) == 1 else np.concatenate(x) for x in zip(*pieces, strict=True))
+        return Followed(z, matrix, error, near, tuple(more))
 
-    def _correct(self, y: Array, *, arriving: bool = False) -> tuple[Array, Array, Array]:
+    def _correct(self, y: Array, *, arriving: bool = False) -> tuple[Array, ...]:
         """Of samples within reach those on the branch, up to the first that is not; the last of them is the new anchor.
 
         Looked at is the derivative at the prediction, then at the solution. Next to a singular pose, where rounding
@@ -157,17 +156,17 @@ class Follower:
             arriving: Whether rounding leaves nothing of the way there, as to a singular pose.
 
         Returns:
-            Unknowns, derivative and residual of these samples.
+            Unknowns, derivative, residual of these samples, and what else `evaluate` gives.
         """
         if len(y) > MANY and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y) and (found := self._between(y, rows)):
             return found
         at = self.anchor
         way = (y - at.y) @ at.K.T
         start = at.z + np.clip(way, -FARTHEST, FARTHEST)
-        residual, matrix = self.evaluate(start, y)
-        before = at.change(matrix)
+        begun = self.evaluate(start, y)
+        before = at.change(begun[1])
         m = _leading(arriving | (before <= CHANGE) & (np.abs(way).max(axis=1) < FARTHEST))
-        z, matrix, error = newton(self.evaluate, start[:m], y[:m], begun=(residual[:m], matrix[:m]))
+        z, matrix, error, *more = found = newton(self.evaluate, start[:m], y[:m], begun=[x[:m] for x in begun])
         after, moved = at.change(matrix), np.abs(z - start[:m]).max(axis=1)
         clear = after <= CHANGE
         right = (arriving | clear | (moved <= at.slack)) & (error < OPEN) & (moved < FARTHEST)
@@ -178,25 +177,26 @@ class Follower:
             i = count - 1
             joints = self.read(z[i], at.all)
             self.anchor = Anchor.at(z[i], y[i], matrix[i], float(error[i]), joints, blurred=not clear[i])
-        return z[:count], matrix[:count], error[:count]
+            self.beside = [array[i:count] for array in more]
+        return tuple(array[:count] for array in found)
 
-    def _between(self, y: Array, rows: Rows) -> tuple[Array, Array, Array] | None:
+    def _between(self, y: Array, rows: Rows) -> tuple[Array, ...] | None:
         """As `_correct`, where all samples are so near to some, `rows`, that they can be predicted from these.
 
         Looked at is how much the derivative changes from the nearest of those to the solution. If anything stands in
         the way, nothing is done.
         """
         anchor, reach = self.anchor, self.reach
-        z, matrix, error = self._correct(y[rows])
+        z, matrix = self._correct(y[rows])[:2]
         if len(z) > 1 and not self.anchor.blurred:
             rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
             inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
-            z, matrix, error = newton(self.evaluate, start, y, most=FEW)  # a bad prediction is not worth more
+            z, matrix, error, *_ = found = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
             change = np.linalg.norm(inverse[near] @ matrix - np.eye(matrix.shape[2]), axis=(1, 2))
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
-                return z, matrix, error
+                return found
         self.anchor, self.reach = anchor, reach
         return None
 
@@ -288,7 +288,7 @@ class Follower:
         at, beyond = self.anchor, min(1.0, done + LEAP)
         y = way(beyond)
         start = at.z + np.linalg.pinv(at.matrix, rcond=BLUR)[:, -len(y) :] @ (y - at.y)
-        z, matrix, error = newton(self.evaluate, start[None], y[None])
+        z, matrix, error = newton(self.evaluate, start[None], y[None])[:3]
         landing = None
         if error[0] < OPEN and np.abs(z - start).max() < FARTHEST:
             landing = Anchor.at(z[0], y, matrix[0], float(error[0]), self.read(z[0], at.all)), beyond

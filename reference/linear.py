@@ -12,6 +12,8 @@ EPS = float(np.finfo(float).eps)
 SINGULAR = 1e12
 #: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
 ROUNDED = 2.0
+#: Of so many matrices along a motion one is inverted, and so many are worked on at a time.
+EVERY, BLOCK = 16, 128
 #: Relative error from which not one digit is right.
 DIGIT = 0.1
 
@@ -63,6 +65,12 @@ def condition(A: Array) -> Array:
 
 def inverted(A: Array) -> tuple[Array, Array]:
     """What solves equations, see `solve`, and the condition number. Shape (..., m, n) -> (..., n, m), (...)."""
+    if A.shape[-2] > A.shape[-1] > 0:
+        Q, R = np.linalg.qr(A)
+        back = inverse(R)
+        found = _norm(A) * _norm(back)
+        if (found < 1e7).all():
+            return back @ Q.swapaxes(-1, -2), found
     if A.shape[-1] == A.shape[-2]:
         try:
             found = np.asarray(np.linalg.inv(A))
@@ -70,6 +78,32 @@ def inverted(A: Array) -> tuple[Array, Array]:
         except np.linalg.LinAlgError:
             pass  # one matrix of the stack is exactly singular
     return solve(A, np.broadcast_to(np.eye(A.shape[-2]), (*A.shape[:-1], A.shape[-2]))), condition(A)
+
+
+def inverted_along(A: Array) -> tuple[Array, Array]:
+    """The same of matrices that change little from each to the next, where they are square. Shape (n, m, m).
+
+    One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X (1 - A X)``, in blocks of cache size.
+    """
+    X, eye = np.empty_like(A), np.eye(A.shape[-1])
+    if A.shape[1] != A.shape[2]:
+        return inverted(A)
+    for i in range(0, len(A), BLOCK):
+        some = A[i : i + BLOCK]
+        middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
+        x, left = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)], 1.0
+        while left > 1e-8:
+            E = eye - some @ x
+            before, left = left, max(E.max(), -E.min())
+            if not left < 0.1 * before:
+                return inverted(A)
+            x += x @ E
+        X[i : i + BLOCK] = x
+    return X, _norm(A) * _norm(X)
+
+
+def _norm(A: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))
 
 
 def inverse(A: Array) -> Array:

@@ -80,19 +80,13 @@ class DrakeTree:
                 screws[i] = np.where(moves[k], J, screws[i])
         return BodyPoses(R, p, screws, moves)
 
-    def accelerations(self, q, v, a):
-        V, A = np.zeros((2, len(q), len(self.links) + 1, 6))
+    def bias(self, at, q, v, V):
+        A = np.zeros_like(V)
         for i in self.at(q, v):
-            moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, a[i])
+            moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, np.zeros_like(v[i]))
             for k, link in enumerate(self.links, 1):
-                V[i, k] = link.EvalSpatialVelocityInWorld(self.context).get_coeffs()
                 A[i, k] = moved[int(link.index())].get_coeffs()
-        return V, A
-
-    def com_accelerations(self, q, v, a):
-        V, A = self.accelerations(q, v, a)
-        w, beta, c = V[:, 1:, :3], A[:, 1:, :3], (self.poses(q).R[:, 1:] @ self.com[..., None])[..., 0]
-        return A[:, 1:, 3:] + np.cross(beta, c) + np.cross(w, np.cross(w, c))
+        return A
 
     def tree_force(self, q, v, a):
         tau = np.empty_like(q)

@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
-from screwgauge.engines.tree.protocol import BodyPoses, moving
+from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST, POWERS
@@ -150,57 +150,43 @@ class MujocoTree:
         completed where MuJoCo takes a coupling for a straight line."""
         flags, data = self.model.opt.disableflags, self.data
         self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
-        pushed, *state = data.xfrc_applied, data.qpos, data.qvel, data.qacc  # views, which are slow to get
-        for i in range(len(q)):
-            pushed[:] = 0.0
-            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+        qpos, qvel, qacc, bent = data.qpos, data.qvel, data.qacc, soft and self.curvature.ids  # views are slow to get
+        data.xfrc_applied[:] = 0.0
+        for i, (x, xd, xdd) in enumerate(zip(q, v, a, strict=True)):
+            qpos[:], qvel[:], qacc[:] = x, xd, xdd
             mujoco.mj_inverse(self.model, data)
-            if soft and self.curvature.ids:
+            if bent:
                 self.curvature.complete(self.data)
                 mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
             yield i
         self.model.opt.disableflags |= EQUALITY
 
     def poses(self, q: Array) -> BodyPoses:
-        n, b, data = len(q), len(self.ids) + 1, self.data
-        at, axes, anchors = (np.empty((n, *array.shape)) for array in (data.xpos, data.xaxis, data.xanchor))
-        turned = np.empty((n, *data.xmat.shape))
-        kept = data.qpos, data.xmat, data.xpos, data.xaxis, data.xanchor  # views, which are slow to get
-        for i in range(n):
-            kept[0][:] = q[i]
-            mujoco.mj_kinematics(self.model, data)
-            _, turned[i], at[i], axes[i], anchors[i] = kept
-        R, p = np.tile(np.eye(3), (n, b, 1, 1)), np.zeros((n, b, 3))
-        R[:, 1:], p[:, 1:] = turned[:, self.ids].reshape(n, -1, 3, 3), at[:, self.ids]
-        screws = np.zeros((n, self.model.nv, 6))
+        n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world
+        qpos, *kept = data.qpos, data.xmat, data.xpos, data.xaxis, data.xanchor  # views, which are slow to get
+        turned, at, axes, anchors = (np.empty((n, *view.shape)) for view in kept)
+        for x, turn, place, axis, anchor in zip(q, turned, at, axes, anchors, strict=True):
+            qpos[:] = x
+            mujoco.mj_kinematics(model, data)
+            turn[:], place[:], axis[:], anchor[:] = kept
+        R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
+        screws = np.zeros((n, model.nv, 6))
         screws[:, self.hinges, :3] = axes[:, self.hinges]
         screws[..., 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes)
-        return BodyPoses(R, p, screws.swapaxes(1, 2), self.moves)
+        return BodyPoses(R, p, np.ascontiguousarray(screws.swapaxes(1, 2)), self.moves)
 
-    def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        V, A = np.zeros((2, len(q), len(self.ids) + 1, 6))
-        V[:, 1:], A[:, 1:] = self._moved(q, v, a, self.data.xpos)
-        return V, A
-
-    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        return self._moved(q, v, a, self.data.xipos)[1][..., 3:]
-
-    def _moved(self, q: Array, v: Array, a: Array, points: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration of a point of each body. `points`: MuJoCo's array of these, (n_body, 3)."""
+    def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data = self.model, self.data
-        kept, state = (data.cvel, data.cacc, points, data.subtree_com), (data.qpos, data.qvel, data.qacc)
-        V, A, at, about = (np.empty((len(q), *view.shape)) for view in kept)
-        gravity = model.opt.gravity.copy()
-        model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
-        for i in range(len(q)):
-            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+        qpos, qvel, turning, centres = data.qpos, data.qvel, data.cdof_dot, data.subtree_com
+        rates, about = (np.empty((len(q), *view.shape)) for view in (turning, centres))
+        for x, xd, rate, centre in zip(q, v, rates, about, strict=True):
+            qpos[:], qvel[:] = x, xd
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_comVel(model, data)
-            mujoco.mj_rnePostConstraint(model, data)
-            V[i], A[i], at[i], about[i] = kept
-        model.opt.gravity[:] = gravity
-        return moving(V[:, self.ids], A[:, self.ids], at[:, self.ids] - about[:, model.body_rootid[self.ids]])
+            rate[:], centre[:] = turning, centres
+        rates[..., 3:] += cross(about[:, model.body_rootid[model.dof_bodyid]], rates[..., :3])
+        return at.bias(rates.swapaxes(1, 2), v, V)
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         out, force = np.empty_like(q), self.data.qfrc_inverse

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses, moving
+from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
@@ -69,9 +69,8 @@ class PinocchioTree:
         self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
         self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
-        # origins and centres of mass of the bodies in the frames of the joints that carry them
+        # origins of the bodies in the frames of the joints that carry them
         self.origins = np.array([place.translation for place, _ in placed])
-        self.centres = np.array([place.act(at) for (place, _), at in zip(placed, self.com, strict=True)])
         carriers = [[], *(self.model.supports[joint] for joint in self.joints)]
         self.moves = np.array([[j in some for j in columns] for some in carriers], dtype=float)
         self.views = _Views(self.data)
@@ -90,34 +89,22 @@ class PinocchioTree:
     def poses(self, q: Array) -> BodyPoses:
         n, frames, twists = len(q), self.views.frames, self.views.twists
         placed, screws = np.empty((n, *frames.shape)), np.empty((n, *twists.shape))
-        for i in range(n):
-            pin.computeJointJacobians(self.model, self.data, q[i])
-            pin.updateFramePlacements(self.model, self.data)
-            placed[i], screws[i] = frames, twists
-        R, p = np.tile(np.eye(3), (n, len(self.frames) + 1, 1, 1)), np.zeros((n, len(self.frames) + 1, 3))
-        R[:, 1:], p[:, 1:] = _split(placed[:, self.frames])
-        return BodyPoses(R, p, screws[..., _ANGULAR_FIRST].swapaxes(1, 2), self.moves)
+        model, data = self.model, self.data
+        for x, place, screw in zip(q, placed, screws, strict=True):
+            pin.computeJointJacobians(model, data, x)
+            pin.updateFramePlacements(model, data)
+            place[:], screw[:] = frames, twists
+        bodies = placed[:, [0, *self.frames]]  # the first frame is the world
+        R, p = bodies[..., :9].reshape(n, -1, 3, 3).swapaxes(2, 3), bodies[..., 9:]
+        return BodyPoses(np.ascontiguousarray(R), p, screws[:, _ANGULAR_FIRST], self.moves)
 
-    def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        V, A = np.zeros((2, len(q), len(self.frames) + 1, 6))
-        V[:, 1:], A[:, 1:] = self._moved(q, v, a, self.origins)
-        return V, A
-
-    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        return self._moved(q, v, a, self.centres)[1][..., 3:]
-
-    def _moved(self, q: Array, v: Array, a: Array, points: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration of a point of each body, which is given in the frame of the joint before it."""
-        n, kept = len(q), (self.views.joints, self.views.velocities, self.views.accelerations)
-        placed, V, A = (np.empty((n, *view.shape)) for view in kept)
-        for i in range(n):
-            pin.forwardKinematics(self.model, self.data, q[i], v[i], a[i])
-            placed[i], V[i], A[i] = kept
-        R = _split(placed[:, self.joints])[0]
-        V, A = (array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A))
-        local = moving(V, A, points)
-        V, A = ((array.reshape(n, -1, 2, 3) @ R.swapaxes(2, 3)).reshape(n, -1, 6) for array in local)
-        return V, A
+    def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
+        model, data, turning = self.model, self.data, self.views.turning
+        rates = np.empty((len(q), *turning.shape))
+        for x, xd, row in zip(q, v, rates, strict=True):
+            pin.computeJointJacobiansTimeVariation(model, data, x, xd)
+            row[:] = turning
+        return at.bias(rates[:, _ANGULAR_FIRST], v, V)
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
@@ -160,20 +147,17 @@ class _Views:
     """What Pinocchio's functions write to `data`, as arrays on the same memory: each sample is copied at once.
 
     Attributes:
-        frames, joints: Rotation by columns, then translation. Shapes (n_frame, 12), (n_joint, 12).
-        velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
+        frames: Rotation by columns, then translation. Shape (n_frame, 12).
+        forces: Of the joints in their own frames. Shape (n_joint, 6).
         pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
-        twists: Columns of the Jacobian at the world's origin. Shape (n_v, 6).
+        twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
     """
 
     def __init__(self, data: Any) -> None:
-        self.frames, self.joints = (_rows([M.rotation for M in placed], 12) for placed in (data.oMf, data.oMi))
+        self.frames = _rows([M.rotation for M in data.oMf], 12)
         self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
-        kept = data.v, data.a, data.f, self.pushed
-        self.velocities, self.accelerations, self.forces, self.external = (
-            _rows([one.vector for one in of], 6) for of in kept
-        )
-        self.twists = data.J.reshape(6, -1).T  # one column comes without its axis
+        self.forces, self.external = (_rows([one.vector for one in of], 6) for of in (data.f, self.pushed))
+        self.twists, self.turning = (J.reshape(6, -1) for J in (data.J, data.dJ))  # one column comes without its axis
 
 
 def _rows(parts: list[Array], size: int) -> Array:
@@ -184,11 +168,6 @@ def _rows(parts: list[Array], size: int) -> Array:
         what = "does not lay its data out as arrays can read them"
         raise LoaderError(what, f"pinocchio {pin.__version__}", "install another version")
     return np.lib.stride_tricks.as_strided(parts[0], (len(parts), size), (step, 8))
-
-
-def _split(placed: Array) -> tuple[Array, Array]:
-    """Rotations (n, m, 3, 3) and translations (n, m, 3) of placements (n, m, 12), see `_Views`."""
-    return placed[..., :9].reshape(*placed.shape[:2], 3, 3).swapaxes(2, 3), placed[..., 9:]
 
 
 class Constraints:

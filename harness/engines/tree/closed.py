@@ -135,32 +135,26 @@ class ClosedTree:
             columns |= zip(joint.coordinates, cut_values[joint.name].T, strict=True)
         return np.stack([columns[name] for name in self.names], axis=1)
 
-    def rate_rows(self, at: BodyPoses, charts: Charts) -> dict[str, Array]:
-        """Velocities of cut joints per velocity of the tree. Cut joint -> shape (n, m, n_v)."""
-        index = self.loops.index
-        sides = {joint.name: (index[joint.parent], index[joint.child]) for joint in self.loops.cut}
-        return {name: chart.rates(self.loops.turning(at, *sides[name])) for name, chart in charts.items()}
-
-    def cut_velocities(self, at: BodyPoses, charts: Charts, v: Array) -> dict[str, Array]:
-        """Cut joint -> velocities of its coordinates. Shape (n, m)."""
-        return {name: (rows @ v[..., None])[..., 0] for name, rows in self.rate_rows(at, charts).items()}
+    def cut_velocities(self, charts: Charts, V: Array) -> dict[str, Array]:
+        """Cut joint -> velocities of its coordinates, (n, m), for those of the bodies, (n, n_body + 1, 6)."""
+        turns = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
+        return {name: chart.rates(turns[name])[..., 0] for name, chart in charts.items()}
 
     def cut_accelerations(self, charts: Charts, rates: dict[str, Array], V: Array, A: Array) -> dict[str, Array]:
         """Cut joint -> accelerations of its coordinates.
 
         Args:
+            charts: Of the joints that are wanted.
             rates: Cut joint -> velocities. Shape (n, m).
             V, A: Velocities and accelerations of the bodies. Shape (n, n_body + 1, 6).
         """
-        return {
-            joint.name: charts[joint.name].bias(
-                rates[joint.name],
-                V[:, self.loops.index[joint.parent], :3],
-                self.loops.relative(joint, V),
-                self.loops.relative(joint, A),
+        relative, found = self.loops.relative, {}
+        for joint in (self.cut_joint(name) for name in charts):
+            parent = V[:, self.loops.index[joint.parent], :3]
+            found[joint.name] = charts[joint.name].bias(
+                rates[joint.name], parent, relative(joint, V), relative(joint, A)
             )
-            for joint in self.loops.cut
-        }
+        return found
 
     def gaps(self, q: Array, at: BodyPoses) -> Array:
         """Closure residuals, and below them those of the couplings, at tree coordinates q and their poses. (n, m)."""
@@ -187,9 +181,10 @@ class ClosedTree:
 
     def closing_rows(self, q: Array, at: BodyPoses, charts: Charts) -> Array:
         """Derivative of the gaps over one row for each independent coordinate. (n, m + k, n_v)."""
-        rows, own = [self.jacobian(q, at)], np.eye(q.shape[1])
-        cut = self.rate_rows(at, {name: charts[name] for name in self.given})
-        for column, name, i in self.loops.independent:
+        loops, rows, own = self.loops, [self.jacobian(q, at)], np.eye(q.shape[1])
+        sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
+        cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}
+        for column, name, i in loops.independent:
             row = cut[name][:, i] if column is None else np.broadcast_to(own[column], q.shape)
             rows.append(row[:, None])
         return np.concatenate(rows, axis=1)

@@ -48,7 +48,7 @@ def closed_forces(
     at: BodyPoses,
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
-    state: State,
+    state: State | None,
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
@@ -56,7 +56,7 @@ def closed_forces(
         system: Closing system without dimension, shape (n, m + k, n_v), and velocities of the tree per velocity of y,
             shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
-        state: The same motion as springs and motors see it.
+        state: The same motion as springs and motors see it, if there are any.
     """
     (A, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
     wrench = _applied(closed, problem.applied, at, state)
@@ -134,10 +134,10 @@ def _outer(joint: Joint, closed: ClosedTree) -> int:
     return child if child and closed.inwards(child)[1] == parent else parent
 
 
-def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State) -> Array:
+def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State | None) -> Array:
     """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
     wrench = closed.load_wrenches(at, applied)
-    if applied.springs or applied.motors:
+    if state is not None:
         sides = {joint.name: joint_sides(joint, closed.loops) for joint in closed.file.joints}
         index = closed.loops.index
         wrench += applied_wrenches(closed.file.joints, applied, state, index, lambda joint: sides[joint.name])

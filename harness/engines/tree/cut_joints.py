@@ -7,14 +7,13 @@ shared by all tree engines; the frames, their rates and accelerations are each e
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import rotations
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, NEXT, TURN, Array, cross, other_triple, within_half_turn
+from screwgauge.reference.rotations import MIDDLE, TURN, Array, cross, other_triple, within_half_turn
 
 Flags = NDArray[np.bool_]
 
@@ -28,27 +27,35 @@ class Chart:
 
     Attributes:
         q: Angles [rad], within a turn and the middle one of three within +-pi/2 unless a chart `near` others. (n, m).
-        R: Orientation of its parent side in the world. Shape (n, 3, 3).
-        inverse: Maps a relative angular velocity, in the parent side's axes, to rates. Shape (n, m, 3).
-        axes: Current directions of its axes in the parent side's axes. Shape (n, m, 3).
+        R: Orientation in the world of a frame on its parent side: its first two axes at zero, and their cross product.
+            Shape (n, 3, 3).
+        last: Current direction of its third axis in that frame. Shape (n, 3).
     """
 
     q: Array
     R: Array
-    inverse: Array
-    axes: Array
+    last: Array
 
     @property
     def condition(self) -> Array:
-        """How much the reading of its rates loses, 1 at best. Shape (n,)."""
+        """How much the reading of its rates loses, 1 at best: the condition number of its axes over 3. Shape (n,)."""
         if self.q.shape[1] < 3:
             return np.ones(len(self.q))
-        size = np.linalg.norm(self.axes, axis=(1, 2)) * np.linalg.norm(self.inverse, axis=(1, 2)) / 3.0  # 3 at best
-        return np.where(np.isnan(size) & np.isfinite(self.axes).all(axis=(1, 2)), np.inf, size)
+        return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(self.q[:, 1]) ** 2) / 3.0))
+
+    @property
+    def duals(self) -> Array:
+        """Products of its axes in that frame: second and third, third and first, first and second. Shape (n, 3, 3)."""
+        c, s, (x, y, z) = np.cos(self.q[:, 0]), np.sin(self.q[:, 0]), self.last.T
+        zero = np.zeros_like(c)
+        return np.stack([c * z - s * y, s * x, -c * x, zero, z, -y, zero, -s, c], axis=1).reshape(-1, 3, 3)
 
     def rates(self, omega: Array) -> Array:
         """Coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
-        return np.asarray(self.inverse @ (self.R.swapaxes(1, 2) @ omega))
+        duals = self.duals
+        volume = duals[:, :1, :1]
+        inverse = duals[:, : self.q.shape[1]] / np.where(volume == 0.0, np.nan, volume)
+        return np.asarray((inverse @ self.R.swapaxes(1, 2)) @ omega)
 
     def bias(self, rates: Array, omega_parent: Array, omega: Array, beta: Array) -> Array:
         """Second derivatives for a relative angular acceleration in world axes.
@@ -61,11 +68,11 @@ class Chart:
         Returns:
             Shape (n, m).
         """
-        own = np.zeros_like(omega)  # each axis is carried around by the rates before it
-        for i, j in combinations(range(self.q.shape[1]), 2):
-            own += cross(self.axes[:, i], self.axes[:, j]) * (rates[:, i] * rates[:, j])[:, None]
-        local = (self.R.swapaxes(1, 2) @ (beta - cross(omega_parent, omega))[..., None])[..., 0] - own
-        return np.asarray((self.inverse @ local[..., None])[..., 0])
+        local = beta - cross(omega_parent, omega)
+        if rates.shape[1] == 3:  # each axis is carried around by the rates before it
+            products = np.roll(rates, -1, axis=1) * np.roll(rates, 1, axis=1) * MIDDLE
+            local = local - (self.R @ (products[:, None] @ self.duals).swapaxes(1, 2))[..., 0]
+        return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
         """The same rotations by the triples of angles, and with the whole turns, that come nearest to others.
@@ -73,8 +80,7 @@ class Chart:
         Args:
             angles: Shape (n, m).
         """
-        q, swapped = rotations.nearest_angles(self.q, angles)
-        return self._swapped(swapped, q)
+        return replace(self, q=rotations.nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
         """The same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
@@ -82,30 +88,20 @@ class Chart:
             return self
         two = other_triple(self.q)
         swapped = np.abs(within_half_turn(two[:, i] - angle)) < np.abs(within_half_turn(self.q[:, i] - angle))
-        return self._swapped(swapped, np.where(swapped[:, None], two, self.q)) if swapped.any() else self
-
-    def _swapped(self, where: Flags, q: Array) -> Chart:
-        """With the second triples somewhere: their middle axis, and with it its rate, points the other way."""
-        if not where.any():
-            return replace(self, q=q)
-        sign = np.where(where[:, None], MIDDLE, 1.0)[..., None]
-        return replace(self, q=q, inverse=self.inverse * sign, axes=self.axes * sign)
+        return replace(self, q=np.where(swapped[:, None], two, self.q)) if swapped.any() else self
 
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """Angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
-    axes = rotations.triad(joint.axes)
-    R = R_parent @ joint.parent_frame.R
-    M = R.swapaxes(1, 2) @ (R_child @ joint.child_frame.R)
-    angles = rotations.triad_angles(M, axes, few=len(joint.axes) < 3)
-    turned, first = np.empty((len(R), 3, 3)), angles[:, :1]
-    turned[:, 0], turned[:, 2] = axes[0], M @ axes[2]  # the last angle turns about the last axis
-    turned[:, 1] = np.cos(first) * axes[1] + np.sin(first) * cross(axes[0], axes[1])
-    m = len(joint.axes)
-    duals = cross(turned[:, NEXT], turned[:, NEXT[NEXT]])
-    volume = np.sum(turned[:, 0] * duals[:, 0], axis=1)[:, None, None]
-    inverse = duals / np.where(volume == 0.0, np.nan, volume)
-    return Chart(angles[:, :m], R, inverse[:, :m], turned[:, :m])
+    axes, m = rotations.triad(joint.axes), len(joint.axes)
+    basis = np.vstack([axes[:2], cross(axes[0], axes[1])]).T
+    hand = 1.0 if basis[:, 2] @ axes[2] > 0.0 else -1.0
+    R = R_parent @ (joint.parent_frame.R @ basis)
+    M = R.swapaxes(1, 2) @ (R_child @ (joint.child_frame.R @ basis))
+    angles = rotations.sequence_angles(M, few=m < 3)[:, :m]
+    if hand < 0.0:
+        angles[:, 2:] *= hand
+    return Chart(angles, R, hand * M[..., 2])  # the last angle turns about the last axis
 
 
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:

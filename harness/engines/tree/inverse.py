@@ -15,7 +15,7 @@ from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.cut_joints import unwrapped
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.following import Follower
@@ -34,6 +34,10 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
         for name, by_unit in solution.tolerances.items()
     }
     return replace(solution, tolerances=tolerances, assembly=np.concatenate(work.assembly))
+
+
+#: Quantities for which the accelerations of all bodies are needed.
+_MOVED = frozenset({"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +59,7 @@ class _Work:
         self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
         self.depth = stages(problem.wanted)
         sizes = closed.sizes
+        self.moves = closed.tree.poses(closed.home[None]).moves
         self.path = Follower(self._scaled, closed.home / sizes.q, closed.y_home / sizes.y, size=sizes.y)
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
@@ -64,32 +69,30 @@ class _Work:
         self.tolerances: dict[str, float] = {}
 
     def part(self, rows: slice) -> Part:
-        loops, tree, motion = self.closed.loops, self.closed.tree, self.motion.part(rows)
+        loops, motion = self.closed.loops, self.motion.part(rows)
         with self.clock.stage("positions"):
-            q, A = self._positions(motion)
-            at = tree.poses(q)
+            q, A, at = self._positions(motion)
             charts = loops.charts(at)
             cut = {name: unwrapped(self.cut[name], c, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
-            charts = {name: c.near(cut[name]) for name, c in charts.items()}
+            charts = {name: replace(c, q=cut[name]) for name, c in charts.items()}
         self.assembly.append(self.closed.joints(q, cut))
         values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
             some, sizes = motion.part(doubtful), self.closed.sizes
             there = q[doubtful] + shake * sizes.q
-            moved = tree.poses(there)
-            read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(moved).items()}
+            _, matrix, R, p, screws = self._scaled(there / sizes.q, some.y / sizes.y)
+            found = BodyPoses(R, p, screws, at.moves)
+            read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(found).items()}
             angles = {name: c.q for name, c in read.items()}
-            matrix = self._scaled(there / sizes.q, some.y / sizes.y)[1]
-            return _Pass(self, _Poses(some, there, moved, read, angles, matrix)).all()[0]
+            return _Pass(self, _Poses(some, there, found, read, angles, matrix)).all()[0]
 
         return examined(values, trust, A, motion.y.shape[1], again, self.clock)
 
-    def _evaluate(self, q: Array, y: Array) -> tuple[Array, Array]:
+    def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
-        at = closed.tree.poses(q)
         charts = loops.charts(at, closed.given)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
@@ -103,17 +106,21 @@ class _Work:
             errors.append(difference[:, None])
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts)
 
-    def _scaled(self, z: Array, y: Array) -> tuple[Array, Array]:
-        """The same without dimension."""
+    def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
+        """The same without dimension, and the poses there."""
         sizes = self.closed.sizes
-        error, rows = self._evaluate(z * sizes.q, y * sizes.y)
-        return error / sizes.rows, rows * sizes.q / sizes.rows[:, None]
+        q = z * sizes.q
+        at = self.closed.tree.poses(q)
+        error, rows = self._evaluate(q, y * sizes.y, at)
+        rows *= sizes.q / sizes.rows[:, None]
+        return error / sizes.rows, rows, at.R, at.p, at.screws
 
-    def _positions(self, motion: GivenMotion) -> tuple[Array, Array]:
+    def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
         sizes = self.closed.sizes
         found = self.path.follow(motion.y / sizes.y, motion.t, (motion.yd / sizes.y, motion.ydd / sizes.y))
         self.residual = float(found.error.max()) * max(1.0, sizes.length)
-        return found.z * sizes.q, found.matrix
+        R, p, screws = found.more
+        return found.z * sizes.q, found.matrix, BodyPoses(R, p, screws, self.moves)
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
@@ -133,6 +140,7 @@ class _Pass:
         self.work, self.closed, self.poses = work, work.closed, poses
         self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
         self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
+        self.acting = bool(work.problem.applied.springs or work.problem.applied.motors)
         self.conditions: dict[str, Array] = {}
         self.speed: Array | float = 0.0
         self.rush: Array | float = 0.0
@@ -142,7 +150,7 @@ class _Pass:
         """The values that are wanted, and what their errors rest on."""
         depth, A = self.work.depth, self.poses.A
         with self.clock.stage("condition"):
-            self.inverse, self.condition = linear.inverted(A)
+            self.inverse, self.condition = linear.inverted_along(A)
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 self._velocities()
@@ -165,9 +173,12 @@ class _Pass:
         poses, yd = self.poses, self.poses.motion.yd
         self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
-        self.cut_v = self.closed.cut_velocities(poses.at, poses.charts, self.v)
-        self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
         self.V = poses.at.velocities(self.v)
+        if self.acting or self.wanted & {"joint_velocity", *_MOVED}:
+            self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
+            self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
+        else:
+            self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
 
@@ -175,30 +186,31 @@ class _Pass:
         """From ``A a = [-Jdot v; ydd - bias]``, with the engine's own Jdot v."""
         poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
         n, k = poses.motion.ydd.shape
+        bias = tree.bias(poses.at, poses.q, self.v, self.V)
         still = poses.q, self.v, np.zeros_like(self.v)
-        V, bias = tree.accelerations(*still)
-        right = np.concatenate([-closed.gap_accelerations(still, poses.at, V, bias), poses.motion.ydd], axis=1)
-        cut_bias = closed.cut_accelerations(poses.charts, self.cut_v, V, bias)
+        right = np.concatenate([-closed.gap_accelerations(still, poses.at, self.V, bias), poses.motion.ydd], axis=1)
+        given = {name: poses.charts[name] for name in closed.given}
+        cut_bias = closed.cut_accelerations(given, self.cut_v, self.V, bias)
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
         self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
-        if "com_acceleration" in self.wanted:
-            com = tree.com_accelerations(poses.q, self.v, self.a)
-            self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
-        if not self.wanted & {"joint_acceleration", "body_angular_acceleration", "tree_force_soft"}:
+        if not self.wanted & _MOVED:
             return
-        V, A = tree.accelerations(poses.q, self.v, self.a)
-        cut_a = closed.cut_accelerations(poses.charts, self.cut_v, V, A)
+        A = bias + poses.at.velocities(self.a)
+        arms = poses.at.R[:, closed.bodies] @ tree.com[[b - 1 for b in closed.bodies], :, None]
+        com = shifted(self.V[:, closed.bodies], A[:, closed.bodies], arms[..., 0])
+        self.values["com_acceleration"] = com.reshape(n, -1)
+        cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
         self.values["joint_acceleration"] = closed.joints(self.a, cut_a)
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
         if "tree_force_soft" in self.wanted:
-            self._measure(V, A)
+            self._measure(A)
 
-    def _measure(self, V: Array, A: Array) -> None:
+    def _measure(self, A: Array) -> None:
         """Largest closure residual of position, velocity and acceleration, which a stiff constraint turns to force."""
-        q, at, closed = self.poses.q, self.poses.at, self.closed
+        q, at, closed, V = self.poses.q, self.poses.at, self.closed, self.V
         rate = closed.jacobian(q, at) @ self.v[..., None]
         second = closed.gap_accelerations((q, self.v, self.a), at, V, A)
         measured = [self.work.residual, np.abs(rate).max(initial=0.0), np.abs(second).max(initial=0.0)]
@@ -223,16 +235,16 @@ class _Pass:
     def _inertia_and_weight(self) -> Array:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
-        bodies = range(1, len(tree.com) + 1)
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        J = at.jacobian(bodies, at.points(bodies, tree.com))
+        J = at.jacobian(at.moves[1:], at.points(range(1, len(tree.com) + 1), tree.com))
         weights = (tree.masses[:, None] * most[:, None]).reshape(len(J), 1, -1)
         along = (weights @ np.abs(J, out=J).reshape(len(J), weights.shape[2], -1))[:, 0]
         return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
 
     def _forces(self) -> None:
-        at, t = self.poses.at, self.poses.motion.t
-        state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
+        at, t, state = self.poses.at, self.poses.motion.t, None
+        if self.acting:
+            state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
         self.values |= forces.values

@@ -44,30 +44,44 @@ class BodyPoses:
         """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places))
 
-    def jacobian(self, bodies: Sequence[int] | NDArray[np.intp], at: Array) -> Array:
-        """Derivative of points of bodies by the coordinates. At points in the world, (n, m, 3) -> (n, m, 3, n_v)."""
+    def jacobian(self, moves: Array, at: Array) -> Array:
+        """Derivative of points by the coordinates, shape (n, m, 3, n_v).
+
+        Args:
+            moves: By how much of its screw a coordinate moves each of them. Shape (m, n_v).
+            at: In the world. Shape (n, m, 3).
+        """
         out: Array = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
         np.subtract(self.screws[:, None, 3:], out, out=out)
-        out *= self.moves[bodies, None]
+        out *= moves[:, None]
         return out
 
     def velocities(self, v: Array) -> Array:
         """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
-        V = (self.moves * v[:, None]) @ self.screws.swapaxes(1, 2)
+        return self._summed(self.screws, v)
+
+    def bias(self, rates: Array, v: Array, V: Array) -> Array:
+        """Accelerations of the same at constant velocities of the coordinates. Shape (n, n_body + 1, 6).
+
+        Args:
+            rates: Derivatives of the screws in time. Shape (n, 6, n_v).
+            v, V: Velocities of the coordinates, and of the bodies.
+        """
+        A = self._summed(rates, v)
+        A[..., 3:] += cross(V[..., :3], V[..., 3:])
+        return A
+
+    def _summed(self, screws: Array, v: Array) -> Array:
+        """Over the coordinates that move each body, about its origin."""
+        V = (self.moves * v[:, None]) @ screws.swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], self.p)
         return V
 
 
-def moving(V: Array, A: Array, arms: Array) -> tuple[Array, Array]:
-    """Velocities and accelerations of points that move with twists and their derivatives about other points.
-
-    Args:
-        V, A: Angular first; the derivatives are spatial ones. Shape (n, m, 6) each.
-        arms: From those points to the ones wanted. Shape (n, m, 3), or (m, 3) in axes that turn along.
-    """
-    w, beta = V[..., :3], A[..., :3]
-    v = V[..., 3:] + cross(w, arms)
-    return np.concatenate([w, v], axis=2), np.concatenate([beta, A[..., 3:] + cross(beta, arms) + cross(w, v)], axis=2)
+def shifted(V: Array, A: Array, arms: Array) -> Array:
+    """Accelerations of points of bodies. V, A of others: (n, m, 6); arms to those wanted: (n, m, 3) -> (n, m, 3)."""
+    w = V[..., :3]
+    return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
 class Tree(Protocol):
@@ -89,11 +103,13 @@ class Tree(Protocol):
     def poses(self, q: Array) -> BodyPoses:
         """Poses of the bodies, and the screws of the coordinates."""
 
-    def accelerations(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration of each body: angular, then of its origin; no gravity. (n, n_body + 1, 6) each."""
+    def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
+        """Acceleration of each body, angular, then of its origin, at constant velocities of the coordinates.
 
-    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """The engine's own acceleration of each centre of mass. Shape (n, n_body, 3)."""
+        Args:
+            at, V: Poses at q, and velocities of the bodies there. Shape (n, n_body + 1, 6), as that of what is
+                returned.
+        """
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""

@@ -77,7 +77,7 @@ def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) ->
     for block in _blocks(closed, len(t)):
         at = closed.tree.poses(q[block])
         charts = loops.charts(at)
-        for name, rates in closed.cut_velocities(at, charts, v[block]).items():
+        for name, rates in closed.cut_velocities(charts, at.velocities(v[block])).items():
             blocks[name].append((charts[name].q, rates, charts[name].condition < SURE))
     followed = {}
     for joint in loops.cut:
@@ -89,8 +89,9 @@ def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) ->
 def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Array]) -> Reading:
     at = closed.tree.poses(q)
     charts = {name: chart.near(turned[name]) for name, chart in closed.loops.charts(at).items()}
-    cut_v, cut_a = closed.cut_velocities(at, charts, v), dict[str, Array]()
-    if closed.loops.cut:
-        cut_a = closed.cut_accelerations(charts, cut_v, *closed.tree.accelerations(q, v, a))
+    V, cut_a = at.velocities(v), dict[str, Array]()
+    cut_v = closed.cut_velocities(charts, V)
+    if charts:
+        cut_a = closed.cut_accelerations(charts, cut_v, V, closed.tree.bias(at, q, v, V) + at.velocities(a))
     condition = linear.condition(closed.closing_rows(q, at, charts))
     return Reading(closed.joints(q, turned), closed.joints(v, cut_v), closed.joints(a, cut_a), condition)
