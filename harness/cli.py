@@ -123,6 +123,8 @@ def _parser() -> argparse.ArgumentParser:
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
     add("--out", type=Path, metavar="FILE.html", help="write the page and end")
     add("--png", type=Path, metavar="FILE.png", help="write a picture of the home pose and end")
+    video = "write the motion as a GIF or WebP and end (needs pillow)"
+    add("--video", type=Path, metavar="FILE.gif", help=video)
     add("--mujoco", action="store_true", help="open MuJoCo's own viewer on its MJCF instead")
     add("--port", type=int, metavar="N", help="default: a free one")
 

@@ -6,7 +6,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from screwgauge.models.importing.model import imported_file, is_model
+from screwgauge.models.importing import is_model
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import beside, is_file, is_path
@@ -33,6 +33,8 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
         return FOLDER / str(name) / f"{name}.toml"
     path = beside(folder, str(name))
     if is_model(path):
+        from screwgauge.models.importing.model import imported_file
+
         return imported_file(path)[0]
     if is_path(str(name)) or (where and is_file(path)):
         return path

@@ -44,21 +44,18 @@ def rpy(R: Array) -> Array:
 
 
 def quaternion(R: Array) -> Array:
-    """Unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (3, 3) -> (4,).
+    """Unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (..., 3, 3) -> (..., 4).
 
     The row with the largest component is used, so that nothing cancels.
     """
-    t = float(np.trace(R))
-    squares = 0.25 * np.array([1.0 + t, *(1.0 + 2.0 * np.diag(R) - t)])
-    products = 0.25 * np.array(
-        [
-            [0.0, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-            [0.0, 0.0, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-            [0.0, 0.0, 0.0, R[1, 2] + R[2, 1]],
-            [0.0, 0.0, 0.0, 0.0],
-        ]
-    )
-    outer = products + products.T + np.diag(squares)
-    row = outer[int(np.argmax(squares))]
-    q: Array = row / np.linalg.norm(row)
-    return -q if q[0] < 0.0 else q
+    t = np.trace(R, axis1=-2, axis2=-1)
+    outer = np.empty((*t.shape, 4, 4))
+    outer[..., 0, 0] = 1.0 + t
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        outer[..., i + 1, i + 1] = 1.0 + 2.0 * R[..., i, i] - t
+        outer[..., 0, i + 1] = outer[..., i + 1, 0] = R[..., k, j] - R[..., j, k]
+        outer[..., j + 1, k + 1] = outer[..., k + 1, j + 1] = R[..., j, k] + R[..., k, j]
+    largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    row = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
+    q = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[..., :1] < 0.0, -q, q))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
-from screwgauge.reference.pose import layout, length, pose
+from screwgauge.reference.pose import Pose, layout, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.suspicious import suspicious
 
@@ -113,10 +113,10 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     return found
 
 
-def placed(mechanism: Mechanism) -> list[Shape]:
-    """The same in the world at home."""
+def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
+    """The same in the world, at home or at another pose (one sample)."""
     lay = layout(mechanism)
-    at, unit, found = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    at, unit, found = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in shapes(mechanism):
         ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
         a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
@@ -209,10 +209,10 @@ def across(direction: Array) -> Array:
     return np.stack([right, np.cross(direction, right)])
 
 
-def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Joints with places and last axes, in the world at home; lengths in lengths of the mechanism."""
+def joint_marks(mechanism: Mechanism, at: Pose | None = None) -> list[tuple[Joint, Array, Array]]:
+    """Joints with places and last axes, in the world, at home or at another pose; in lengths of the mechanism."""
     lay = layout(mechanism)
-    at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
+    at, index, unit = at or pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.kind != "F"]
     return [
         (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])

@@ -231,6 +231,11 @@ class LoopEquations:
         q, R, p, S = self._tree(z, guess)
         return whole_pose(self.lay, self._read(q, R, p), R, p, S)
 
+    def coordinates(self, z: Array, guess: Array) -> Array:
+        """Of that pose all joint coordinates. Shape (n, n_q)."""
+        q, R, p, _ = self._tree(z, guess)
+        return self._read(q, R, p)
+
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
         """A `Corrector`: all joint coordinates without dimension, those of cut joints read near the prediction."""
         z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])
@@ -238,13 +243,11 @@ class LoopEquations:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
         K[self.unknown] = velocity_map(matrix, len(y))[0]
-        guess, R, p, _ = self._tree(z, q[None] * self.size)
-        return self._read(guess, R, p)[0] / self.size, K
+        return self.coordinates(z, q[None] * self.size)[0] / self.size, K
 
     def joints(self, z: Array, near: Array | None) -> Array:
         """All joint coordinates of one pose, those of cut joints next to others, or to home. Shape (n_q,)."""
-        q, R, p, _ = self._tree(z[None], (self.lay.mechanism.home if near is None else near)[None])
-        return np.asarray(self._read(q, R, p)[0])
+        return np.asarray(self.coordinates(z[None], (self.lay.mechanism.home if near is None else near)[None])[0])
 
     def follower(self) -> Follower:
         """Follows motions from home on."""
@@ -253,11 +256,9 @@ class LoopEquations:
 
     def follow(self, path: Follower, y: Array, t: Array, rates: Rates | None = None, *, strict: bool = False) -> Pose:
         """The poses of a motion, see `Follower.follow`. Shapes (n, k), (n,) and (n, k) twice, in rad and m."""
-        columns = self.lay.mechanism.independent_columns
-        size = self.size[columns]
-        over = None if rates is None else (rates[0] / size, rates[1] / size)
-        found = path.follow(y / size, t, over, strict=strict)
-        found.near[:, columns] = y  # whole turns of an angle that is given are given, too
+        over = None if rates is None else (rates[0] / path.size, rates[1] / path.size)
+        found = path.follow(y / path.size, t, over, strict=strict)
+        found.near[:, self.lay.mechanism.independent_columns] = y  # with the whole turns that are given
         return self.fill(found.z, found.near)
 
     def bias(self, at: Pose, w: Array, V: Array, A: Array) -> Array:

@@ -11,7 +11,7 @@ import pytest
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench import terminal, write
+from screwgauge.report.pages.bench import PAGE
 from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.bench.rows import COLUMNS, CUT, reach
@@ -38,7 +38,7 @@ def small(monkeypatch):
 
 
 def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
-    out = write(found, tmp_path / "out")
+    out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     assert (
         list(table.columns)
@@ -69,7 +69,7 @@ def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
 
 
 def test_a_failure_is_a_row_and_in_the_report(found, tmp_path):
-    out = write(found, tmp_path / "out")
+    out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     failed = table[table["status"] == "failed"]
     assert failed["max_scaled"].isna().all()
@@ -81,11 +81,11 @@ def test_the_report_says_what_errors_are_against(found):
     assert found.reference in ("truth", "screw")
     assert any(found.reference in note for note in found.notes)
     if found.reference != "truth":
-        assert "not against a truth" in text(terminal(found))
+        assert "not against a truth" in text(PAGE.terminal(found))
 
 
 def test_terminal_fits_a_hundred_columns(found):
-    assert max(len(line) for line in text(terminal(found)).splitlines()) <= 100
+    assert max(len(line) for line in text(PAGE.terminal(found)).splitlines()) <= 100
 
 
 def test_plots_are_the_same_for_the_same_data(found):
@@ -108,7 +108,7 @@ def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     assert cut
     assert kept or (tmp_path / NAME).exists()
     families = {row.contestant.family for row in cut}
-    lines = text(terminal(found)).split("\n\n")[-1].splitlines()
+    lines = text(PAGE.terminal(found)).split("\n\n")[-1].splitlines()
     assert lines[0].startswith("cut short")
     assert [line.split()[0] for line in lines[1:]] == list(dict.fromkeys(row.contestant.family for row in cut))
     assert len(lines) == 1 + len(families)  # one line per family

@@ -10,7 +10,8 @@ import pytest
 
 from screwgauge.cli import main
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.report.pages import selftest as page
+from screwgauge.report.pages.selftest import PAGE as page
+from screwgauge.report.pages.selftest import passed
 from screwgauge.study.selftest import run
 from screwgauge.study.selftest.judged import judged
 from screwgauge.study.selftest.kinds import KINDS, changed
@@ -32,7 +33,7 @@ def test_there_are_enough_kinds():
 
 def test_changes_are_found_named_and_measured_and_nothing_is_seen_that_is_not_there(study):
     found, _ = study
-    assert page.passed(found), found[found["verdict"] != "ok"].to_string()
+    assert passed(found), found[found["verdict"] != "ok"].to_string()
     assert len(found[found["verdict"] == "ok"]) >= 40
 
 
@@ -80,7 +81,7 @@ def test_a_study_that_fails_says_so(study, spoilt):
     if spoilt["group"] == run.CHANGED:
         rows &= found["effect"].astype(str) != ""
     found.loc[rows, list(spoilt)] = list(spoilt.values())
-    assert not page.passed(found)
+    assert not passed(found)
 
 
 def test_the_page_lists_what_was_missed(study, tmp_path):

@@ -18,7 +18,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench_simulation import write
+from screwgauge.report.pages.bench import SIMULATION
 from screwgauge.study.bench import forward_run as module
 from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated
@@ -60,7 +60,7 @@ def test_a_model_file_of_ones_own_is_refused(scene, tmp_path):
 
 
 def test_files_and_columns(found, tmp_path):
-    out = write(found, tmp_path / "out")
+    out = SIMULATION.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
     assert list(table.columns) == COLUMNS
     assert set(table["quantity"]) == {"observable", "energy"}

@@ -14,7 +14,7 @@ from screwgauge.engines.registry import get_engine
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.reference.errors import ClosureError, ScrewgaugeError
 from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.sections import engines as engines_section
+from screwgauge.report.pages.run import report
 from screwgauge.report.verdict import verdict
 from screwgauge.scene.simulation import check_start
 
@@ -132,7 +132,7 @@ def test_an_engine_that_stops_is_not_said_to_have_run(scene, stand_in):
     right = get_engine("screw").load(model_files(SQUARE, "screw"))
     stand_in(screw=half)
     results = run(scene())
-    assert "✗ stopped after t = 0.1 s" in markdown(engines_section(results))
+    assert "✗ stopped after t = 0.1 s" in markdown(report(results, []))
     assert verdict(results).text.startswith("screw has nothing after t = 0.1 s: t = 0.1 s: no step leads on")
     assert np.isinf(results.solutions["screw"].estimate["joint_position"][2:]).all()
 

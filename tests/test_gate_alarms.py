@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.report.pages.alarms import passed, sentence, terminal
+from screwgauge.report.pages.alarms import PAGE, passed, sentence
 from screwgauge.report.terminal import terminal as text
 from screwgauge.study.gate.alarms import COLUMNS, changed, measured
 
@@ -46,7 +46,7 @@ def test_counts_are_told_and_decide(quiet, caught, counts, ok):
     found = pd.DataFrame([usual, usual | {"seed": 1, "quiet": quiet, "caught": caught}])
     assert counts in sentence(found)
     assert passed(found) is ok
-    assert ("a 1: " in text(terminal(found))) is (quiet != "yes" or caught == "no")
+    assert ("a 1: " in text(PAGE.terminal(found))) is (quiet != "yes" or caught == "no")
 
 
 def test_nothing_looked_at_is_no_pass():

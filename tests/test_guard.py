@@ -13,9 +13,7 @@ from tolerances import EQUAL, TIGHT
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.judging.conditioning import LIMIT, flagged
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.run import summary, terminal
-from screwgauge.report.pages.sections import estimates
+from screwgauge.report.pages.run import estimates, summary, terminal
 from screwgauge.report.terminal import terminal as text
 from screwgauge.report.verdict import verdict
 
@@ -149,8 +147,8 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
     assert "flagged (pinocchio" in text(terminal(results))
-    assert "no digit" in markdown(estimates(results))
-    assert "✗ (3 of 3" in markdown(estimates(results))
+    assert "no digit" in str(estimates(results))
+    assert "✗ (3 of 3" in str(estimates(results))
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
     assert "\nconditioning: nothing flagged" in text(terminal(quiet))
 

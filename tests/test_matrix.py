@@ -12,7 +12,7 @@ import pytest
 
 from screwgauge.casebook.book import CASES
 from screwgauge.cli import main
-from screwgauge.report.pages import matrix as page
+from screwgauge.report.pages.matrix import PAGE as page
 from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"

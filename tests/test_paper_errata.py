@@ -10,7 +10,7 @@ import pytest
 
 from screwgauge import load_scene
 from screwgauge.cli import main
-from screwgauge.report.pages.paper import errata_frame, errata_section, terminal, write
+from screwgauge.report.pages.paper import PAGE, errata_frame, errata_values
 from screwgauge.report.terminal import COLUMNS
 from screwgauge.report.terminal import terminal as text
 from screwgauge.study.paper.errata import Values, tabulated
@@ -117,13 +117,13 @@ def test_measurements_that_are_not_those_of_the_table_are_refused():
 
 
 def test_terminal_has_every_row_in_its_width(paper_check):
-    lines = text(terminal(paper_check)).splitlines()
+    lines = text(PAGE.terminal(paper_check)).splitlines()
     assert max(map(len, lines)) <= COLUMNS
     assert sum(line[:2].strip().isdigit() for line in lines[1:]) >= len(paper_check.errata)
 
 
 def test_files(paper_check, tmp_path):
-    write(paper_check, tmp_path)
+    PAGE.write(paper_check, tmp_path)
     table = pd.read_csv(tmp_path / "errata.csv")
     assert tuple(table.columns) == ("number", "equation", "printed", "right", "effect", "unit")
     assert len(table) == len(errata_frame(paper_check.errata)) == len(paper_check.errata)
@@ -154,4 +154,4 @@ def test_command(tmp_path, capsys, monkeypatch):
 def test_the_default_report_has_a_section_for_the_papers_scenes_only(name, expected):
     scene = load_scene(name).at([0.0, 0.7])
     assert is_the_papers(scene) is expected
-    assert bool(errata_section(scene)) is expected
+    assert bool(errata_values(scene)) is expected

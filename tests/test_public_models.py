@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.report.pages import public as page
+from screwgauge.report.pages.public import PAGE as page
 from screwgauge.study import imports
 from screwgauge.study.imports import Public, models_in
 

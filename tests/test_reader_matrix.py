@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge.report.pages import readers as page
+from screwgauge.report.pages.readers import PAGE as page
 from screwgauge.study.imports import models_in
 from screwgauge.study.readers import reader_matrix
 

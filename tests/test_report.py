@@ -406,7 +406,7 @@ def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Mak
 
 def test_a_single_sample_can_be_reported(make: Make, tmp_path: Path) -> None:
     text = (make(n=1).write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
-    assert "1, t = 0 s" in text
+    assert "1 sample, t = 0 s" in text
 
 
 def test_samples_that_an_engine_did_not_solve_are_no_gap(make: Make) -> None:

@@ -20,16 +20,12 @@ from screwgauge.report.blocks import (
     Paragraph,
     Picture,
     Table,
-    cross_table,
     facts,
-    folded,
-    prose,
-    section,
     table,
 )
 from screwgauge.report.html import fragment, page
+from screwgauge.report.layout import Report, prose
 from screwgauge.report.markdown import markdown
-from screwgauge.report.pages import bench, bench_simulation, paper, run, stress
 from screwgauge.report.terminal import terminal
 
 ROWS = [
@@ -167,7 +163,7 @@ def test_columns_are_named_and_formatted_by_their_keys() -> None:
 
 
 def test_a_cross_table_leaves_empty_what_there_is_not() -> None:
-    shown = cross_table(ROWS, "case", "engine", "max_abs")
+    shown = table(ROWS, "case || engine = max_abs")
     assert shown.head == ("case", "screw", "mujoco")
     assert shown.body == (("x", "1.2e-13", ""), ("y", "", "NaN"))
 
@@ -193,29 +189,81 @@ def test_facts_spread_what_is_nested_and_sort_yes_from_no() -> None:
     assert facts({}) == Paragraph("Not recorded.")
 
 
-def test_only_long_tables_are_folded() -> None:
-    short, long = (Table(("a",), (("x",),) * n) for n in (LONG, LONG + 1))
-    assert folded("all", short) is short
-    assert folded("all", long) == Folded("all", (long,))
-
-
 def test_prose_has_paragraphs_and_lists() -> None:
     assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Paragraph("one two"), Items(("a b", "c"))]
 
 
-def test_a_section_has_the_text_of_its_title() -> None:
-    heading, text, table_ = section("run", "Judge", Table(("a",), ()))
-    assert heading == Heading("Judge")
-    assert isinstance(text, Paragraph)
-    assert text.text.startswith("Residuals of the equations themselves")
-    assert isinstance(table_, Table)
-    assert section("run", "Nothing is said of this") == [Heading("Nothing is said of this")]
+TEXT = """{worst: name}
+{about}
+
+# On a terminal
+
+{said}
+
+# Prose with {count}
+
+Said of all {count}.
+
+{?many} They are **many**.
+
+{!many} They are few.
+
+{rows+ lines: name | size = {size} mm; None.}
+
+# Left out?
+
+{nothing}
+{rows that are not: name}
+
+# Kept
+
+{nothing; Nothing was found.}
+
+# Appendix
+
+# Environment
+
+{environment}
+"""
 
 
-@pytest.mark.parametrize("module", [bench, bench_simulation, paper, run, stress])
-def test_every_page_has_a_report_and_a_terminal(module) -> None:
-    for name in ("report", "terminal", "write"):
-        assert callable(getattr(module, name))
+def told(monkeypatch, tmp_path, n: int) -> Report:
+    (tmp_path / f"kind-{n}.md").write_text(TEXT, encoding="utf-8")
+    monkeypatch.setattr("screwgauge.report.layout.TEXTS", tmp_path)
+    (tmp_path / "glossary.md").write_text("", encoding="utf-8")
+    rows = [{"name": f"row {k}", "size": k} for k in range(n)]
+    values = {"worst": rows[:1], "about": {"of": "all"}, "said": "In a word.", "count": n, "many": n > 1, "rows": rows}
+    values |= {"nothing": (), "rows that are not": [], "title": "A report"}
+    fixed = {name: lambda found, value=value: value for name, value in values.items()}
+    return Report(text=f"kind-{n}", banner=lambda found: Banner(found), data={}, values=fixed)
+
+
+def test_a_text_is_filled_in(monkeypatch, tmp_path) -> None:
+    text = markdown(told(monkeypatch, tmp_path, LONG + 2).blocks("found", record={"cpu": "old"}))
+    lines = [line for line in text.splitlines() if line]
+    assert lines[:2] == ["# A report", "> found"]
+    for line in (
+        "| of | all |",
+        "| cpu | old |",
+        f"## Prose with {LONG + 2}",
+        "They are **many**.",
+        "Nothing was found.",
+    ):
+        assert line in lines
+    assert "They are few." not in text
+    assert "Left out" not in text
+    assert "In a word." not in text
+    shown, rest = text.split("<summary>2 more lines</summary>")
+    assert f"| row {LONG - 1} | {LONG - 1} mm |" in shown
+    assert f"| row {LONG} | {LONG} mm |" in rest
+
+
+def test_a_text_says_what_there_is_none_of(monkeypatch, tmp_path) -> None:
+    report = told(monkeypatch, tmp_path, 0)
+    text = markdown(report.blocks("found"))
+    assert "They are few.\n\nNone.\n" in text
+    assert "more lines" not in text
+    assert terminal(report.terminal("found")) == "In a word."
 
 
 def test_a_terminal_says_where_it_cuts_a_line() -> None:

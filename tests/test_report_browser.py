@@ -12,10 +12,9 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.report.blocks import Banner, Paragraph, Picture
+from screwgauge.report.blocks import Banner, Front, Heading, Paragraph, Picture
 from screwgauge.report.gallery import gallery
 from screwgauge.report.html import page as page_of
-from screwgauge.report.layout import laid_out
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.pdf import browser, print_page
 from screwgauge.report.write import write_report
@@ -179,7 +178,7 @@ def test_a_page_of_paper_is_written_whole_or_not_at_all(
     opened: Opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     html, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
-    html.write_text(page_of(laid_out("A page", [], [Paragraph("text")], [])), encoding="utf-8")
+    html.write_text(page_of([Heading("A page", 1), Paragraph("text")]), encoding="utf-8")
     print_page(html, pdf)
     assert pdf.read_bytes().startswith(b"%PDF")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.pdf"]
@@ -202,7 +201,7 @@ def test_a_gallery_has_a_line_and_a_picture_of_each_report(tmp_path: Path) -> No
     with pytest.raises(DescriptionError, match="has no reports"):
         gallery(tmp_path)
     picture = Picture("01-x", "x", "<svg ></svg>")
-    told = laid_out("One <report>", [Banner("They *agree*.", "✓ AGREE", "agree")], [], [], picture=picture)
+    told = [Heading("One <report>", 1), Front((Banner("They *agree*.", "✓ AGREE", "agree"), picture))]
     for name in ("a", "b/c"):
         write_report(tmp_path / name, lambda: told, {})
     page = gallery(tmp_path)

@@ -68,16 +68,29 @@ def test_names_that_are_not_there_are_said(results):
 
 
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
-    from screwgauge.report.blocks import Paragraph
-
     monkeypatch.setattr("screwgauge.report.pages.run.pictures", lambda results: [])
-    monkeypatch.setattr("screwgauge.report.pages.run.errata_section", lambda scene: [Paragraph("an erratum")])
+    values = {
+        "errata": lambda results: [
+            {
+                "number": 1,
+                "kind": "E",
+                "equation": "an erratum",
+                "right_form": "",
+                "printed_form": "",
+                "right": 1,
+                "printed": 2,
+            }
+        ],
+        "reach": lambda results: "It reaches far.",
+    }
+    monkeypatch.setattr("screwgauge.report.pages.paper.errata_values", lambda scene: values)
     texts = [
         (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")
         for errata in (False, True)
     ]
     assert "The paper, checked" not in texts[0]
-    assert "## The paper, checked\n\nan erratum\n" in texts[1]
+    assert "## The paper, checked\n\nIt reaches far. `screwgauge paper` writes" in texts[1]
+    assert "| an erratum |" in texts[1]
 
 
 def test_the_package_lists_its_public_names_and_only_those():

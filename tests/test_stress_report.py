@@ -13,7 +13,7 @@ from screwgauge.report.blocks import Banner, walk
 from screwgauge.report.figures.looks import CROSS, SHAPES
 from screwgauge.report.figures.stress import inks, make_plots
 from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.stress import headline, report
+from screwgauge.report.pages.stress import PAGE, headline
 from screwgauge.study.cases.case import GOOD, Case, Finding
 from screwgauge.study.stress import Stress
 
@@ -49,7 +49,7 @@ def found() -> Stress:
 
 
 def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> None:
-    (plot,) = make_plots(found)
+    _, plot = make_plots(found)
     texts = ["".join(node.itertext()).strip() for node in ET.fromstring(plot.svg).iter() if node.tag.endswith("text")]
     for name in ("Title of rising", "Title of falling", "severity [m]"):
         assert name in texts
@@ -60,8 +60,19 @@ def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> 
     assert {"0", "1", "1e4"} <= set(texts)  # decades of the axis, zero before them
 
 
+def test_the_first_picture_counts_cases_by_their_worst_verdict(found: Stress) -> None:
+    worst, _ = make_plots(found)
+    nodes = [node for node in ET.fromstring(worst.svg).iter() if node.tag.endswith("text")]
+    texts = ["".join(node.itertext()).strip() for node in nodes]
+    assert {"screw", "pinocchio", "mujoco", "silently wrong"} <= set(texts)
+    assert "mujoco RK4" not in texts  # a setting of mujoco
+    asked = {(row["who"], row["case"]) for row in json.loads(worst.chart)["data"]["values"]}
+    counts = [text for text, node in zip(texts, nodes, strict=True) if node.attrib.get("font-weight") == "bold"]
+    assert sum(int(text) for text in counts if text.isdigit()) == len(asked)
+
+
 def test_verdicts_differ_in_more_than_colour(found: Stress) -> None:
-    (plot,) = make_plots(found)
+    _, plot = make_plots(found)
     marks = [node for node in ET.fromstring(plot.svg).iter() if node.attrib.get("aria-roledescription") != "x"]
     shapes = {(node.attrib["d"], node.attrib.get("fill")) for node in marks if "d" in node.attrib}
     (panel, _) = json.loads(plot.chart)["concat"]
@@ -91,7 +102,7 @@ def test_the_headline_counts_engines_without_their_settings(found: Stress) -> No
 
 def test_numbers_that_are_wrong_in_silence_are_no_good_news(found: Stress) -> None:
     def status(stress: Stress) -> str:
-        return next(block.status for block in walk(report(stress, [])) if isinstance(block, Banner))
+        return next(block.status for block in walk(PAGE.blocks(stress)) if isinstance(block, Banner))
 
     own = tuple(replace(row, own=row.engine == "mujoco RK4") for row in found.rows)
     quiet = tuple(row for row in found.rows if "mujoco " not in row.engine)
@@ -99,7 +110,7 @@ def test_numbers_that_are_wrong_in_silence_are_no_good_news(found: Stress) -> No
 
 
 def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
-    text = markdown(report(found, []))
+    text = markdown(PAGE.blocks(found))
     assert "| rising | screw | 15.0 |  |  |  |" in text
     assert "| rising | pinocchio | 5.0 to 17.0 | 1e5 |  |  |" in text
     assert "| falling | mujoco |  |  | 1e5 |  |" in text
@@ -107,7 +118,7 @@ def test_the_report_says_where_each_engine_breaks_first(found: Stress) -> None:
 
 
 def test_each_cause_is_said_once_for_a_case_and_engine(found: Stress) -> None:
-    text = markdown(report(found, []))
+    text = markdown(PAGE.blocks(found))
     silent = text.split("## Silently wrong")[1].split("\n## ")[0]
     assert silent.count("| rising | mujoco RK4 | force, motion |") == 1
     assert silent.count("| why |") == 4

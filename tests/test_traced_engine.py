@@ -11,7 +11,7 @@ import tolerances
 
 import screwgauge
 from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.model import ScrewModel, Settings
+from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.problem import GivenMotion, ModelFiles
@@ -167,6 +167,13 @@ def test_what_cannot_be_traced_is_said(scene, reason):
     found = solved(asked, "numpy")
     assert any(reason in note for note in found.notes)
     assert worst(found, solved(asked, "array"))[1] == 0.0
+
+
+def test_long_motions_are_traced_unless_the_arrays_are_asked_for():
+    scene = screwgauge.load_scene("3ups-upu-s")
+    long, short = scene.at(scene.t[:LONG]), scene.at(scene.t[: LONG - 1 : 40])
+    assert by_program(solved(long, None)) == LONG
+    assert solved(short, None).notes == solved(short, "array").notes == ()
 
 
 def test_there_is_no_other_backend():

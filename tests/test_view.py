@@ -55,6 +55,41 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     assert one.read_bytes() != two.read_bytes()
 
 
+@pytest.mark.parametrize("kind", ["gif", "webp"])
+def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
+    from PIL import Image
+
+    (tmp_path / "short.toml").write_text(
+        'mechanism = "slider-crank"\nmotion.crank.polynomial = [0, 1]\ntime = { duration = 1, step = 0.25 }\n',
+        encoding="utf-8",
+    )
+    file = tmp_path / f"motion.{kind}"
+    assert main(["view", str(tmp_path / "short.toml"), "--video", str(file)]) == 0
+    with Image.open(file) as picture:
+        assert picture.n_frames == 5
+        shown = []
+        for k in range(5):
+            picture.seek(k)
+            shown.append(picture.convert("RGB").tobytes())
+    assert len({*shown}) == 5
+    assert len({*map(len, shown)}) == 1
+
+
+def test_a_video_that_cannot_be_made_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "x.gif"
+    for what, name in ((["slider-crank"], "x.mp4"), (["slider-crank", "five-bar"], "x.gif")):
+        assert main(["view", *what, "--video", str(tmp_path / name)]) == 2
+    monkeypatch.setattr("screwgauge.commands.view.find_spec", lambda name: None)
+    assert main(["view", "slider-crank", "--video", str(file)]) == 2
+    cut, two, missing = capsys.readouterr().err.splitlines()
+    assert "x.mp4; name a file that ends with .gif or .webp" in cut
+    assert "shows one scene in motion" in two
+    assert "pip install 'screwgauge[video]'" in missing
+    assert not file.exists()
+
+
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
     urdf, mjcf = arm.write(tmp_path)
     for file in (urdf, mjcf):

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.console import complain, say
 
@@ -70,13 +71,12 @@ def import_(options: argparse.Namespace) -> int:
 
 def imported(name: str) -> None:
     """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
-    from screwgauge.models.importing.model import is_model, keep, notes
-    from screwgauge.reference.files import beside
-    from screwgauge.study.importing import import_apart
-
     if is_model(name):
-        path = beside(Path(), name)
-        for sentence in notes(keep(path, import_apart(path))[1]):
+        from screwgauge.models.importing.model import keep, notes
+        from screwgauge.reference.files import beside
+        from screwgauge.study.importing import import_apart
+
+        for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
 
 
@@ -120,7 +120,7 @@ def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene, or engines on random mechanisms."""
     if options.random is not None:
         return _random(options)
-    from screwgauge.report.pages import bench, bench_simulation
+    from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
@@ -135,10 +135,10 @@ def bench(options: argparse.Namespace) -> int:
         plan = replace(plan, budget=given_run.check_budget(options.budget))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
     if scene.simulated:
-        carry_out(bench_simulation, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
+        carry_out(SIMULATION, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
         return 0
     more["journal"] = out / NAME
-    carry_out(bench, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
+    carry_out(PAGE, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
     return 0
 
 
@@ -160,7 +160,7 @@ def _random(options: argparse.Namespace) -> int:
 def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
-    from screwgauge.report.pages import stress as page
+    from screwgauge.report.pages.stress import PAGE as page
     from screwgauge.study.stress import stress
 
     texts = _names(options.severity)
@@ -176,7 +176,7 @@ def stress(options: argparse.Namespace) -> int:
 
 def paper(options: argparse.Namespace) -> int:
     """Measures the errata of the paper."""
-    from screwgauge.report.pages import paper as page
+    from screwgauge.report.pages.paper import PAGE as page
     from screwgauge.study.paper.measure import measure
 
     out = options.out or OUT / "paper"

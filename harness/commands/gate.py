@@ -61,7 +61,8 @@ def history(options: argparse.Namespace) -> int:
 
 def _self_test(options: argparse.Namespace) -> int:
     """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
-    from screwgauge.report.pages import alarms as page
+    from screwgauge.report.pages.alarms import PAGE as page
+    from screwgauge.report.pages.alarms import passed
     from screwgauge.study.campaign import campaign
     from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
 
@@ -71,7 +72,7 @@ def _self_test(options: argparse.Namespace) -> int:
     out = options.out or OUT / "check-self-test"
     asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
     found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
-    return 0 if page.passed(found) else 1
+    return 0 if passed(found) else 1
 
 
 def matrix(options: argparse.Namespace) -> int:
@@ -79,7 +80,7 @@ def matrix(options: argparse.Namespace) -> int:
     from importlib.metadata import version
     from itertools import product
 
-    from screwgauge.report.pages import matrix as page
+    from screwgauge.report.pages.matrix import PAGE as page
     from screwgauge.study.matrix import check_versions, matrix
 
     asked = {"pin": options.pin, "mujoco": options.mujoco}

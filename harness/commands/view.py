@@ -9,6 +9,7 @@ import sys
 from collections.abc import Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -27,7 +28,7 @@ def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, beside another one if there are two."""
     from screwgauge.scene.scene import Scene
 
-    chosen = [name for name in ("out", "png", "mujoco", "port") if getattr(options, name) not in (None, False)]
+    chosen = [name for name in ("out", "png", "video", "mujoco", "port") if getattr(options, name) not in (None, False)]
     if len(chosen) > 1:
         raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
     what = _load(options.what)
@@ -44,6 +45,8 @@ def view(options: argparse.Namespace) -> int:
 
         _put(options.png, svg_to_png(drawing(mechanism, differing(mechanism, other) if other else ()), scale=2.0))
         return 0
+    if options.video:
+        return _video(options.video, what, other)
     text = _page(what, other).encode()
     if options.out:
         _put(options.out, text)
@@ -54,7 +57,7 @@ def view(options: argparse.Namespace) -> int:
 def _load(name: str) -> Scene | Mechanism:
     """A scene, or what a description or model file gets as one; a mechanism at rest where none can be made."""
     from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-    from screwgauge.models.importing.model import is_model
+    from screwgauge.models.importing import is_model
     from screwgauge.reference.files import is_path
     from screwgauge.scene.read import load_scene, scene_names
 
@@ -113,6 +116,32 @@ def _put(file: Path, content: bytes) -> None:
         reason = getattr(error, "strerror", None) or str(error)
         raise OutputError(f"cannot be written ({reason.lower()})", str(file), "name another file") from None
     say(str(file))
+
+
+def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
+    """Writes the frames of a motion as an animated picture, as slow as the page shows it."""
+    from screwgauge.scene.scene import Scene
+
+    kinds = {".gif": "GIF", ".webp": "WEBP"}
+    if not isinstance(what, Scene) or other is not None:
+        raise DescriptionError("shows one scene in motion", "view --video", "name a scene alone, or use --png")
+    if file.suffix not in kinds:
+        raise DescriptionError(f"cannot write {file.name}", "view --video", "name a file that ends with .gif or .webp")
+    if find_spec("PIL") is None:
+        raise OutputError("--video needs pillow, which is not installed", "view", "run pip install 'screwgauge[video]'")
+    from PIL import Image
+    from vl_convert import svg_to_png
+
+    from screwgauge.report.stage.drawing import frames
+    from screwgauge.study.motion import followed
+
+    motion = followed(*_solved(what), frames=60)
+    first, *rest = (Image.open(BytesIO(svg_to_png(svg))).convert("RGB") for svg in frames(motion))
+    each = 1000.0 * min(max(motion.t[-1] - motion.t[0], 3.0), 12.0) / (1 + len(rest))
+    written = BytesIO()
+    first.save(written, kinds[file.suffix], save_all=True, append_images=rest, duration=round(each), loop=0)
+    _put(file, written.getvalue())
+    return 0
 
 
 def _serve(text: bytes, port: int) -> int:

@@ -10,7 +10,7 @@ from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.exerted import unit_forces
 from screwgauge.quantities import FORCE
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, lanes, times
 from screwgauge.reference.wrenches import State, applied_wrenches
 
 #: Motion of the bodies: quantity -> field of `Moving`.
@@ -18,9 +18,8 @@ BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "
 
 
 def walked(answer: Answer, quantity: str) -> Array:
-    """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, 3 n_body)."""
-    motion: Array = getattr(answer.motions.com, BODY_MOTION[quantity])
-    return motion.reshape(len(motion), -1)
+    """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
+    return np.asarray(getattr(answer.motions.com, BODY_MOTION[quantity]))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
@@ -36,31 +35,43 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
     mechanism, applied, R = answer.mechanism, answer.applied, answer.motions.com.R
-    shape = *R.shape[:2], 3
-    w, b, a = ((answer[name] if answer.has(name) else walked(answer, name)).reshape(shape) for name in BODY_MOTION)
+    w, b, a = (_vectors(answer[name]) if answer.has(name) else walked(answer, name) for name in BODY_MOTION)
     mass = np.array([body.mass for body in mechanism.bodies])[:, None]
-    com = np.stack([body.com for body in mechanism.bodies])
-    J = R @ np.stack([body.inertia for body in mechanism.bodies]) @ R.swapaxes(-1, -2)
-    terms = [(mass * a, _times(J, b)), (np.broadcast_to(-mass * applied.g, shape), cross(w, _times(J, w)))]
+    com, J = (np.stack([getattr(body, name) for body in mechanism.bodies]) for name in ("com", "inertia"))
+    wrenches, sizes = lanes(len(R), len(mass), 6), np.zeros((len(mass), 2))
+    wrenches[:] = 0.0
+
+    def add(bodies: slice, *wrench: Array) -> None:
+        for k, part in enumerate(wrench):
+            wrenches[:, bodies, 3 * k : 3 * k + 3] += part
+            size = np.nanmax(np.abs(part), axis=(0, 2), initial=0.0)
+            sizes[bodies, k] = np.maximum(sizes[bodies, k], size)
+
+    def inertial(vector: Array) -> Array:
+        return times(R, times(J[None], times(R.swapaxes(-1, -2), vector)))
+
+    every, none = slice(None), np.zeros((1, 1, 3))
+    add(every, mass * a, inertial(b))
+    add(every, (-mass * applied.g)[None], cross(w, inertial(w)))
     for load in applied.loads if loaded else ():
         i = mechanism.body_index[load.body] - 1
-        force, torque, moment = np.zeros((3, *shape))
-        force[:, i], torque[:, i] = -load.force, -load.torque
+        body = slice(i, i + 1)
+        add(body, -load.force[None, None], -load.torque[None, None])
         if load.point is not None:
-            moment[:, i] = -cross(R[:, i] @ (load.point - com[i]), load.force)
-        terms += [(force, torque), (np.zeros(shape), moment)]
+            add(body, none, -cross(times(R[:, body], load.point - com[i]), load.force))
     if loaded and (applied.springs or applied.motors):
         exerted = _springs_and_motors(answer)[:, 1:]
         force, moment = exerted[..., :3], exerted[..., 3:]
-        terms += [(-force, -moment), (np.zeros(shape), cross(_times(R, com), force))]
-    wrenches = np.concatenate([sum(parts) for parts in zip(*terms, strict=True)], axis=2)
-    sizes = [[np.nanmax(np.abs(part), axis=(0, 2), initial=0.0) for part in term] for term in terms]
-    return wrenches, np.max(sizes, axis=0).T
+        add(every, -force, -moment)
+        add(every, none, cross(times(R, com), force))
+    return wrenches, sizes
 
 
-def _times(matrix: Array, vector: Array) -> Array:
-    """Matrix times vector. Shapes (..., 3, 3), (..., 3)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])
+def _vectors(array: Array) -> Array:
+    """Three numbers of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
+    found = lanes(len(array), array.shape[1] // 3, 3)
+    found[:] = array.reshape(found.shape)
+    return found
 
 
 def _springs_and_motors(answer: Answer) -> Array:
@@ -78,14 +89,15 @@ def _springs_and_motors(answer: Answer) -> Array:
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
-    mechanism, missing, sizes, loose = answer.mechanism, required.copy(), sizes.copy(), np.zeros_like(sizes)
+    mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for unit in (*unit_forces(answer, "reaction"), *unit_forces(answer, "actuator_force")):
-        admitted = answer.admitted(unit.quantity, unit.unit)
+        admitted, amount = answer.admitted(unit.quantity, unit.unit), unit.amount(answer)
         for body, wrench in unit.sides(answer):
-            exerted = unit.amount(answer) * wrench
+            exerted = amount * wrench
             missing[:, body] -= exerted
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
-            loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
+            if admitted:
+                loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
     sizes = np.maximum(sizes, loose)
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]

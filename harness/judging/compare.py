@@ -121,17 +121,17 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
 def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:
     """Errors of each component of a unit that both have, over the samples that both have solved."""
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
-    columns = {component: k for k, component in enumerate(second.components)}
+    columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     for k, component in enumerate(first.components):
         if first.units[k] == unit and component in columns:
-            difference = apart = np.abs(first.array[rows, k] - second.array[rows, columns[component]])
+            difference = apart = np.abs(first.array[some, k] - second.array[some, columns[component]])
             if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
                 difference = np.abs(within_half_turn(apart))
             i = _worst(difference)
             worst = float(difference[i]) if np.isfinite(difference[i]) else float("nan")
             names = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
             size = {"max_abs": worst, "rms": float(np.sqrt(np.mean(difference**2))), "max_scaled": worst / scale}
-            turned = bool((difference < apart).any())
+            turned = unit == "rad" and bool((difference < apart).any())
             yield {**names, **size, "scale": scale, "worst_t": float(t[rows[i]]), "turned": turned}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.judging.answer import Answer
 from screwgauge.judging.coupled import coupling_shares, force_along
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, lanes, product, times
 
 _XYZ = "xyz"
 
@@ -24,7 +24,7 @@ class Act:
     """What a joint's parent exerts on its child.
 
     Attributes:
-        force, moment: In world axes, one of them zero. Shape (n, 3).
+        force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
         point: Where it acts [m]. Shape (n, 3).
     """
 
@@ -51,7 +51,7 @@ class Unit:
     def amount(self, answer: Answer) -> Array:
         """How much of it there is [N or N m]. Shape (n, 1)."""
         values = answer.values[self.quantity]
-        return values.array[:, [values.components.index(self.name)]]
+        return np.ascontiguousarray(values.array[:, values.components.index(self.name)])[:, None]
 
     def sides(self, answer: Answer) -> Iterator[tuple[int, Array]]:
         """Bodies that it acts on, without ground, and force over moment about the centre of mass. Shape (n, 6)."""
@@ -59,8 +59,9 @@ class Unit:
             for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
                 body = answer.mechanism.body_index[side] - 1
                 if body >= 0:
-                    moment = act.moment + cross(act.point - answer.motions.com.p[:, body], act.force)
-                    yield body, sign * np.concatenate([act.force, moment], axis=1)
+                    wrench, arm = lanes(len(act.point), 6), act.point - answer.motions.com.p[:, body]
+                    wrench[:, :3], wrench[:, 3:] = sign * act.force, sign * (act.moment + cross(arm, act.force))
+                    yield body, wrench
 
 
 def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
@@ -69,15 +70,15 @@ def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
     driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=True))
     for joint in driven if quantity == "actuator_force" else mechanism.joints:
         parent, child = (mechanism.body_index[side] for side in (joint.parent, joint.child))
-        near, far = bodies.R[:, parent] @ joint.parent_frame.R, bodies.R[:, child] @ joint.child_frame.R
-        point = bodies.p[:, child] + bodies.R[:, child] @ joint.child_frame.p
+        near, far = product(bodies.R[:, parent], joint.parent_frame.R), product(bodies.R[:, child], joint.child_frame.R)
+        point = bodies.p[:, child] + times(bodies.R[:, child], joint.child_frame.p)
         parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
         if quantity == "actuator_force":
-            parts = {driven[joint]: ("m" if joint.kind == "R" else "f", far @ joint.axes[0])}
+            parts = {driven[joint]: ("m" if joint.kind == "R" else "f", times(far, joint.axes[0]))}
         for name, (kind, along) in parts.items():
-            pair = (along, np.zeros_like(along))
-            unit, acts = ("N", pair) if kind == "f" else ("N m", pair[::-1])
-            yield Unit(quantity, name, unit, (Act(joint, *acts, point),))
+            none, pushes = np.zeros(3), kind == "f"
+            act = Act(joint, along if pushes else none, none if pushes else along, point)
+            yield Unit(quantity, name, "N" if pushes else "N m", (act,))
     if quantity == "reaction":
         yield from _of_couplings(answer)
 
@@ -109,12 +110,12 @@ def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
     Returns:
         Label -> shape (n, 3).
     """
-    world = {f"f{name}": np.tile(axis, (len(far), 1)) for name, axis in zip(_XYZ, np.eye(3), strict=True)}
+    world = {f"f{name}": np.broadcast_to(axis, (len(far), 3)) for name, axis in zip(_XYZ, np.eye(3), strict=True)}
     if joint.kind == "U":
-        return {**world, "m": cross(near @ joint.axes[0], far @ joint.axes[1])}
+        return {**world, "m": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
     if joint.kind in "SF":
         return world if joint.kind == "S" else {}
-    across = {name: far @ direction for name, direction in _beside(joint.axes[0]).items()}
+    across = {name: times(far, direction) for name, direction in _beside(joint.axes[0]).items()}
     forces = world if joint.kind == "R" else {f"f{name}": direction for name, direction in across.items()}
     frame = {name: far[..., i] for i, name in enumerate(_XYZ)}
     turned = frame if joint.kind == "P" else across

@@ -159,6 +159,7 @@ def body_motions(answer: Answer) -> Iterator[Row]:
     for quantity in balance.BODY_MOTION:
         if answer.has(quantity):
             values = answer.values[quantity]
-            missing, size = values.array - balance.walked(answer, quantity), largest(values.array)
+            walked = balance.walked(answer, quantity).reshape(values.array.shape)
+            missing, size = values.array - walked, largest(values.array)
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)

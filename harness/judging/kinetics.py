@@ -6,20 +6,20 @@ Deliberately not the screw formulas of `screwgauge.reference`: moving points, ``
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from screwgauge.reference.graph import SpanningTree
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array, cross, rotation, vee
+from screwgauge.reference.rotations import Array, cross, lanes, product, rotation, times, vee
 
 AT_ONCE = 4096  # samples walked together: a walk over few takes as long as one over many
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """A frame in motion, for n samples, world axes.
+    """A frame in motion, for n samples, world axes; samples lie side by side, see `lanes`.
 
     Attributes:
         R, p: Orientation (n, 3, 3) and origin [m] (n, 3).
@@ -50,23 +50,26 @@ class Moving:
 
     def frame(self, frame: Frame) -> Moving:
         """The frame that is placed in this body by `frame`."""
-        return self.shifted(self.R @ frame.p, self.R @ frame.R)
+        return self._placed(frame.p, frame.R)
 
     def body_of(self, frame: Frame) -> Moving:
         """The body in which this frame is placed by `frame`."""
-        R = self.R @ frame.R.T
-        return self.shifted(-(R @ frame.p), R)
+        return self._placed(-frame.R.T @ frame.p, frame.R.T)
+
+    def _placed(self, p: Array, R: Array) -> Moving:
+        turned = self.R if np.array_equal(R, np.eye(3)) else product(self.R, R)
+        return self.shifted(times(self.R, p), turned) if p.any() else replace(self, R=turned)
 
     def turned(self, axis: Array, q: Array, qd: Array, qdd: Array) -> Moving:
         """After a rotation about an own axis through the origin."""
-        e = self.R @ axis
+        e = times(self.R, axis)
         spin = e * qd[:, None]
         b = self.b + e * qdd[:, None] + cross(self.w, spin)
-        return Moving(self.R @ rotation(axis, q), self.p, self.w + spin, self.v, b, self.a)
+        return Moving(product(self.R, rotation(axis, q)), self.p, self.w + spin, self.v, b, self.a)
 
     def slid(self, axis: Array, q: Array, qd: Array, qdd: Array) -> Moving:
         """After a translation along an own axis; the second ``w x v`` is Coriolis' acceleration."""
-        e = self.R @ axis
+        e = times(self.R, axis)
         there = self.shifted(e * q[:, None])
         speed = e * qd[:, None]
         a = there.a + 2.0 * cross(self.w, speed) + e * qdd[:, None]
@@ -75,7 +78,15 @@ class Moving:
 
 def beside(frames: Sequence[Moving]) -> Moving:
     """Frames side by side, along the second axis."""
-    return Moving(*(np.stack([getattr(frame, name) for frame in frames], axis=1) for name in "Rpwvba"))
+
+    def stacked(name: str) -> Array:
+        first = getattr(frames[0], name)
+        found = lanes(len(first), len(frames), *first.shape[1:])
+        for i, frame in enumerate(frames):
+            found[:, i] = getattr(frame, name)
+        return found
+
+    return Moving(*map(stacked, "Rpwvba"))
 
 
 def across(joint: Joint, near: Moving, motion: Array, *, reverse: bool) -> Moving:
@@ -123,25 +134,29 @@ class Motions:
         tree, cut = self.cuts
         linear = getattr(cut, "pva"[order]) - getattr(tree, "pva"[order])
         turn = "Rwb"[order]
-        angular = getattr(cut, turn) - getattr(tree, turn) if order else vee(cut.R @ tree.R.swapaxes(2, 3))
+        angular = getattr(cut, turn) - getattr(tree, turn) if order else vee(product(cut.R, tree.R.swapaxes(2, 3)))
         return np.stack([angular, linear], axis=2)[:, 1:]
 
 
 def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
     """Motion of everything from joint coordinates and their derivatives. Shape (n, n_q) each."""
     columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
-    motion, zero, index = np.stack([q, qd, qdd]), np.zeros((len(q), 3)), mechanism.body_index
-    bodies = [Moving(np.tile(np.eye(3), (len(zero), 1, 1)), zero, zero, zero, zero, zero)] * len(index)
+    motion, zero, index = np.stack([q.T, qd.T, qdd.T]), lanes(len(q), 3), mechanism.body_index
+    zero[:], upright = 0.0, lanes(len(q), 3, 3)
+    upright[:] = np.eye(3)
+    bodies = [Moving(upright, zero, zero, zero, zero, zero)] * len(index)
 
     def over(joint: Joint, near: str, *, reverse: bool = False) -> Moving:
-        return across(joint, bodies[index[near]], motion[..., columns[joint.name]], reverse=reverse)
+        return across(joint, bodies[index[near]], motion[:, columns[joint.name]].swapaxes(1, 2), reverse=reverse)
 
     for edge in tree.edges:
         bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
-    com = [at.shifted(at.R @ body.com) for at, body in zip(bodies[1:], mechanism.bodies, strict=True)]
+    every = beside(bodies)
+    com = Moving(*(getattr(every, name)[:, 1:] for name in "Rpwvba"))
+    com = com.shifted(times(com.R, np.stack([body.com for body in mechanism.bodies])))
     by_tree = beside([bodies[0], *(bodies[index[joint.child]] for joint in tree.cuts)])
     by_joint = beside([bodies[0], *(over(joint, joint.parent) for joint in tree.cuts)])
-    return Motions(beside(bodies), beside(com), (by_tree, by_joint))
+    return Motions(every, com, (by_tree, by_joint))
 
 
 def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:

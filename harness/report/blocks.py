@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -14,8 +13,7 @@ import numpy as np
 from screwgauge.report.formatting import FORMS, missing, number, words
 
 Status = Literal["agree", "differ", "failed", "note"]
-TEXTS = Path(__file__).with_name("texts")
-LONG = 12  # rows from which a table is folded
+LONG = 12  # rows of a table that are shown; further ones may be folded
 _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
 _MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
 _VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
@@ -141,65 +139,52 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
     ]
 
 
-@cache
-def _texts(report: str) -> dict[str, str]:
-    parts = re.split(r"^# (.*)\n", (TEXTS / f"{report}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    return dict(zip(parts[1::2], parts[2::2], strict=True))
-
-
-def section(report: str, title: str, *blocks: Block, **values: object) -> list[Block]:
-    """A heading, what ``texts/REPORT.md`` says below the same one, with values put in, and blocks."""
-    return [Heading(title), *prose(_texts(report).get(title, "").format(**values)), *blocks]
-
-
-def prose(text: str) -> list[Block]:
-    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
-    blocks: list[Block] = []
-    for part in filter(None, text.strip().split("\n\n")):
-        lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
-        blocks += [Paragraph(Marked(lead))] if lead else []
-        blocks += [Items(tuple(map(Marked, items)))] if items else []
-    return blocks
-
-
-def table(rows: Iterable[Mapping[str, Any]], columns: str) -> Table:
-    """One line for each row.
+def table(rows: Iterable[Any], columns: str) -> Table:
+    """One line for each row, a mapping or anything with attributes.
 
     Args:
         columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
-            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number. ``key:form`` has
-            the form of another key, and a key with ``{}`` in it is filled in by the row.
+            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number; with two, the whole
+            column is left out if it is empty. ``key:form`` has another form, and a key with ``{}`` in it is filled in
+            by the row. After ``||`` comes ``across = cell``: lines with the same cells are one, with a column more for
+            each value of `across`.
     """
-    shown = _columns(columns)
-    return Table(tuple(shown), tuple(tuple(_text(row, key) for key in shown.values()) for row in rows))
-
-
-def cross_table(rows: Iterable[Mapping[str, Any]], columns: str, across: str, cell: str) -> Table:
-    """One line for each distinct text of the columns, with one cell more for each value of the key `across`."""
-    shown, lines, names = _columns(columns), dict[tuple[str, ...], dict[str, str]](), dict[str, None]()
-    for row in rows:
-        name = _text(row, across)
-        names[name] = None
-        lines.setdefault(tuple(_text(row, key) for key in shown.values()), {})[name] = _text(row, cell)
-    body = tuple((*line, *(cells.get(name, "") for name in names)) for line, cells in lines.items())
-    return Table((*shown, *names), body)
+    down, _, cross = columns.partition("||")
+    shown, lines = _columns(down), [(row, tuple(_text(row, key) for key in _columns(down).values())) for row in rows]
+    if not cross:
+        empty = {i for i, key in enumerate(shown.values()) if key.endswith("??") and not any(x[i] for _, x in lines)}
+        kept = [
+            tuple(x for i, x in enumerate(line) if i not in empty) for line in (tuple(shown), *(x for _, x in lines))
+        ]
+        return Table(kept[0], tuple(kept[1:]))
+    (across, cell), cells, names = (
+        cross.strip().split(" = "),
+        dict[tuple[str, ...], dict[str, str]](),
+        dict[str, None](),
+    )
+    for row, line in lines:
+        names[name := _text(row, across)] = None
+        cells.setdefault(line, {})[name] = _text(row, cell)
+    return Table((*shown, *names), tuple((*line, *(some.get(x, "") for x in names)) for line, some in cells.items()))
 
 
 def _columns(columns: str) -> dict[str, str]:
     parts = (column.strip().rpartition("=") for column in columns.split("|"))
     return {
-        (head if equal else key).strip().rstrip("?"): key.strip() if "{" in key else key.strip().replace(" ", "_")
+        (head if equal else key.partition(":")[0]).strip().rstrip("?"): key.strip()
+        if "{" in key
+        else key.strip().replace(" ", "_")
         for head, equal, key in parts
     }
 
 
-def _text(row: Mapping[str, Any], key: str) -> str:
+def _text(row: Any, key: str) -> str:
     if "{" in key:
         return key.format_map(row)
     name, _, form = key.rstrip("?").partition(":")
-    if key.endswith("?") and missing(row.get(name)):
+    value = row.get(name) if isinstance(row, Mapping) else attrgetter(name)(row)
+    if value is None or (key.endswith("?") and missing(value)):
         return ""
-    value = row[name]
     return value if isinstance(value, Marked) else FORMS.get(form or name, str)(value)
 
 
@@ -224,17 +209,12 @@ def _said(value: Any) -> str:
     return number(value) if isinstance(value, float) else str(value)
 
 
-def folded(title: str, long: Table) -> Block:
-    """A table, behind its title if it is long."""
-    return Folded(title, (long,)) if len(long.body) > LONG else long
-
-
 def spans(text: str) -> Iterator[tuple[str, str]]:
     """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones.
 
     What steers a terminal, or the direction of writing, becomes a space.
     """
-    shown, end = "".join(sign if sign.isprintable() else " " for sign in text), 0
+    shown, end = str(text) if text.isprintable() else "".join(x if x.isprintable() else " " for x in text), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)

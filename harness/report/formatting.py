@@ -120,14 +120,15 @@ def listed(names: Iterable[str]) -> str:
 
 #: How the columns of tables read; any other as it is.
 FORMS: dict[str, Callable[[Any], str]] = {
-    **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error"), size),
+    **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error", "size"), size),
     **dict.fromkeys(("time_s", "seconds_per_sample", "cpu", "wall"), duration),
-    **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity"), partial(number, figures=3)),
+    **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity", "three"), partial(number, figures=3)),
     "as_digits": lambda scaled: digits_text(scaled).replace("NaN", "no number"),
+    "names": lambda names: ", ".join(names) or "nothing",
     "percent": lambda share: f"{number(100.0 * share, 3)} %",
     "words": words,
     "tolerance": partial(number, figures=2),
-    "expected": number,
+    **dict.fromkeys(("expected", "number"), number),
     "fitted": partial(number, figures=4),
     "unit": unit_text,
     "residual": words,

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import json_text
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Table
+from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
+from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
@@ -25,7 +26,6 @@ from screwgauge.study.gate.row import EXIT, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
-HEAD = ("scene", "", "worst in", "scaled", "digits", "tolerance", "because")
 WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
 
 
@@ -76,45 +76,12 @@ class Check:
         """
         write_baseline(Path(file), self.rows, self.smoke)
 
-    def blocks(self) -> list[Block]:
-        """What is printed, and shown as the summary of a job."""
-        text, said = f"{sum(row.ok for row in self.rows)} of {len(self.rows)} pass.", list[Block]()
-        if self.ok:
-            text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
-        banner = Banner(text, "✓ OK", "agree") if self.ok else Banner(text, "✗ FAILED", "differ")
-        if self.against is not None:
-            known = self.against
-            heads = ("Changed since the baseline:", "Improved:", "Of the baseline:")
-            for head, texts in zip(heads, (known.changed, known.improved, known.notes), strict=True):
-                said += [Folded(head.rstrip(":"), (Items(tuple(texts)),))] if texts else []
-        order = sorted(self.rows, key=lambda row: row.ok)
-        table = Table(HEAD, tuple(map(_cells, order)))
-        covered = tuple(f"{row.scene}: {row.coverage or row.sentence}" for row in self.rows if row.ok)
-        tested: list[Block] = [Folded("What was tested", (Items(covered),))] if covered else []
-        faults: list[Block] = [Items(tuple(self.faults))] if self.faults else []
-        return [banner, *said, table, *faults, *self._tolerances(), *tested]
-
-    def worst(self) -> list[Block]:
-        """The three that come nearest to their tolerance, or are farthest beyond it."""
-        sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in self.rows if row.worst is not None]
-        order = sorted(sized, key=lambda pair: pair[0], reverse=True)
-        return [Table(HEAD[:-1], tuple(_cells(row)[:-1] for _, row in order[:3]))] if order else []
-
-    def _tolerances(self) -> list[Block]:
-        """The largest of each quantity by where they come from."""
-        by: dict[str, dict[str, float]] = {}
-        for one in (error for row in self.rows for error in row.errors):
-            sizes = by.setdefault(one.reason, {})
-            sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
-        texts = (f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items())
-        return [Folded("Largest tolerances", (Items(tuple(texts)),))] if by else []
-
     def __repr__(self) -> str:
-        return terminal(self.blocks())
+        return terminal(PAGE.terminal(self))
 
     def markdown(self) -> str:
         """The summary of a job."""
-        return markdown([Heading("Screwgauge"), *self.blocks()])
+        return markdown([Heading("Screwgauge"), *PAGE.terminal(self)])
 
     @property
     def record(self) -> dict[str, Any]:
@@ -162,12 +129,66 @@ def _shown(text: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    worst = row.worst
-    if worst is None:
-        return (row.scene, WORDS[row.status], *("",) * 5)
-    numbers = size(worst.error), digits_text(worst.error), number(worst.tolerance, 2)
-    return (row.scene, WORDS[row.status], worst.quantity, *numbers, worst.reason)
+def _banner(found: Check) -> Banner:
+    text = f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."
+    if found.ok:
+        text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
+    return Banner(text, "✓ OK", "agree") if found.ok else Banner(text, "✗ FAILED", "differ")
+
+
+def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """What tables say of rows: status and worst error."""
+    nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"), "")
+    lines = []
+    for row in rows:
+        worst = {**asdict(row.worst), "digits": digits_text(row.worst.error)} if row.worst else nothing
+        lines.append(
+            {
+                **worst,
+                "scene": row.scene,
+                "word": WORDS[row.status],
+                "scaled": size(row.worst.error) if row.worst else "",
+            }
+        )
+    return lines
+
+
+def _nearest(found: Check) -> list[dict[str, Any]]:
+    """The three that come nearest to their tolerance, or are farthest beyond it."""
+    sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in found.rows if row.worst is not None]
+    return _lines(row for _, row in sorted(sized, key=lambda pair: pair[0], reverse=True)[:3])
+
+
+def _tolerances(found: Check) -> list[str]:
+    """The largest of each quantity by where they come from."""
+    by: dict[str, dict[str, float]] = {}
+    for one in (error for row in found.rows for error in row.errors):
+        sizes = by.setdefault(one.reason, {})
+        sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
+    return [f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items()]
+
+
+PAGE = Report(
+    text="check",
+    banner=_banner,
+    data={"check.json": lambda found: found.record},
+    values={
+        "title": lambda found: "Check",
+        "verdict": lambda found: [_banner(found)],
+        "nearest": _nearest,
+        "about": lambda found: {
+            "scenes and pairs": len(found.rows),
+            "motion": "a few samples of an exciting one" if found.smoke else "its own",
+        },
+        "changed": lambda found: found.against and found.against.changed,
+        "improved": lambda found: found.against and found.against.improved,
+        "baseline": lambda found: found.against and found.against.notes,
+        "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
+        "faults": lambda found: found.faults,
+        "tolerances": _tolerances,
+        "tested": lambda found: [f"{row.scene}: {row.coverage or row.sentence}" for row in found.rows if row.ok],
+    },
+)
 
 
 def message(row: Row) -> str:

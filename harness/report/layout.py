@@ -1,47 +1,222 @@
-"""How every report is laid out: what was found, what it was found on, then evidence, then what few read."""
+"""What a kind of report is: a text of ``texts/``, the functions that fill it in, files beside it, and its pictures."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
 
+from screwgauge.environment import environment
 from screwgauge.report.blocks import (
-    TEXTS,
+    LONG,
     Appendix,
     Banner,
     Block,
+    Folded,
     Front,
     Glossary,
     Heading,
+    Items,
+    Marked,
+    Paragraph,
     Picture,
+    Table,
+    facts,
+    table,
 )
 from screwgauge.report.markdown import markdown
+from screwgauge.report.write import write_report
+
+TEXTS = Path(__file__).with_name("texts")
+RECORD, TERMINAL = "environment.json", "On a terminal"
+MACHINE = ("screwgauge", "pin", "mujoco", "python", "platform", "cpu", "commit")  # of the record, on the first screen
+Value = Callable[[Any], Any]
 
 
-def laid_out(
-    title: str,
-    banners: Sequence[Banner],
-    body: Iterable[Block],
-    appendix: Iterable[Block],
-    *,
-    first: Iterable[Block] = (),
-    picture: Picture | None = None,
-) -> list[Block]:
-    """The blocks of a report.
+def folds(found: Any, pictures: Sequence[Picture]) -> list[Block]:
+    """Each picture behind its title."""
+    return [Folded(picture.title, (picture,)) for picture in pictures]
 
-    Args:
-        banners: The verdict in a sentence, then warnings.
-        body: Sections, what differs before what agrees.
-        appendix: Sections that are folded.
-        first: Three numbers that say how well, then what was judged: files, hashes, versions, date.
-        picture: What stands on the first screen.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A kind of report.
+
+    Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
+    with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
+    text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, with what is said if there are
+    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph may begin with ``{?name}`` or
+    ``{!name}``: it is there only if the value is true, or is not. Names within paragraphs are filled in.
+
+    Attributes:
+        text: Name of the file in ``texts/``.
+        banner: Verdict in a sentence, then warnings.
+        data: File name -> what it holds. The record of the machine is added.
+        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found. All
+            texts know ``title``, ``environment``, ``about`` (facts of the first screen, those of the machine added),
+            ``plots`` and ``beside`` (the first picture).
+        draw: Pictures, that of the first screen first.
+        plots: How all others are told.
+        figures: Significant figures of numbers in CSV; every bit by default.
     """
-    front = Front((*banners, *first, *([picture] if picture else [])))
-    blocks: list[Block] = [Heading(title, 1), front, *body]
-    words = _used(markdown([*blocks, *(appendix := list(appendix))]))
-    glossary: list[Block] = [Heading("Words"), Glossary(words)] if words else []
-    return [*blocks, Appendix((*appendix, *glossary))]
+
+    text: str
+    banner: Callable[[Any], Banner | Sequence[Banner]]
+    data: Mapping[str, Value]
+    values: Mapping[str, Value]
+    draw: Callable[[Any], Sequence[Picture]] = lambda found: ()
+    plots: Callable[[Any, Sequence[Picture]], list[Block]] = folds
+    figures: int | None = None
+
+    @property
+    def DATA(self) -> tuple[str, ...]:
+        """Files beside the pages."""
+        return (*self.data, *([] if RECORD in self.data else [RECORD]))
+
+    @property
+    def NAME(self) -> str:
+        """File of the table, or the first of several."""
+        return next(iter(self.data))
+
+    def write(self, found: Any, out: Path, *, more: Mapping[str, Any] | None = None, pdf: bool = False) -> Path:
+        """Writes data, pages and pictures; `more`: further files."""
+        data = {name: make(found) for name, make in self.data.items()}
+        data |= {} if RECORD in data else {RECORD: environment()}
+        data |= more or {}
+
+        def tell() -> list[Block]:
+            return self.blocks(found, self.draw(found), data[RECORD])
+
+        return write_report(out, tell, data, self.figures, pdf=pdf)
+
+    def blocks(
+        self, found: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
+    ) -> list[Block]:
+        """The blocks of ``report.md`` and ``report.html``."""
+        drawn = [*pictures]
+        first, others = drawn[0] if drawn else None, drawn[1:]
+        if record is None:
+            record = self.data[RECORD](found) if RECORD in self.data else {}
+        filled = _Filled(self, found, record, first, others)
+        front, sections, appendix = _parts(self.text)
+        banner = self.banner(found)
+        banners = [banner] if isinstance(banner, Banner) else banner
+        screen = [*banners, *filled.section("", front), *([first] if first else [])]
+        blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
+        blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
+        last = [block for title, text in appendix for block in filled.section(title, text)]
+        words = _used(markdown([*blocks, *last]))
+        last += [Heading("Words"), Glossary(words)] if words else []
+        return [*blocks, Appendix(tuple(last))]
+
+    def terminal(self, found: Any) -> list[Block]:
+        """What is printed: the section "On a terminal"."""
+        filled, (_, sections, _) = _Filled(self, found, {}, None, ()), _parts(self.text)
+        return [block for title, text in sections if title == TERMINAL for block in filled.section("", text)]
+
+
+Sections = list[tuple[str, str]]
+
+
+@cache
+def _parts(name: str) -> tuple[str, Sections, Sections]:
+    """First screen, sections and appendix of a text."""
+    front, *rest = re.split(r"^# (.*)\n", (TEXTS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    sections = list(zip(rest[::2], rest[1::2], strict=True))
+    at = [title for title, _ in sections].index("Appendix")
+    return front, sections[:at], sections[at + 1 :]
+
+
+@dataclass(frozen=True, slots=True)
+class _Filled(Mapping[str, Any]):
+    """Values of one report, each computed once."""
+
+    report: Report
+    found: Any
+    record: Mapping[str, Any]
+    first: Picture | None
+    others: Sequence[Picture]
+    known: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.known:
+            self.known[name] = self._value(name)
+        return self.known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.report.values)
+
+    def __len__(self) -> int:
+        return len(self.report.values)
+
+    def _value(self, name: str) -> Any:
+        own = self.report.values
+        if name == "plots":
+            return self.report.plots(self.found, self.others)
+        if name == "beside":
+            from screwgauge.report.stage.picture import told
+
+            return told(self.first) if self.first and self.first.stage else []
+        if name == "environment":
+            return facts({**(own["files"](self.found) if "files" in own else {}), **self.record})
+        if name == "about":
+            known = {**self.record.get("packages", {}), **self.record}
+            return {**own["about"](self.found), **{key: known[key] for key in MACHINE if key in known}}
+        return own[name](self.found) if name in own else attrgetter(name.replace(" ", "_"))(self.found)
+
+    def section(self, title: str, text: str) -> list[Block]:
+        """Heading and blocks; nothing where it may be left out and has nothing to say."""
+        told, asked, got = list[Block](), 0, 0
+        for part in filter(None, text.strip().split("\n\n")):
+            if mark := re.match(r"\{([?!])([^}]*)\}\s*", part):
+                if bool(self[mark[2]]) is (mark[1] == "?"):
+                    told += prose(part[mark.end() :].format_map(self))
+            elif part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
+                blocks = [block for line in part.splitlines() for block in self._place(line)]
+                told, asked, got = [*told, *blocks], asked + 1, got + bool(blocks)
+            else:
+                told += prose(part.format_map(self))
+        if title.endswith("?") and asked and not got:
+            return []
+        return [*([Heading(title.rstrip("?").format_map(self))] if title else []), *told]
+
+    def _place(self, line: str) -> list[Block]:
+        name, columns, empty = (text or "" for text in _PLACE.findall(line)[0])
+        name, plus, noun = name.partition("+")
+        value = self[name]
+        if value is None or (not isinstance(value, Block) and not len(value)):
+            return [Paragraph(empty)] if empty else []
+        if columns:
+            value = table(value, columns)
+        if plus:
+            lines: Any = value.body if isinstance(value, Table) else tuple(value)
+            parts = (lines[:LONG], lines[LONG:])
+            short, rest = (Table(value.head, part) if isinstance(value, Table) else Items(part) for part in parts)
+            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,))] if parts[1] else [short]
+        if isinstance(value, str):
+            return [Paragraph(value)]
+        if isinstance(value, Mapping):
+            return [facts(value)]
+        if isinstance(value, Block):
+            return [value]
+        return [Items(tuple(value))] if isinstance(value[0], str) else list(value)
+
+
+_PLACE = re.compile(r"\{([^:;{}]+)(?:: ((?:[^;{}]|\{[^}]*\})+))?(?:; (.*))?\}")
+
+
+def prose(text: str) -> list[Block]:
+    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
+    blocks: list[Block] = []
+    for part in filter(None, text.strip().split("\n\n")):
+        lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
+        blocks += [Paragraph(Marked(lead))] if lead else []
+        blocks += [Items(tuple(map(Marked, items)))] if items else []
+    return blocks
 
 
 def _used(text: str) -> tuple[tuple[str, str], ...]:

@@ -19,6 +19,9 @@
     element.className = `moving ${kind}`;
     load(kind);
     figure.append(element);
+    const room = figure.clientWidth; // one panel gets as narrow as its place; several, or on a phone, scroll
+    if (json.width + 90 > room && room > 500)
+      Object.assign(json, { width: room, autosize: { type: "fit-x", contains: "padding" } });
     try {
       if (kind === "stage") element.shown = await window.screwgaugeStage(element, json);
       else element.shown = await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg" });

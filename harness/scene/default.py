@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import imported_file, is_model, notes, scratch_folder
+from screwgauge.models.importing import is_model
 from screwgauge.models.tables import key, lines
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
@@ -22,6 +21,9 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import exciting
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene
+
+if TYPE_CHECKING:
+    from screwgauge.models.importing.convert import Imported
 
 #: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
@@ -36,6 +38,8 @@ def scene_file(path: Path) -> Path:
     Raises:
         ScrewgaugeError: The file cannot be read, or no scene can be made of it.
     """
+    from screwgauge.models.importing.model import imported_file, scratch_folder
+
     if is_model(path):
         description, imported = imported_file(path)
         acting = acting_on(imported)
@@ -54,6 +58,8 @@ def scene_file(path: Path) -> Path:
 
 def acting_on(imported: Imported) -> dict[str, Any]:
     """What `default_scene` takes from a model file besides its mechanism."""
+    from screwgauge.models.importing.model import notes
+
     return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
 
 

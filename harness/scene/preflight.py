@@ -15,7 +15,7 @@ from screwgauge.reference.following import PathEnd
 from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
-from screwgauge.reference.pose import Layout, Pose, layout, length, pose
+from screwgauge.reference.pose import Layout, layout, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.scene.scene import Scene
@@ -98,15 +98,15 @@ def _walked(scene: Scene) -> Mobility:
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
-        at = walk.part(motion)
-        if beyond := beyond_limits(lay.mechanism, at.q, unit=True):
+        q = walk.part(motion)
+        if beyond := beyond_limits(lay.mechanism, q, unit=True):
             i, sentence = beyond
             raise JointLimitError(
                 f"joint coordinate {sentence} at {lay.mechanism.described(motion.y[i])}",
                 f"t = {motion.t[i]:g} s",
                 "shorten the motion or widen the limits",
             )
-        looked_at += [at.q[i - first] for i in rows if first <= i < first + PART]
+        looked_at += [q[i - first] for i in rows if first <= i < first + PART]
     return _mobility(lay, looked_at)
 
 
@@ -183,22 +183,25 @@ class Walk:
         self.path = self.system.follower()
         self.before: float | None = None
 
-    def part(self, motion: GivenMotion) -> Pose:
-        """The poses of a part, all of them regular.
+    def part(self, motion: GivenMotion) -> Array:
+        """All joint coordinates of a part, whose poses are regular. Shape (n, n_q).
 
         Raises:
             ClosureError: The loops cannot close.
             SingularPoseError: A pose is singular, or passed on the way.
         """
         try:
-            at = self.system.follow(self.path, motion.y, motion.t, (motion.yd, motion.ydd), strict=True)
+            size = self.path.size
+            found = self.path.follow(motion.y / size, motion.t, (motion.yd / size, motion.ydd / size), strict=True)
         except PathEnd as end:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
-        check_regular(self.lay, at, motion.t, motion.y)
+        found.near[:, self.lay.mechanism.independent_columns] = motion.y
+        q = self.system.coordinates(found.z, found.near)
+        check_regular(self.lay, q, motion.t, motion.y, found.matrix)
         self.before = float(motion.t[-1])
-        return at
+        return q
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """That a motion passes a singular pose, in words."""
@@ -209,7 +212,7 @@ class Walk:
         times = motion.t if self.before is None else np.append(self.before, motion.t)
         i = int(np.flatnonzero(times == end.t)[0])
         if np.abs(end.y - motion.y[i - len(times)] / self.path.size).max() < NEAR:
-            check_regular(self.lay, ended, np.array([end.t]), y[None])
+            check_regular(self.lay, ended.q, np.array([end.t]), y[None])
         if not i:
             return SingularPoseError(
                 f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
@@ -223,19 +226,19 @@ class Walk:
         )
 
 
-def check_regular(lay: Layout, at: Pose, t: Array, y: Array) -> None:
-    """Condition of the closing system at every sample.
+def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | None = None) -> None:
+    """Condition of the closing system, `matrix` if it is known, at every sample.
 
     Raises:
         SingularPoseError: A pose is singular.
     """
-    condition = linear.condition(loop_equations(lay).matrix(at))
+    condition = linear.condition(loop_equations(lay).matrix(pose(lay, q)) if matrix is None else matrix)
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
             f"the pose {lay.mechanism.described(y[i])} is singular (condition {condition[i]:.1e}): "
-            f"{near_singularity(lay, at.rows(bad[:1]))}",
+            f"{near_singularity(lay, pose(lay, q[bad[:1]]))}",
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.importing.model import is_model
+from screwgauge.models.importing import is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied

@@ -44,7 +44,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         raise DescriptionError(what, scene.name, f"start within {FARTHEST:g}; check its units")
     since = np.array([task.since])
     at = positions(lay, task.start[None], since)
-    check_regular(lay, at, since, task.start[None])
+    check_regular(lay, at.q, since, task.start[None])
     if beyond := beyond_limits(mechanism, at.q):
         where, remedy = "start of the scene", "start elsewhere or widen the limits"
         raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)

@@ -20,9 +20,7 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError, Unknow
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.departures import departures
 from screwgauge.study.method import Method
-from screwgauge.study.otherwise import otherwise
 from screwgauge.study.whole import Expected, check_components, check_whole, excepted, left_out, without
 
 if TYPE_CHECKING:
@@ -144,14 +142,21 @@ class _Question:
         try:
             model = self.engine.load(self.files)
             answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
-            said = departures(self.scene, self.engine.name, self.files) if self.own else ()
-            physical = otherwise(self.scene, self.engine.name, self.files) if said else ()
-            notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
-            return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
+            return self._told(answer) if self.own else answer
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
             return self.failure(error)
+
+    def _told(self, answer: Solution) -> Solution:
+        """The answer with what the user's own model file says otherwise than the description."""
+        from screwgauge.study.departures import departures
+        from screwgauge.study.otherwise import otherwise
+
+        said = departures(self.scene, self.engine.name, self.files)
+        physical = otherwise(self.scene, self.engine.name, self.files) if said else ()
+        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+        return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
         """What was raised, as a failure."""

@@ -13,8 +13,9 @@ from time import process_time
 import numpy as np
 import pandas as pd
 
+from screwgauge.models.importing import is_model
 from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import Options, is_model
+from screwgauge.models.importing.model import Options
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene

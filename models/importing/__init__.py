@@ -1,1 +1,14 @@
 """A description made from what was read of any URDF or MJCF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+#: How the names of model files end.
+URDF = ".urdf"
+SUFFIXES = (URDF, ".xml", ".mjcf")
+
+
+def is_model(path: Path | str) -> bool:
+    """Whether a name means a model file, as its ending says."""
+    return str(path).lower().endswith(SUFFIXES)

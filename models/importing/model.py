@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from screwgauge.models.importing import URDF
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
@@ -15,10 +16,6 @@ from screwgauge.models.readings.loops import OWN, with_loops
 from screwgauge.models.readings.read import libraries_for, read
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import is_file
-
-#: How the names of model files end.
-URDF = ".urdf"
-SUFFIXES = (URDF, ".xml", ".mjcf")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +33,6 @@ class Options:
     library: str = ""
     floating: bool = False
     wanted: Wanted = field(default_factory=Wanted)
-
-
-def is_model(path: Path | str) -> bool:
-    """Whether a name means a model file, as its ending says."""
-    return str(path).lower().endswith(SUFFIXES)
 
 
 def import_model(path: Path, options: Options | None = None) -> Imported:

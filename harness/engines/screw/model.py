@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.integrate import Trajectory
 
 BACKENDS = ("array", "numpy", "llvm")
+#: Samples from which on tracing costs less than it saves, whatever the built-in mechanism.
+LONG = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,8 @@ class Settings:
 
     Attributes:
         backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
-            simulations, in which ``numpy`` is Python. By default ``array`` for the first, for these ``llvm``.
+            simulations, in which ``numpy`` is Python. By default ``numpy`` for given motions of `LONG` and more, for
+            shorter ones ``array``, and ``llvm`` for simulations.
         whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
         refined: That system is refined once, its residual in wider numbers.
         projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
@@ -87,10 +90,11 @@ class ScrewModel:
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
         """A given motion, by the array solver where there is no program."""
-        if self.settings.backend in (None, "array"):
+        backend = self.settings.backend or ("numpy" if len(task) >= LONG else "array")
+        if backend == "array":
             return solve_motion(self.lay, problem, task, progress)
         try:
-            return solve_traced(self.lay, problem, task, progress, str(self.settings.backend))
+            return solve_traced(self.lay, problem, task, progress, backend)
         except NotTraceableError as error:
             solution = solve_motion(self.lay, problem, task, progress)
             return replace(solution, notes=(*solution.notes, f"all samples by the array solver: {error.what}"))

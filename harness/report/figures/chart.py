@@ -70,8 +70,9 @@ def curves(series: Sequence[Curve], moving: bool) -> Spec:
     """Values ``data`` and ``lookup``: what a curve is is said once, its points are numbers or gaps."""
     rows, said, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     for i, (fields, t, v) in enumerate(series):
-        pairs = zip(t.tolist(), v.tolist(), strict=True)
-        rows += [f"{i},{a:.7g},{b:.{digits}g}" if abs(b) < np.inf else f"{i},{a:.7g}," for a, b in pairs]
+        numbers = np.column_stack([t, np.where(np.isfinite(v), v, np.nan)]).ravel().tolist()
+        lines = "\n".join([f"{i},%.7g,%.{digits}g"] * len(t)) % tuple(numbers)  # at once: half the time
+        rows += [lines.replace(",nan", ",")] if lines else []
         said.append({"s": i, **fields})
     names = list(dict.fromkeys(name for fields in said for name in fields))
     parse = {"type": "csv", "parse": dict.fromkeys("stv", "number")}
@@ -147,7 +148,7 @@ def _labelled(spec: Spec) -> Spec:
 
 def _plain(value: Any) -> Any:
     """Values as JSON has them: NaN as null; in texts a space for what is not printable, which no SVG may contain."""
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]

@@ -13,7 +13,7 @@ from screwgauge.report.figures.chart import Curve, Spec, thin
 from screwgauge.report.figures.looks import DASHES, GREY, Look, numbered
 
 if TYPE_CHECKING:
-    from screwgauge.study.paper.dynamics import AxialRule
+    from screwgauge.study.paper.measure import Paper
     from screwgauge.study.paper.scheme import SchemeRuns
 
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
@@ -22,8 +22,9 @@ LEGS = {"leg 1 (UPU)": slice(0, 1), "legs 2 to 4 (UPS), the largest": slice(1, 4
 SINGULAR = "t = k pi: eq. (56) is singular"
 
 
-def make_plots(runs: SchemeRuns, axial: AxialRule) -> list[Picture]:
+def make_plots(paper: Paper) -> list[Picture]:
     """All pictures, in the order of the report."""
+    runs, axial = paper.runs, paper.axial
     gaps = [
         ({"panel": side, "name": run.label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
         for side, legs in LEGS.items()

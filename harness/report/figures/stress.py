@@ -12,7 +12,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import Look, by_camp
-from screwgauge.study.cases.case import GOOD, Case, Finding
+from screwgauge.study.cases.case import GOOD, VERDICTS, Case, Finding
 
 if TYPE_CHECKING:
     from screwgauge.study.stress import Stress
@@ -23,6 +23,7 @@ NOTES = (
     "In the shaded part, below nine digits, a result needs a warning.",
     "Full: ok. Hollow: degraded, and says so. Cross below the axis: refused. Square in a red frame: silently wrong.",
 )
+WORST = ("Of each case the worst that an engine did, in any setting, quantity and rung.",)
 NO_NUMBER, APART = -0.9, 0.55  # where crosses begin, a line of them for each camp
 
 
@@ -36,7 +37,14 @@ def make_plots(stress: Stress) -> list[Picture]:
     panels = [_panel(case, rows, own) for (case, rows), own in zip(drawn.items(), looks, strict=True) if rows]
     resolve = {"scale": dict.fromkeys(("color", "stroke", "strokeDash", "fill", "shape"), "independent")}
     spec = {"concat": panels, "columns": 2, "resolve": resolve}
-    return [chart.picture("01-digits", TITLE, lambda moving: spec, NOTES)] if panels else []
+    if not panels:
+        return []
+    rows = [{"who": row.engine.split()[0], "case": row.case, "k": VERDICTS.index(row.verdict)} for row in stress.rows]
+    worst = chart.filled("worst", rows=rows, engines=list(dict.fromkeys(row["who"] for row in rows)))
+    return [
+        chart.picture("01-worst", "Cases by what became of them", lambda moving: worst, WORST),
+        chart.picture("02-digits", TITLE, lambda moving: spec, NOTES),
+    ]
 
 
 def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:

@@ -2,79 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import partial
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Folded, Items, Marked, Paragraph, Picture, Table, facts, table
+from screwgauge.report.blocks import Banner, Block, Folded, Marked, Paragraph, Table, table
+from screwgauge.report.figures.bench import make_plots
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
-from screwgauge.report.layout import laid_out
-from screwgauge.report.pages.sections import judged, short
-from screwgauge.report.write import write_report
+from screwgauge.report.layout import Report, Value
+from screwgauge.report.pages.run import theirs
+from screwgauge.report.pages.scene import judged, short
 from screwgauge.study.bench.contestant import count
-from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, bench_table, reach, timing_table
+from screwgauge.study.bench.rows import (
+    CUT,
+    FAILED,
+    LEVELS,
+    OK,
+    absolute_table,
+    bench_table,
+    pairs,
+    reach,
+    timing_table,
+)
 from screwgauge.study.bench.run import Bench
-from screwgauge.study.bench.slopes import Fit
 from screwgauge.study.bench.slopes import table as slope_table
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
-WHO = "contestant | setting | quantity"
-ALL = f"family | {WHO} | max scaled? | rms scaled? | time = time_s | samples = n_sample | status"
-CHEAPEST = "digits | cheapest | a sample = a_sample:cpu | next | times as long"
-LEFT_OUT = "what = asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
-DATA = ("bench.csv", "slopes.csv", "timings.csv", "reach.csv", "leaving_out.csv", "environment.json")
-CUT_SHORT = "cut short = family | rows | contestants"
+LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
+DIGITS = {3: "three", 6: "six", 9: "nine"}
 
 
-def report(bench: Bench, pictures: Iterable[Picture]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    section, drawn = partial(blocks.section, "bench"), list(pictures)
-    over_time, over_setting = ([p for p in drawn if p.name.endswith("slopes") is side] for side in (False, True))
-    protocol = {"samples": len(bench.scene.t), "rounds": bench.plan.rounds, "budget": number(bench.plan.budget)}
-    threads = section("One thread" if bench.environment["one_thread"] else "More threads")[1:]
-    every = rows(bench_table(bench.rows))
-    body = [
-        *section("Error against run time", *(Folded(picture.title, (picture,)) for picture in over_time[1:])),
-        *section("Time to reach an error", *_reach(bench)),
-        *section("What failed, and what was cut short", *_failures(bench)),
-    ]
-    appendix = [
-        *section("Slopes", *over_setting, slopes(bench.fits, "None of the contestants has an expected slope.")),
-        *section("What leaving out buys", *_leaving(bench)),
-        *section("All rows", table(every, ALL)),
-        *section("How it was timed", *threads, *([Items(bench.notes)] if bench.notes else []), **protocol),
-        *section("Environment", facts({**judged(bench.provenance), **bench.environment})),
-        *section("Known limitations"),
-    ]
-    cheapest = _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1])
-    shown: list[Block] = [table(cheapest, CHEAPEST)] if cheapest else []
-    first = next(iter(over_time), None)
-    return bench_report(bench, headline(bench), body, appendix, shown, first)
-
-
-def bench_report(
-    bench: Bench, found: str, body: list[Block], appendix: list[Block], first: list[Block], picture: Picture | None
-) -> list[Block]:
-    """A bench of any scene: `found` in a few sentences, `first` what is cheapest."""
-    good, name = bench.complete and all(fit.ok for fit in bench.fits), bench.scene.title or bench.scene.name
-    banner = Banner(found, "✓ MEASURED" if good else "✗ NOT ALL MEASURED AS EXPECTED", "agree" if good else "differ")
-    about: dict[str, Any] = {**short(judged(bench.provenance)), "compared": count(len(bench.scene.t), "sample")}
-    about |= {"errors against": bench.reference, "machine": bench.environment.get("cpu", "")}
-    title = f"{name}: error against run time"
-    return laid_out(title, [banner], body, appendix, first=[*first, facts(about)], picture=picture)
-
-
-def write(bench: Bench, out: Path) -> Path:
-    """Writes report, plots, tables and environment."""
-    from screwgauge.report.figures.bench import make_plots
-
-    tables = bench_table(bench.rows), slope_table(bench.fits), timing_table(bench.rows), reach(bench.rows)
-    data = dict(zip(DATA, (*tables, bench.leaving_out, bench.environment), strict=True))
-    return write_report(out, lambda: report(bench, make_plots(bench)), data, figures=6)
+def _banner(bench: Bench) -> Banner:
+    good = bench.complete and all(fit.ok for fit in bench.fits)
+    found = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
+    return Banner(found, "✓ MEASURED" if good else "✗ NOT ALL MEASURED AS EXPECTED", "agree" if good else "differ")
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
@@ -111,29 +73,13 @@ def headline(bench: Bench) -> str:
     return " ".join(parts)
 
 
-def terminal(bench: Bench) -> list[Block]:
-    """What ``screwgauge bench`` prints: headline, time to reach nine digits, slopes, what was cut short."""
-    told: list[Block] = [Paragraph(headline(bench))]
-    if bench.reference != "truth":
-        told.append(Paragraph(f"Errors are against {bench.reference}, not against a truth."))
-    reached = [
+def _reached(bench: Bench) -> list[Row]:
+    """Time to nine digits of each family, in the quantities that a terminal shows."""
+    return [
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
         for row in rows(reach(bench.rows))
         if row["error"] == NINE and row["quantity"] in SHOWN
     ]
-    if reached:
-        columns = f"to {NINE:.0e} = quantity | family | a sample = seconds_per_sample | contestant, setting = who"
-        told += [table(reached, columns), Paragraph("† starts from given joint motion")]
-    if bench.fits:
-        told.append(table(rows(slope_table(bench.fits)), "slope = family | quantity | expected | fitted | = ok"))
-    cut = _cut_short(bench)
-    return [*told, table(cut, CUT_SHORT)] if cut else told
-
-
-def slopes(fits: Sequence[Fit], empty: str) -> Block:
-    """Fitted slopes beside the expected ones."""
-    columns = "family | varied = parameter | error of = quantity | expected | fitted | within 10 % = ok"
-    return table(rows(slope_table(fits)), columns) if fits else Paragraph(empty)
 
 
 def _cut_short(bench: Bench) -> list[Row]:
@@ -157,17 +103,7 @@ def _reach(bench: Bench) -> list[Block]:
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
         across, title = Table(head, tuple(line for _, line in sorted(lines))), words(quantity).capitalize()
         told += [Folded(title, (across,))] if told else [Paragraph(Marked(f"**{title}**")), across]
-    return told or [Paragraph("Nothing was timed.")]
-
-
-def _failures(bench: Bench) -> list[Block]:
-    """What failed, row by row; what was cut short, family by family, then row by row."""
-    by_status, columns = grouped(rows(bench_table(bench.rows)), "status"), f"{WHO} | status | reason"
-    told: list[Block] = [table(by_status[FAILED,], columns)] if (FAILED,) in by_status else []
-    if families := _cut_short(bench):
-        cut = table(by_status.get((CUT,), []), columns)
-        told += [table(families, CUT_SHORT), Folded(f"All {len(cut.body)} rows cut short", (cut,))]
-    return told or [Paragraph("Nothing.")]
+    return told
 
 
 def _leaving(bench: Bench) -> list[Block]:
@@ -177,13 +113,133 @@ def _leaving(bench: Bench) -> list[Block]:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
         said = {"asked": f"{row['group']} {row['setting']}".strip(), "largest_difference": left}
         share = "" if missing(row["ratio"]) else f"{row['ratio']:.2f}"
-        return {
-            **row,
-            **said,
-            "share": share,
-            "same": f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"]),
-        }
+        same = f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"])
+        return {**row, **said, "share": share, "same": same}
 
     groups = grouped(rows(bench.leaving_out), "engine").items()
-    told = [table(map(line, group), LEFT_OUT.replace("what", engine, 1)) for (engine,), group in groups]
-    return list(told) or [Paragraph("Not asked for.")]
+    return [table(map(line, group), f"{engine} = {LEFT_OUT}") for (engine,), group in groups]
+
+
+def _quickest(found: Bench) -> list[Row]:
+    """Of a simulation: for three, six and nine digits the quickest method, and how much longer another family takes."""
+    told = []
+    for digits in DIGITS:
+        reached = [row for row, _ in pairs(found.rows) if row.status == OK and row.max_scaled <= 10.0**-digits]
+        for best, *others in [sorted(reached, key=lambda row: row.work_s)] if reached else []:
+            family = best.contestant.family
+            other = next((row for row in others if row.contestant.family != family), None)
+            lead = {"next": other.contestant.family if other else "none"}
+            lead |= {"times_as_long": number(other.work_s / best.work_s, 3) if other else ""}
+            who = {"digits": str(digits), "cheapest": family, "setting": best.contestant.setting}
+            told.append({**who, "cpu": best.work_s, **lead})
+    return told
+
+
+def _simulated_headline(found: Bench) -> str:
+    """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
+    t, rows = found.scene.t, [row for row, _ in pairs(found.rows)]
+    parts, cheapest = list[str](), {row["digits"]: row for row in _quickest(found)}
+    if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
+        what = f"{DIGITS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
+        lead = f"; {best['next']} takes {best['times_as_long']} times as long" if best["times_as_long"] else ""
+        parts.append(f"{what} {best['cheapest']} ({best['setting']}): {duration(best['cpu'])} of processor time{lead}.")
+    parts.append(f"{len(rows)} contestants on {number(t[-1] - t[0])} s of motion.")
+    for status, what in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
+        names = dict.fromkeys(row.contestant.family for row in rows if row.status == status)
+        parts += [f"{what}: {listed(names)}."] if names else []
+    return " ".join(parts)
+
+
+def _measured(found: Bench) -> list[Row]:
+    """What was found of a simulation, and what others have published."""
+    ours = [
+        {
+            "family": row.contestant.family,
+            "setting": row.contestant.setting,
+            "label": row.contestant.label,
+            "status": row.status,
+            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items()),
+            "scaled": "" if missing(row.max_scaled) else size(row.max_scaled),
+            "energy": "".join(size(value) for value in energy.largest.values() if not missing(value)),
+            "cpu": row.cost.cpu_s,
+            "wall": row.cost.wall_s,
+            "steps": row.cost.steps or None,
+            "evaluations": row.cost.evaluations if row.cost.steps else None,
+            "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
+        }
+        for row, energy in pairs(found.rows)
+    ]
+    published = [
+        {
+            **theirs(item),
+            "family": Marked("*published*"),
+            "setting": item.who,
+            "label": item.who[:18],
+            "status": "other machine",
+            "cpu": item.cpu_s,
+            "remark": " - ".join(part for part in (item.remark, item.source, "other machine") if part),
+        }
+        for item in found.scene.published
+    ]
+    return [*ours, *({**row, "scaled": row["observable"]} for row in published)]
+
+
+def _about(bench: Bench) -> dict[str, Any]:
+    compared = {"compared": count(len(bench.scene.t), "sample"), "errors against": bench.reference}
+    return {**short(judged(bench.provenance)), **compared}
+
+
+def _rows(*status: str) -> Value:
+    return lambda bench: [row for row in rows(bench_table(bench.rows)) if not status or row["status"] in status]
+
+
+PAGE = Report(
+    text="bench",
+    banner=_banner,
+    data={
+        "bench.csv": lambda bench: bench_table(bench.rows),
+        "slopes.csv": lambda bench: slope_table(bench.fits),
+        "timings.csv": lambda bench: timing_table(bench.rows),
+        "reach.csv": lambda bench: reach(bench.rows),
+        "leaving_out.csv": lambda bench: bench.leaving_out,
+        "environment.json": lambda bench: bench.environment,
+    },
+    values={
+        "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
+        "headline": headline,
+        "about": _about,
+        "files": lambda bench: judged(bench.provenance),
+        "cheapest": lambda bench: _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1]),
+        "no truth": lambda bench: bench.reference != "truth",
+        "reached": _reached,
+        "reach": _reach,
+        "failed": _rows(FAILED),
+        "cut short": _cut_short,
+        "cut rows": _rows(CUT),
+        "slopes": lambda bench: rows(slope_table(bench.fits)),
+        "leaving out": _leaving,
+        "every row": _rows(),
+        "one thread": lambda bench: bench.environment["one_thread"],
+        "samples": lambda bench: len(bench.scene.t),
+        "budget": lambda bench: number(bench.plan.budget),
+    },
+    draw=make_plots,
+    figures=6,
+)
+SIMULATION = replace(
+    PAGE,
+    text="bench_simulation",
+    data={
+        "bench.csv": PAGE.data["bench.csv"],
+        "forward.csv": lambda bench: absolute_table(bench.rows),
+        "slopes.csv": PAGE.data["slopes.csv"],
+        "environment.json": PAGE.data["environment.json"],
+    },
+    values={
+        **PAGE.values,
+        "headline": _simulated_headline,
+        "cheapest": _quickest,
+        "measured": _measured,
+        "each": lambda bench: number(bench.plan.each),
+    },
+)

@@ -4,37 +4,13 @@ from __future__ import annotations
 
 import os
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from screwgauge.environment import environment
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.files import replace_file
-from screwgauge.report.blocks import Banner, Block, Heading, facts
-from screwgauge.report.gate import Check
-from screwgauge.report.layout import laid_out
-from screwgauge.report.write import write_report
+from screwgauge.report.gate import PAGE, Check
 
-DATA = ("check.json", "environment.json")
-
-
-def terminal(found: Check) -> Sequence[Block]:
-    """What is printed."""
-    return found.blocks()
-
-
-def _report(found: Check, record: Mapping[str, Any]) -> list[Block]:
-    """The first screen has the verdict and what does not pass; what agrees is folded below."""
-    banner, *rest = found.blocks()
-    banners = [banner] if isinstance(banner, Banner) else []
-    about = {
-        "scenes and pairs": len(found.rows),
-        "motion": "a few samples of an exciting one" * found.smoke or "its own",
-    }
-    about |= {key: record[key] for key in ("platform", "cpu", "python", "commit") if key in record}
-    appendix = [Heading("Environment"), facts(record)]
-    return laid_out("Check", banners, [Heading("Scenes"), *rest], appendix, first=[*found.worst(), facts(about)])
+DATA, terminal = PAGE.DATA, PAGE.terminal
 
 
 def check_files(options: Namespace) -> None:
@@ -54,7 +30,6 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
 
     The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
     """
-    record = environment()
     if junit is not None:
         replace_file(junit, found.junit())
     if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
@@ -64,11 +39,7 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
         except OSError as error:
             what = f"cannot be written ({(error.strerror or str(error)).lower()})"
             raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
-    write_report(
-        out,
-        lambda: _report(found, record),
-        dict(zip(DATA, (found.record, record), strict=True)),
-    )
+    PAGE.write(found, out)
     if baseline is not None:
         found.write_baseline(baseline)
     return out

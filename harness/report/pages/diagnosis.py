@@ -2,79 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.causes.attribution import Attribution
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
-from screwgauge.diagnosis.matrix import Matrix
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.environment import environment
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Paragraph, Picture, Table, facts, folded
-from screwgauge.report.formatting import number, size, unit_text
-from screwgauge.report.layout import laid_out
-from screwgauge.report.write import write_report
+from screwgauge.report.blocks import Banner
+from screwgauge.report.figures.diagnosis import make_plots
+from screwgauge.report.formatting import Row, number, size, unit_text
+from screwgauge.report.layout import Report
 
-DATA = ("diagnosis.json", "environment.json")
 _RANKED = 12  # hypotheses that are shown
-_SHORT = 3  # columns of the table of differences for which a terminal has room
 
-__all__ = ["DATA", "report", "summary", "terminal", "write"]
-
-
-def terminal(found: Diagnosis) -> list[Block]:
-    """What is printed."""
-    blocks: list[Block] = [_banner(found)]
-    if found.differences:
-        blocks.append(_differences(sorted_by_size(found.differences)[:_RANKED], _SHORT))
-    blocks += [_rows(found)] if found.rows else []
-    blocks += [Items(found.matrix.sentences)] if found.matrix else []
-    return [*blocks, *([Items(found.notes)] if found.notes else [])]
-
-
-def report(found: Diagnosis, pictures: Iterable[Picture], record: Mapping[str, Any]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    largest = sorted_by_size(found.differences)
-    body: list[Block] = [Paragraph("There was no time for:"), Items(found.left_out)] if found.left_out else []
-    if largest:
-        body += [Heading("What they say otherwise"), folded(f"All {len(largest)}", _differences(largest))]
-    if found.attribution and found.attribution.ranking:
-        body += [Heading("What explains the torque difference"), *_explained(found, found.attribution)]
-        body += [Paragraph(f"Of the torque difference, {found.growth.sentence}.")] if found.growth else []
-    if found.rows:
-        lead = f"The largest differences at random states (seed {found.seed}), in the terms of A."
-        plots = (Folded(picture.title, (picture,)) for picture in pictures)
-        body += [Heading("How they move"), Paragraph(lead), _rows(found), *plots]
-    body += [Heading("What the libraries compute"), *_witnesses(found)]
-    body += [Heading("All readings"), *_matrix(found.matrix)] if found.matrix else []
-    appendix: list[Block] = [
-        *((Heading("Notes"), Items(found.notes)) if found.notes else ()),
-        *(Heading("Which joint is which"), _map(found)),
-        *(Heading("What was not read"), _ignored(found)),
-        *(Heading("Files"), facts({"A": _file(found.a), "B": _file(found.b)})),
-        *(Heading("Environment"), facts(record)),
-    ]
-    packages = record.get("packages", {})
-    judged = {
-        side: f"{Path(m.label).name}{f' (SHA-256 {m.sha256[:8]})' if m.sha256 else ''}, read by {m.library}"
-        for side, m in (("A", found.a), ("B", found.b))
-    } | {"versions": ", ".join(f"{name} {packages[name]}" for name in ("pin", "mujoco") if name in packages)}
-    first = [_differences(largest[:3], _SHORT)] if largest else [_rows(found)] if found.rows else []
-    title = " and ".join(f"{Path(m.label).name} ({m.library})" for m in (found.a, found.b))
-    return laid_out(title, [_banner(found)], body, appendix, first=[*first, facts(judged)])
-
-
-def write(found: Diagnosis, out: Path) -> Path:
-    """Writes ``diagnosis.json``, the report with its plots, and ``environment.json``."""
-    from screwgauge.report.figures.diagnosis import make_plots
-
-    record = environment()
-    data = dict(zip(DATA, (summary(found), record), strict=True))
-    return write_report(out, lambda: report(found, make_plots(found), record), data)
+__all__ = ["DATA", "summary", "terminal", "write"]
 
 
 def _banner(found: Diagnosis) -> Banner:
@@ -85,74 +28,104 @@ def _banner(found: Diagnosis) -> Banner:
     return Banner(found.verdict, "✓ SAME", "agree") if found.same else Banner(found.verdict, "✗ DIFFER", "differ")
 
 
-def _differences(found: Sequence[Difference], columns: int = 5) -> Table:
-    head = ("what", "of", "difference", "relative", "kind")[:columns]
-    lines = (
-        (each.what, item, each.sentence.removeprefix(f"{item}: "), size(each.size), each.kind)
-        for each in found
-        for item in (each.item_a or each.item_b,)
-    )
-    return Table(head, tuple(line[:columns] for line in lines))
+def _differences(found: Diagnosis) -> list[Row]:
+    def line(each: Difference) -> Row:
+        item = each.item_a or each.item_b
+        said = each.sentence.removeprefix(f"{item}: ")
+        return {"what": each.what, "of": item, "difference": said, "relative": each.size, "kind": each.kind}
+
+    return [*map(line, sorted_by_size(found.differences))]
 
 
-def _rows(found: Diagnosis) -> Table:
-    lines = ((x.quantity, x.worst, size(x.max_abs), unit_text(x.unit), size(x.scaled)) for x in found.rows)
-    return Table(("quantity", "worst in", "difference", "unit", "scaled"), tuple(lines))
+def _ranking(found: Diagnosis) -> list[Row]:
+    """What each change explains alone."""
+    ranking = found.attribution.ranking if found.attribution else ()
+    return [{"change": hypothesis.name, "share": f"{100.0 * share:.4f} %"} for hypothesis, share in ranking[:_RANKED]]
 
 
-def _explained(found: Diagnosis, why: Attribution) -> list[Block]:
-    """What each change explains, alone and after others, and what is left when all are made."""
-    proof = found.proof
-    ranking = tuple((hypothesis.name, f"{100.0 * share:.4f} %") for hypothesis, share in why.ranking[:_RANKED])
-    taken = tuple(f"{step.hypothesis.name}: {100.0 * step.share:.4f} % with all before it" for step in why.steps)
-    lead = Paragraph("Each change alone, by the share of the torque difference that goes when B has it:")
-    told: list[Block] = [lead, Table(("change", "share"), ranking)]
-    told += [Folded("Taken one after the other", (Items(taken),))] if taken else []
-    if proof is not None:
-        where = "file, read again" if proof.on == "file" else "reading"
-        left = f"{number(proof.left.value, 2)} {unit_text(proof.left.unit)}, {size(proof.left.scaled)} of the largest"
-        told.append(Paragraph(f"With the changes made in a copy of B's {where}, {left}, are left."))
-        told += [Items(proof.why_not)] if proof.why_not else []
-    return told
+def _taken(found: Diagnosis) -> list[str]:
+    """What changes explain one after the other."""
+    steps = found.attribution.steps if found.attribution else ()
+    return [f"{step.hypothesis.name}: {100.0 * step.share:.4f} % with all before it" for step in steps]
 
 
-def _witnesses(found: Diagnosis) -> list[Block]:
-    if not found.witnesses:
-        return [Paragraph("No library with dynamics reads these.")]
-    lines = tuple(
-        (x.side, x.library, x.failed or size(max(x.scaled.values())), ", ".join(x.omits) or "nothing")
-        for x in found.witnesses
-    )
-    lead = "How far each library's own dynamics are from those that follow from what it has read."
-    return [Paragraph(lead), Table(("model", "library", "scaled difference", "leaves out"), lines)]
+def _proof(found: Diagnosis) -> str:
+    """What is left when all changes are made."""
+    if found.proof is None:
+        return ""
+    left, where = found.proof.left, "file, read again" if found.proof.on == "file" else "reading"
+    amount = f"{number(left.value, 2)} {unit_text(left.unit)}, {size(left.scaled)} of the largest"
+    return f"With the changes made in a copy of B's {where}, {amount}, are left."
 
 
-def _matrix(matrix: Matrix) -> list[Block]:
-    cells = tuple(
-        (c.side, c.library, c.refused or str(c.freedoms), str(c.bodies), number(c.mass)) for c in matrix.cells
-    )
-    pairs = tuple(
-        (" ".join(p.first), " ".join(p.second), p.kind, "; ".join(p.differences) or "none") for p in matrix.pairs
-    )
+def _witnesses(found: Diagnosis) -> list[Row]:
     return [
-        Items(matrix.sentences),
-        Table(("model", "library", "degrees of freedom", "bodies", "mass [kg]"), cells),
-        Table(("one", "other", "what differs is", "differences"), pairs),
+        {"model": x.side, "library": x.library, "apart": x.failed or size(max(x.scaled.values())), "omits": x.omits}
+        for x in found.witnesses
     ]
 
 
-def _map(found: Diagnosis) -> Table:
+def _pairs(found: Diagnosis) -> list[Row]:
+    pairs = found.matrix.pairs if found.matrix else ()
+    return [
+        {
+            "one": " ".join(p.first),
+            "other": " ".join(p.second),
+            "kind": p.kind,
+            "which": "; ".join(p.differences) or "none",
+        }
+        for p in pairs
+    ]
+
+
+def _map(found: Diagnosis) -> list[Row]:
     pairing = found.pairing
     lines = [(name, other, pairing.how[name]) for name, other in pairing.joints.items()]
     lines += [(name, "", "only in A") for name in pairing.only_a] + [("", name, "only in B") for name in pairing.only_b]
-    return Table(("A", "B", "by"), tuple(lines))
+    return [dict(zip("AB", line, strict=False), by=line[2]) for line in lines]
 
 
-def _ignored(found: Diagnosis) -> Block:
-    said = [f"{side}: {what}" for side, m in (("A", found.a), ("B", found.b)) for what in m.reading.ignored]
-    return Items(tuple(said)) if said else Paragraph("Nothing that the libraries or this comparison would pass over.")
+def _sides(found: Diagnosis) -> tuple[tuple[str, Model], tuple[str, Model]]:
+    return ("A", found.a), ("B", found.b)
+
+
+def _about(found: Diagnosis) -> dict[str, Any]:
+    return {
+        side: f"{Path(m.label).name}{f' (SHA-256 {m.sha256[:8]})' if m.sha256 else ''}, read by {m.library}"
+        for side, m in _sides(found)
+    }
 
 
 def _file(model: Model) -> str:
     read = f"{model.label}, read by {model.library}"
     return f"{read}, SHA-256 {model.sha256}" if model.sha256 else read
+
+
+PAGE = Report(
+    text="diagnosis",
+    banner=_banner,
+    data={"diagnosis.json": summary},
+    values={
+        "title": lambda found: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(found)),
+        "verdict": lambda found: [_banner(found)],
+        "about": _about,
+        "differences": _differences,
+        "largest": lambda found: _differences(found)[:3],
+        "many": lambda found: _differences(found)[:_RANKED],
+        "ranking": _ranking,
+        "taken": _taken,
+        "proof": _proof,
+        "why not": lambda found: found.proof.why_not if found.proof else (),
+        "growth": lambda found: found.growth.sentence if found.growth and _ranking(found) else "",
+        "rows alone": lambda found: () if found.differences else found.rows,
+        "witnesses": _witnesses,
+        "readings": lambda found: found.matrix.sentences if found.matrix else (),
+        "cells": lambda found: found.matrix.cells if found.matrix else (),
+        "pairs": _pairs,
+        "map": _map,
+        "ignored": lambda found: [f"{side}: {what}" for side, m in _sides(found) for what in m.reading.ignored],
+        "models": lambda found: {side: _file(m) for side, m in _sides(found)},
+    },
+    draw=make_plots,
+)
+DATA, write, terminal = PAGE.DATA, PAGE.write, PAGE.terminal

@@ -3,37 +3,33 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Heading, Paragraph, folded, table
+from screwgauge.report.blocks import Banner, Block, Heading, table
+from screwgauge.report.figures.history import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, rows
-from screwgauge.report.study import Study
-
-COLUMNS = "date | = status | worst | scaled = error | digits | time = time_s | new"
+from screwgauge.report.study import study
 
 
-def _terminal(found: pd.DataFrame) -> list[Block]:
+def _scenes(found: pd.DataFrame) -> Iterator[Block]:
     """A table for each scene."""
-    told: list[Block] = []
+    columns = "date | = status | worst | scaled = error | digits | time = seconds:time_s | new"
     for (name,), of in grouped(rows(found), "scene").items():
-        told += [Heading(str(name)), folded(f"All {len(of)} checks", table(_lines(of), COLUMNS))]
-    return told or [Paragraph("Nothing was kept.")]
+        yield from (Heading(str(name), 3), table(_lines(of), columns))
 
 
-def _lines(found: list[Row]) -> list[Row]:
+def _lines(found: list[Row]) -> Iterator[Row]:
     """A line for each check; versions and models only where they are others than before."""
-    lines, before = [], {"versions": "{}", "files": "{}", "cpu": ""}
+    before: Mapping[str, Any] = {"versions": "{}", "files": "{}", "cpu": ""}
     for row in found:
         said = [f"{engine} {value}" for engine, value in _new(row, before, "versions").items()]
         said += [f"model of {engine}" for engine in _new(row, before, "files")] if before["cpu"] else []
         said += [row["cpu"]] if row["cpu"] != before["cpu"] else []
-        digits = digits_text(row["error"])
-        lines.append({**row, "digits": digits, "time_s": row["seconds"], "new": ", ".join(said)})
+        yield {**row, "digits": digits_text(row["error"]), "new": ", ".join(said)}
         before = row
-    return lines
 
 
 def _new(row: Mapping[str, Any], before: Mapping[str, Any], key: str) -> dict[str, str]:
@@ -49,10 +45,4 @@ def _banner(found: pd.DataFrame) -> Banner:
     return Banner(text, *(("✗ NOT ALL AGREE", "differ") if bad else ("✓ AGREE", "agree")))
 
 
-def _body(found: pd.DataFrame) -> list[Block]:
-    from screwgauge.report.figures.history import make_plots
-
-    return [*make_plots(found), *_terminal(found)]
-
-
-PAGE = Study("history.csv", "History", _banner, _body, _terminal)
+PAGE = study("history.csv", "History", _banner, draw=make_plots, scenes=lambda found: [*_scenes(found)])

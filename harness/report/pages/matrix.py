@@ -2,70 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pandas as pd
 
 from screwgauge.casebook.book import CASES
-from screwgauge.report.blocks import Banner, Block, Folded, Items, Paragraph, Table
-from screwgauge.report.formatting import Row, listed, number, rows
-from screwgauge.report.study import Study, said
+from screwgauge.report.blocks import Banner, Block, Folded, Items
+from screwgauge.report.formatting import Row, listed, rows
+from screwgauge.report.study import study
 from screwgauge.study.matrix import COLUMNS
 
-NAME = "matrix.csv"
 ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
 #: Column -> what became of a case.
 STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
 
 
-def terminal(found: pd.DataFrame) -> list[Block]:
-    """What is printed: a row for each pair."""
-    return [_pairs(found), *_reasons(found)]
-
-
 def _banner(found: pd.DataFrame) -> Banner:
-    good, bad = sum(found["status"] == "agree"), [f"pin {r['pin']}, mujoco {r['mujoco']}" for r in rows(found)]
-    bad = [name for name, status in zip(bad, found["status"], strict=True) if status != "agree"]
-    text = (
-        f"On {good} of {len(found)} pairs of versions all built-in scenes pass.{f' Not on {listed(bad)}.' * bool(bad)}"
-    )
+    bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(found) if row["status"] != "agree"]
+    count, lost = f"{len(found) - len(bad)} of {len(found)}", f" Not on {listed(bad)}." * bool(bad)
+    text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
     return Banner(text, *(("✗ NOT ALL AGREE", "differ") if bad else ("✓ AGREE", "agree")))
 
 
-def _body(found: pd.DataFrame) -> list[Block]:
-    depends = said("Discrepancies that depend on the version", *_cases(found))
-    return [*said("Versions", _pairs(found), *_reasons(found)), *depends]
-
-
-def _pairs(found: pd.DataFrame) -> Table:
-    lines = []
-    for row in rows(found):
-        counts = [str(len(row[name].split())) for name in STATUS]
-        passing = f"{row['passing']} of {row['scenes']}"
-        lines.append(
-            (row["pin"], row["mujoco"], row["status"], passing, number(row["digits"], 3), row["worst"], *counts)
-        )
-    heads = ("pin", "mujoco", "check", "scenes", "digits", "fewest in", "cases shown", "not shown", "failed")
-    return Table(heads, tuple(lines))
+def _pairs(found: pd.DataFrame) -> list[Row]:
+    return [{**row, **{name: len(row[name].split()) for name in STATUS}} for row in rows(found)]
 
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
-    said = [
-        f"pin {row['pin']}, mujoco {row['mujoco']}: {_amount(row)}{row['reason']}"
-        for row in rows(found)
-        if row["reason"]
-    ]
-    return [Folded("What does not pass", (Items(tuple(said)),))] if said else []
+    """What does not pass, in how many scenes which quantities differ."""
+    form = "pin {pin}, mujoco {mujoco}: {amount}{reason}"
+    amounts = ("scenes out of tolerance in {differing}; the first: " if row["differing"] else "" for row in rows(found))
+    both = zip(rows(found), amounts, strict=True)
+    told = tuple(form.format(**row, amount=amount.format(**row)) for row, amount in both if row["reason"])
+    return [Folded("What does not pass", (Items(told),))] if told else []
 
 
-def _amount(row: Row) -> str:
-    """In how many scenes which quantities differ."""
-    return f"scenes out of tolerance in {row['differing']}; the first: " if row["differing"] else ""
+def _lost(found: pd.DataFrame) -> list[tuple[str, str]]:
+    """Versions of which nothing works, because they cannot even be imported: every case of one alone has failed."""
+
+    def broken(row: Row, package: str) -> bool:
+        own = {name for name, case in CASES.items() if case.engines == (ENGINES[package],)}
+        failed, others = {*row["failed"].split()} & own, {*row["shown"].split(), *row["not_shown"].split()} & own
+        return bool(failed) and not others
+
+    return sorted({(package, row[package]) for row in rows(found) for package in ENGINES if broken(row, package)})
 
 
-def _cases(found: pd.DataFrame) -> list[Block]:
-    """A row for each case that is not the same everywhere; engines of which nothing works are named once."""
-    lost = {(package, row[package]) for row in rows(found) for package in ENGINES if _broken(row, package)}
-    blocks: list[Block] = [Items(tuple(f"{name} {version}: no case runs at all." for name, version in sorted(lost)))]
-    lines = []
+def _cases(found: pd.DataFrame) -> Iterator[Row]:
+    """A row for each case that is not the same everywhere."""
+    lost = {*_lost(found)}
     for name, case in CASES.items():
         packages = [package for package, engine in ENGINES.items() if engine in case.engines]
         by: dict[str, set[str]] = {}
@@ -74,18 +59,17 @@ def _cases(found: pd.DataFrame) -> list[Block]:
             if status and not lost & {(package, row[package]) for package in packages}:
                 by.setdefault(" / ".join(row[package] for package in packages), set()).add(status)
         if len(set().union(*by.values())) > 1:
-            said = (f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
-            lines.append((name, " / ".join(packages), "; ".join(said), case.title))
-    table = Table(("case", "of", "version: what it does", "what users see"), tuple(lines))
-    return [*(blocks if lost else []), table if lines else Paragraph("None.")]
+            said = "; ".join(f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
+            yield {"case": name, "of": " / ".join(packages), "said": said, "title": case.title}
 
 
-def _broken(row: Row, package: str) -> bool:
-    """Whether every case of one engine alone has failed, because it cannot even be imported."""
-    own = {name for name, case in CASES.items() if case.engines == (ENGINES[package],)}
-    failed, others = {*row["failed"].split()} & own, {*row["shown"].split(), *row["not_shown"].split()} & own
-    return bool(failed) and not others
-
-
-PAGE = Study(NAME, "Versions of Pinocchio and MuJoCo", _banner, _body, terminal, tuple(COLUMNS))
-DATA, write = PAGE.DATA, PAGE.write
+PAGE = study(
+    "matrix.csv",
+    "Versions of Pinocchio and MuJoCo",
+    _banner,
+    COLUMNS,
+    pairs=_pairs,
+    reasons=_reasons,
+    lost=lambda found: [f"{name} {version}: no case runs at all." for name, version in _lost(found)],
+    cases=lambda found: [*_cases(found)],
+)

@@ -6,16 +6,15 @@ Models are those of the extra ``study``, and all in the folders named.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Heading, folded, table
-from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.study import Study, counted, on_models, said
+from screwgauge.report.blocks import Banner
+from screwgauge.report.formatting import rows
+from screwgauge.report.study import by_source, counted, on_models, study
 from screwgauge.study.imports import imports
 
-COLUMNS = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = worst"
+COLUMNS = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
 
 
 def _banner(found: pd.DataFrame) -> Banner:
@@ -24,20 +23,14 @@ def _banner(found: pd.DataFrame) -> Banner:
     return Banner(f"{len(found)} models: {counted(found['verdict'])}. {have}")
 
 
-def _body(found: pd.DataFrame) -> Iterator[Block]:
-    every = [{**row, "worst": row["max_scaled"]} for row in rows(found)]
-    told = [row for row in every if row["reason"]]
-    yield from said("Why not", folded("All", table(told, "model | verdict | reason"))) if told else ()
-    yield from said("Public models")[1:]
-    for (source,), group in grouped(every, "source").items():
-        yield from (Heading(str(source)), folded(f"All {len(group)} models", table(group, COLUMNS)))
-    left = [row for row in every if row["left_out"]]
-    if left:
-        yield from said("What descriptions do not hold", folded("All", table(left, "model | left out")))
-
-
-PAGE = Study("imports.csv", "Public models", _banner, _body)
-NAME, write = PAGE.NAME, PAGE.write
+PAGE = study(
+    "imports.csv",
+    "Public models",
+    _banner,
+    reasons=lambda found: [row for row in rows(found) if row["reason"]],
+    models=lambda found: by_source(rows(found), COLUMNS),
+    omitted=lambda found: [row for row in rows(found) if row["left_out"]],
+)
 
 if __name__ == "__main__":
     sys.exit(on_models(PAGE, imports, "public", "public-models"))

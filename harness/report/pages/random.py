@@ -9,9 +9,9 @@ from statistics import median
 
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Paragraph, Table, table
-from screwgauge.report.formatting import grouped, rows
-from screwgauge.report.study import Study, said
+from screwgauge.report.blocks import Banner, Table, table
+from screwgauge.report.formatting import Row, grouped, rows
+from screwgauge.report.study import study
 from screwgauge.study.campaign import CERTIFIED, ENGINES
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
@@ -46,7 +46,7 @@ def _families(found: pd.DataFrame) -> Table:
     return table(lines, f"{counted} | worst error = worst | of = quantity | seed")
 
 
-def _reasons(found: pd.DataFrame) -> list[Block]:
+def _reasons(found: pd.DataFrame) -> list[Row]:
     """Reasons without names and numbers, the most frequent first, each with one mechanism that has it."""
     told = [
         {"reason": plain(text), "first_seen_in": f"{row['family']} {row['seed']}"}
@@ -58,8 +58,7 @@ def _reasons(found: pd.DataFrame) -> list[Block]:
         if text
     ]
     groups = sorted(grouped(told, "reason").items(), key=lambda item: (-len(item[1]), item[0]))
-    lines = [{**group[0], "count": len(group)} for _, group in groups]
-    return [table(lines, "count | reason | first seen in")] if lines else []
+    return [{**group[0], "count": len(group)} for _, group in groups]
 
 
 def plain(reason: str) -> str:
@@ -70,6 +69,7 @@ def plain(reason: str) -> str:
 
 
 def _costs(found: pd.DataFrame) -> Table:
+    """Median processor time [s] by number of bodies."""
     keys, lines = [*(f"{engine}_s" for engine in ENGINES), "cpu_s"], []
     for low, high in pairwise((1, 4, 7, 10, 13, 100)):
         group = [row for row in rows(found) if low <= row["bodies"] < high]
@@ -78,16 +78,12 @@ def _costs(found: pd.DataFrame) -> Table:
     return Table(("bodies", *ENGINES, "all, with comparison"), tuple(lines))
 
 
-def _body(found: pd.DataFrame) -> list[Block]:
-    return [
-        *said("Who did not agree, and why", *(_reasons(found) or [Paragraph("All agreed.")])),
-        *said("By family", _families(found)),
-        *said("Processor time", _costs(found)),
-    ]
-
-
-def _terminal(found: pd.DataFrame) -> list[Block]:
-    return [Paragraph(_sentence(found)), _families(found), *_reasons(found)]
-
-
-PAGE = Study("random.csv", "Random mechanisms", _banner, _body, _terminal)
+PAGE = study(
+    "random.csv",
+    "Random mechanisms",
+    _banner,
+    sentence=_sentence,
+    families=_families,
+    reasons=_reasons,
+    costs=_costs,
+)

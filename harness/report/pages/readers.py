@@ -6,15 +6,15 @@ Models are those of the extra ``study``, and all in the folders named.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.diagnosis.readers import SAME
-from screwgauge.report.blocks import Banner, Block, Heading, folded, table
+from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.study import Study, counted, on_models, said
+from screwgauge.report.study import by_source, counted, on_models, study
 from screwgauge.study.readers import reader_matrix
 
 COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
@@ -24,15 +24,6 @@ def _banner(found: pd.DataFrame) -> Banner:
     models = grouped(rows(found), "source", "model", "format").values()
     text = f"{len(models)} models: {counted(map(_found, models))}."
     return Banner(text, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
-
-
-def _body(found: pd.DataFrame) -> Iterator[Block]:
-    told = [row for row in rows(found) if row["cause"]]
-    yield from said("Why", folded(f"All {len(told)} causes", table(told, "model | library | cause"))) if told else ()
-    yield from said("Readers of public models")[1:]
-    for (source,), group in grouped(rows(found), "source").items():
-        lines = [_line(of) for of in grouped(group, "model", "format").values()]
-        yield from (Heading(str(source)), folded(f"All {len(lines)} models", table(lines, COLUMNS)))
 
 
 def _line(lines: Sequence[Row]) -> Row:
@@ -56,8 +47,13 @@ def _found(lines: Sequence[Row]) -> str:
     return "equal as rigid bodies" if rigid <= SAME else "other torques"
 
 
-PAGE = Study("readers.csv", "Readers of public models", _banner, _body)
-NAME, write = PAGE.NAME, PAGE.write
+PAGE = study(
+    "readers.csv",
+    "Readers of public models",
+    _banner,
+    causes=lambda found: [row for row in rows(found) if row["cause"]],
+    models=lambda found: by_source(map(_line, grouped(rows(found), "source", "model", "format").values()), COLUMNS),
+)
 
 if __name__ == "__main__":
     sys.exit(on_models(PAGE, reader_matrix, "readers", "readers"))

@@ -2,101 +2,195 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
-from functools import partial
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, replace
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from screwgauge.judging.compare import ERROR_COLUMNS
-from screwgauge.judging.conditioning import LIMIT
-from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Paragraph, Picture, facts, table
+from screwgauge.judging.conditioning import LIMIT, Guarded
+from screwgauge.report.blocks import Banner, Block, Folded, Picture
+from screwgauge.report.figures.run import make_plots
+from screwgauge.report.figures.selection import drawable
 from screwgauge.report.folder import SAMPLES
-from screwgauge.report.formatting import Row, digits_text, grouped, number, rows
-from screwgauge.report.layout import laid_out
-from screwgauge.report.pages import sections
-from screwgauge.report.pages.paper import errata_section
-from screwgauge.report.pages.simulation import published
+from screwgauge.report.formatting import (
+    FORMS,
+    Row,
+    beyond,
+    digits_text,
+    grouped,
+    listed,
+    missing,
+    number,
+    rows,
+    size,
+    span,
+    unit_text,
+    words,
+)
+from screwgauge.report.layout import Report, Value
+from screwgauge.report.pages.scene import about, judged, samples, short
 from screwgauge.report.record import samples_table, summary, timings
-from screwgauge.report.stage.picture import stage, told
+from screwgauge.report.stage.picture import stage
 from screwgauge.report.verdict import compared, verdict
-from screwgauge.report.write import write_report
-from screwgauge.solution import Timing
+from screwgauge.scene.observables import Published
+from screwgauge.solution import REFERENCE, Timing
 from screwgauge.study.comparison import Comparison
 
-TIMING = "engine | setting | stage | samples = n_sample | min [s] = min_s | median [s] = median_s"
-SCALED = "scaled = max_scaled | digits | tolerance | = ok"
 __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
-DATA = ("errors.csv", "timings.csv", "environment.json", "summary.json")
 
 
-def report(results: Comparison, pictures: Iterable[Picture], errata: Sequence[Block] = ()) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``.
-
-    Args:
-        pictures: That of the mechanism, if there is one, is called ``mechanism`` and stands on the first screen.
-        errata: The section "The paper, checked", left out if empty.
-    """
-    section = partial(blocks.section, "run" if not results.scene.simulated else "simulation")
-    drawn = {picture.name: picture for picture in pictures}
-    first, others = drawn.pop("mechanism", None), published(results)
-    held = told(first) if first and first.stage else []
-    body = [
-        *sections.differing(results),
-        *section("Digits of agreement", *sections.overview(results)),
-        *section("Judge", sections.judge(results)),
-        *section("Plots", *sections.plots(results, list(drawn.values()))),
-        *(section("Published results", others) if others else []),
-        *section("Coverage", *sections.coverage(results)),
-    ]
-    appendix = [
-        *section("Scene", *sections.scene(results)),
-        *section("Engines", *sections.engines(results)),
-        *section("Pairs", sections.every_pair(results)),
-        *section("Residuals", sections.every_residual(results)),
-        *section("Estimated errors", *sections.estimates(results), limit=LIMIT),
-        *section("Parameters", sections.parameters(results)),
-        *section("Mechanism", facts(results.mobility, "No facts of the mechanism were computed.")),
-        *(section("The paper, checked", *errata) if errata else []),
-        *section("How it was compared"),
-        *section("Run times", _times(results)),
-        *section("Environment", facts(results.environment)),
-        *section("Known limitations"),
-    ]
-    return laid_out(
-        f"{results.scene.title or results.scene.name}: verification report",
-        [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)],
-        body,
-        appendix,
-        first=[*sections.worst_three(results), facts(sections.what(results)), *held],
-        picture=first,
-    )
+def _banners(results: Comparison) -> list[Banner]:
+    return [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)]
 
 
-def _times(results: Comparison) -> Block:
+def _shown(found: Iterable[Row]) -> list[Row]:
+    """Rows with what tables say of them: where they are worst, signs for what is out of tolerance."""
+    shown = []
+    for row in found:
+        component, t = row.get("worst_component"), row.get("worst_t")
+        nowhere = missing(component) or not component
+        at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
+        digits, sign = digits_text(row["max_scaled"]), "" if row["ok"] else " ✗"
+        said: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
+        said |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
+        shown.append({"reason": "", **row, **said, "unique": "yes" if row.get("unique") else "no"})
+    return shown
+
+
+def _pairs(results: Comparison) -> list[Row]:
+    return _shown(rows(results.pairs))
+
+
+def _residuals(results: Comparison) -> list[Row]:
+    return _shown(rows(results.judge))
+
+
+def _worst_three(results: Comparison) -> list[Row]:
+    """What comes nearest to its tolerance, or goes beyond it farthest."""
+    found = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
+    judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
+    found += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
+    order = sorted(found, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
+    three = _shown(group[0] for group in list(grouped(order, "what").values())[:3])
+    return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
+
+
+def _what(results: Comparison) -> dict[str, Any]:
+    """What was judged, short enough for a first screen."""
+    files, versions = short(judged(results.provenance)), dict[str, Any]()
+    for name in (*results.solutions, *results.failures):
+        version = (results.solutions[name].version or "given") if name in results.solutions else "✗ failed"
+        versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
+    scene = f"{files.pop('scene file', results.scene.name)}, {samples(results.times)}"
+    mechanism = files.pop("description", results.scene.mechanism.name)
+    return {"scene": scene, "mechanism": mechanism, **versions, **files}
+
+
+def _overview(results: Comparison) -> list[Row]:
+    """Digits of agreement of each pair, beside those that the tolerance asks for; what differs first."""
+    found, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
+    for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
+        tolerances = [row["tolerance"] for row in group]
+        needed = span(digits_text(max(tolerances)), digits_text(min(tolerances)))
+        found += [{**row, "needed": needed} for row in _shown(group)]
+    return found
+
+
+def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
+    """What differs is shown; what agrees is folded into a line with its digits."""
+    pairs, shown, folds = grouped(compared(results), "quantity", "unit"), list[Block](), list[Block]()
+    for picture, figure in zip_longest(pictures, drawable(tuple(results.scene.figures), results.solutions)):
+        found = pairs.get((figure.quantity, figure.unit), []) if figure and picture else []
+        note = f"agrees to {digits_text(max(row['max_scaled'] for row in found))} digits" if found else ""
+        if not all(row["ok"] for row in found):
+            shown.append(picture)
+        elif picture:
+            folds.append(Folded(picture.title, (picture,), note))
+    return [*shown, *folds]
+
+
+def _parameters(results: Comparison) -> list[Row]:
+    """From which error on parameters show."""
+    found = sorted(results.coverage.parameters, key=lambda row: -row["smallest"])
+    return [{**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else "not tested"} for row in found]
+
+
+def estimates(results: Comparison) -> list[Row]:
+    """Estimated error of each quantity of each engine."""
+
+    def cell(row: Guarded) -> str:
+        mark = "" if row.ok else f" ✗ ({row.flagged} of {row.n_sample}, t = {number(row.worst_t)} s)"
+        return f"{_estimate(row)}, condition {size(row.condition)}{mark}"
+
+    return [{"quantity": words(row.quantity), "engine": row.engine, "cell": cell(row)} for row in results.guard]
+
+
+def _estimate(row: Guarded) -> str:
+    return size(row.estimate) if math.isfinite(row.estimate) else "no digit"
+
+
+def _conditioning(results: Comparison) -> list[Block]:
+    """In a few words: no sample flagged, or the worst of them."""
+    if not results.guard:
+        return []
+    bad = [row for row in results.guard if not row.ok]
+    worst = max(bad or results.guard, key=lambda row: (row.estimate, row.flagged))
+    error = "error" if not results.scene.simulated else "effect of rounding on the motion"
+    text = f"nothing flagged; largest estimated {error} {_estimate(worst)} ({worst.quantity} of {worst.engine})"
+    if bad:
+        text = (
+            f"{len(bad)} of {len(results.guard)} results flagged ({listed(dict.fromkeys(row.engine for row in bad))}); "
+            f"worst {worst.quantity} of {worst.engine} at t = {number(worst.worst_t)} s: estimated error "
+            f"{_estimate(worst)}, condition {size(worst.condition)}"
+        )
+    return [Banner(text, "conditioning")]
+
+
+def _engines(results: Comparison) -> Iterator[Row]:
+    """Who ran to the end, or how far."""
+    for name, solution in results.solutions.items():
+        n, status = solution.n_solved, "given" if solution.engine == REFERENCE else "ran"
+        if solution.stopped:
+            status = f"✗ stopped after t = {number(results.times[n - 1])} s" if n else "✗ stopped"
+        yield {"engine": name, "version": solution.version, "status": status}
+    for name, failure in results.failures.items():
+        yield {"engine": name, "version": "", "status": f"✗ {failure.reason}"}
+
+
+def _times(results: Comparison) -> list[Row]:
     """Measured stages with what the clock covers."""
-    found = [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
-    columns = f"{TIMING} | median per sample [µs] = each | covers"
-    return table(found, columns) if found else Paragraph("Nothing was timed.")
+    return [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
 
 
-def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
-    """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
-    residual of the judge, conditioning."""
-    shown: list[Block] = []
-    if pairs := _worst(compared(results), "quantity"):
-        shown.append(table(pairs, f"quantity | unit | worst pair = pair | {SCALED}"))
-    if judged := _worst(rows(results.judge), "residual") if judge else []:
-        shown.append(table(judged, f"judge: residual = residual | unit | worst engine = engine | {SCALED}"))
-    return [
-        verdict(results),
-        *(Banner(sentence, "Warning") for sentence in results.warnings),
-        *shown,
-        *([Banner(sections.conditioning(results), "conditioning")] if results.guard else []),
-    ]
+def published(results: Comparison) -> list[Row]:
+    """Errors and times of this run beside those that others have published."""
+    theirs_, found = [*map(theirs, results.scene.published)], list[Row]()
+    pairs, judged = results.pairs, results.judge
+    for engine, solution in results.solutions.items() if theirs_ else ():
+        known = rows(pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)].dropna(subset="max_abs"))
+        balance = judged[(judged["engine"] == engine) & (judged["residual"] == "energy_balance")]
+        row = {
+            "who": f"**{engine}**, {solution.setting}",
+            "observable": ", ".join(f"{size(row['max_abs'])} {row['unit']}" for row in known),
+            "energy": "".join(map(size, balance["max_abs"])),
+            "cpu_s": None if solution.cost is None else solution.cost.cpu_s,
+        }
+        found += [{**row, "remark": "", "source": "this run"}] if engine != REFERENCE else []
+    return [*found, *theirs_]
+
+
+def theirs(item: Published) -> Row:
+    """A published result, its error beside what it measures."""
+    off = "" if missing(item.accuracy) else size(item.accuracy)
+    errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
+    cpu_s = None if missing(item.cpu_s) else item.cpu_s
+    return {"who": item.who, **errors, "cpu_s": cpu_s, "remark": item.remark, "source": item.source}
 
 
 def _worst(found: Sequence[Row], key: str) -> list[Row]:
@@ -105,24 +199,78 @@ def _worst(found: Sequence[Row], key: str) -> list[Row]:
     def badness(row: Row) -> tuple[bool, float]:
         return not row["ok"], np.inf if np.isnan(row["max_scaled"]) else float(row["max_scaled"])
 
-    worst = [max(group, key=badness) for group in grouped(found, key, "unit").values()]
-    return [{**row, "digits": digits_text(row["max_scaled"]).replace("NaN", "-")} for row in worst]
+    return _shown(max(group, key=badness) for group in grouped(found, key, "unit").values())
+
+
+VALUES: dict[str, Value] = {
+    "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
+    "worst three": _worst_three,
+    "what": _what,
+    "every pair": _pairs,
+    "pairs that differ": lambda results: [row for row in _pairs(results) if not row["ok"]],
+    "residuals": _residuals,
+    "residuals too large": lambda results: [row for row in _residuals(results) if not row["ok"]],
+    "overview": _overview,
+    "differ": lambda results: not all(row["ok"] for row in compared(results)),
+    "parameters": _parameters,
+    "estimates": estimates,
+    "limit": lambda results: LIMIT,
+    "computed": lambda results: about(results.scene, results.times) | judged(results.provenance),
+    "engines": lambda results: [*_engines(results)],
+    "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
+    "published": published,
+    "times": _times,
+    **dict.fromkeys(("reach", "errata", "meaning"), lambda results: ""),  # see `errata_values`
+    "verdict": _banners,
+    "worst pairs": lambda results: _worst(compared(results), "quantity"),
+    "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
+    "conditioning": _conditioning,
+}
 
 
 def pictures(results: Comparison) -> list[Picture]:
     """The mechanism, then what engines say of each quantity."""
-    from screwgauge.report.figures.run import make_plots
-
     return [stage(results.scene, results.solutions), *make_plots(results)]
+
+
+RUN = Report(
+    text="run",
+    banner=_banners,
+    data={
+        "errors.csv": lambda results: results.errors[ERROR_COLUMNS],
+        "timings.csv": lambda results: pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__)),
+        "environment.json": lambda results: results.environment,
+        "summary.json": summary,
+    },
+    values=VALUES,
+    draw=lambda results: pictures(results),  # looked up late, to be replaced in tests
+    plots=_plots,
+)
+DATA = RUN.DATA
+
+
+def _kind(results: Comparison, **values: Value) -> Report:
+    return replace(RUN, text="simulation" if results.scene.simulated else "run", values={**VALUES, **values})
+
+
+def _errata(results: Comparison) -> dict[str, Value]:
+    from screwgauge.report.pages.paper import errata_values  # brings all that measures them
+
+    return errata_values(results.scene)
+
+
+def report(results: Comparison, pictures: Iterable[Picture], *, errata: bool = False) -> list[Block]:
+    """The blocks of ``report.md`` and ``report.html``; `errata`: also what the paper has wrong."""
+    return _kind(results, **(_errata(results) if errata else {})).blocks(results, pictures)
+
+
+def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
+    """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
+    residual of the judge, conditioning."""
+    return _kind(results, **({} if judge else {"worst residuals": lambda results: ()})).terminal(results)
 
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
-    timed = pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__))
-    tables = results.errors[ERROR_COLUMNS], timed, results.environment, summary(results)
-    data = dict(zip(DATA, tables, strict=True)) | ({SAMPLES: samples_table(results)} if samples else {})
-
-    def tell() -> list[Block]:
-        return report(results, pictures(results), errata_section(results.scene) if errata else ())
-
-    return write_report(out, tell, data, pdf=pdf)
+    kind = _kind(results, **(_errata(results) if errata else {}))
+    return kind.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)

@@ -8,18 +8,15 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Paragraph, Table, folded, table
+from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
-from screwgauge.report.study import Study, counted, said
+from screwgauge.report.study import counted, study
 from screwgauge.study.selftest.judged import CLOSE
 from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
 
 #: What is asked for: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}
 SLOWEST = 10.0
-FIGURES = f"diagnoses | {' | '.join(WANTED)} | median time [s] = time"
-PAIRS = "written | pairs | pairs of readers = readers | false alarms = alarms | largest torque difference = worst"
-MISSES = "number | kind | model | a | b | size | effect | error = off | verdict | named first = short"
 
 
 def passed(found: pd.DataFrame) -> bool:
@@ -57,10 +54,10 @@ def _median(found: Sequence[Row]) -> float:
 
 def _banner(found: pd.DataFrame) -> Banner:
     changed, alike = _of(found, CHANGED), _of(found, ALIKE)
-    shares = {
-        k: (good, of, f"{100.0 * good / of:.1f} %" if of else "none") for k, (good, of) in _figures(changed).items()
-    }
-    figures = ", ".join(f"{name} {good} of {of} ({share})" for name, (good, of, share) in shares.items())
+    figures = ", ".join(
+        f"{name} {good} of {of} ({f'{100.0 * good / of:.1f} %' if of else 'none'})"
+        for name, (good, of) in _figures(changed).items()
+    )
     alarms = sum(_true(row["detected"]) for row in alike)
     models, public = ({row["model"] for row in changed if _true(row["public"]) or every} for every in (True, False))
     text = (
@@ -71,34 +68,36 @@ def _banner(found: pd.DataFrame) -> Banner:
     return Banner(text, "✓ PASSED", "agree") if passed(found) else Banner(text, "✗ FAILED", "differ")
 
 
-def _by(groups: Iterable[tuple[str, Sequence[Row]]], head: str) -> Table:
+def _by(groups: Iterable[tuple[str, Sequence[Row]]]) -> list[Row]:
     """A line of figures for each group of changes."""
-    lines = [
+    return [
         {
-            **{name: f"{good}/{of}" if of else "" for name, (good, of) in _figures(group).items()},
+            **{name.replace(" ", "_"): f"{good}/{of}" if of else "" for name, (good, of) in _figures(group).items()},
             "label": label,
             "diagnoses": len(group),
             "time": f"{_median(group):.2f}",
         }
         for label, group in groups
     ]
-    spelled = [{key.replace(" ", "_"): value for key, value in line.items()} for line in lines]
-    return table(spelled, f"{head} = label | {FIGURES}")
 
 
-def _by_kind(found: pd.DataFrame) -> Table:
-    return _by(((words(kind), of) for (kind,), of in grouped(_of(found, CHANGED), "kind").items()), "kind")
+def _by_kind(found: pd.DataFrame) -> list[Row]:
+    return _by((words(kind), of) for (kind,), of in grouped(_of(found, CHANGED), "kind").items())
 
 
-def _body(found: pd.DataFrame) -> list[Block]:
-    changed = _of(found, CHANGED)
-    models = sorted(grouped(changed, "model").items())
-    named = ((f"{model}{' (public)' if _true(of[0]['public']) else ''}", of) for (model,), of in models)
-    sizes = (
-        (f"1e{low} to 1e{low + 1}", [row for row in changed if 10.0**low <= float(row["size"]) < 10.0 ** (low + 1)])
-        for low in range(-6, -1)
-    )
-    alike = [
+def _by_model(found: pd.DataFrame) -> list[Row]:
+    models = sorted(grouped(_of(found, CHANGED), "model").items())
+    return _by((f"{model}{' (public)' if _true(of[0]['public']) else ''}", of) for (model,), of in models)
+
+
+def _by_size(found: pd.DataFrame) -> list[Row]:
+    changed = [(row, float(row["size"])) for row in _of(found, CHANGED)]
+    sizes = [(f"1e{k} to 1e{k + 1}", 10.0**k, 10.0 ** (k + 1)) for k in range(-6, -1)]
+    return _by((label, [row for row, size in changed if low <= size < high]) for label, low, high in sizes)
+
+
+def _alike(found: pd.DataFrame) -> list[Row]:
+    return [
         {
             "written": words(kind),
             "pairs": len(group),
@@ -108,29 +107,24 @@ def _body(found: pd.DataFrame) -> list[Block]:
         }
         for (kind,), group in grouped(_of(found, ALIKE), "kind").items()
     ]
-    return [
-        *said("Misses", *(_misses(found) or [Paragraph("None.")])),
-        *said("By kind of change", folded("All kinds", _by_kind(found)), visible=VISIBLE, close=CLOSE),
-        *said("By model", folded("All models", _by(named, "model"))),
-        *said("By size of the change", _by(sizes, "relative size drawn")),
-        *said("Pairs that are alike", table(alike, PAIRS)),
-    ]
 
 
-def _misses(found: pd.DataFrame) -> list[Block]:
+def _misses(found: pd.DataFrame) -> list[Row]:
     """All rows that are not right, and kinds that no model has a place for."""
     missed = [row for row in rows(found) if row["verdict"] != "ok"]
-    cut = [
-        {**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}...", "off": str(row["error"])}
-        for row in missed
-    ]
-    counts = Paragraph(f"{counted(row['verdict'] for row in missed)}.")
-    return [counts, folded(f"All {len(cut)}", table(cut, MISSES))] if missed else []
+    return [{**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}..."} for row in missed]
 
 
-def _terminal(found: pd.DataFrame) -> list[Block]:
-    return [_banner(found), _by_kind(found), *_misses(found)]
-
-
-PAGE = Study("selftest.csv", "Self-test of the diagnosis", _banner, _body, _terminal)
-NAME, write = PAGE.NAME, PAGE.write
+PAGE = study(
+    "selftest.csv",
+    "Self-test of the diagnosis",
+    _banner,
+    misses=_misses,
+    missed=lambda found: counted(row["verdict"] for row in _misses(found)),
+    kinds=_by_kind,
+    models=_by_model,
+    sizes=_by_size,
+    alike=_alike,
+    visible=lambda found: VISIBLE,
+    close=lambda found: CLOSE,
+)

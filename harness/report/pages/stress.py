@@ -2,102 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph, Picture, Table, facts
+from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph
+from screwgauge.report.figures.stress import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
-from screwgauge.report.layout import laid_out
-from screwgauge.report.pages.sections import judged, short
-from screwgauge.report.write import write_report
+from screwgauge.report.layout import Report
+from screwgauge.report.pages.scene import judged, short
 from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, SILENT, VERDICTS, Case
 from screwgauge.study.stress import Stress
 
-BAD = (DEGRADED, REFUSED, SILENT)
-DATA = ("stress.csv", "environment.json")
-WHO = ("case", "engine", "digits")
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
-WORST = ("engine", "nine digits in all of", "says that it keeps fewer, or refuses, in", "silently wrong in")
-
-
-def report(found: Stress, pictures: Iterable[Picture]) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``."""
-    told, section, drawn = _rows(found), partial(blocks.section, "stress"), list(pictures)
-    engines = {k: v for k, v in found.environment.get("packages", {}).items() if k in PACKAGES}
-    by_case, silent = grouped(told, "case"), [row for row in told if row["verdict"] == SILENT]
-    return laid_out(
-        "Stiff and extreme: where it breaks, and whether it says so",
-        [_banner(found)],
-        [*section("How to read it", *drawn), *section("Silently wrong", _silent(silent))],
-        [
-            *section("Where it breaks", _overview(found.cases, told)),
-            *(block for case in found.cases for block in _case(case, by_case.get((case.name,), []))),
-            *section("Environment", facts({**judged(found.provenance), **found.environment})),
-        ],
-        first=[_worst(found), facts({**short(judged(found.provenance)), **engines})],
-    )
-
-
-PACKAGES = ("pin", "mujoco", "screwgauge")
-
-
-def write(found: Stress, out: Path) -> Path:
-    """Writes report, page of small plots, table and environment."""
-    from screwgauge.report.figures.stress import make_plots
-
-    data = dict(zip(DATA, (found.table, found.environment), strict=True))
-    return write_report(out, lambda: report(found, make_plots(found)), data, figures=6)
+COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}
 
 
 def _rows(found: Stress) -> list[Row]:
-    return rows(found.table.assign(error=[row.error for row in found.rows]))
+    told = rows(found.table.assign(error=[row.error for row in found.rows]))
+    return [{**row, "who": row["engine"].split()[0]} for row in told]
 
 
-def _by_worst(found: Stress) -> dict[str, dict[str, list[str]]]:
-    """Engine without its settings -> worst verdict -> cases."""
-    told: dict[str, dict[str, list[str]]] = {}
-    for (case, engine), group in grouped(_named(found), "case", "who").items():
-        worst = max((row["verdict"] for row in group), key=VERDICTS.index)
-        told.setdefault(engine, {}).setdefault(worst, []).append(case)
-    return told
+def _silent_rows(found: Stress) -> list[Row]:
+    return [row for row in _rows(found) if row["verdict"] == SILENT]
 
 
-def _named(found: Stress) -> list[Row]:
-    return [{**row, "who": row["engine"].split()[0]} for row in _rows(found)]
-
-
-def _worst(found: Stress) -> Table:
+def _worst(found: Stress) -> Iterator[Row]:
     """For each engine in how many cases it keeps its digits, says that it does not, or is wrong in silence."""
-    lines = []
-    for engine, by in _by_worst(found).items():
-        counts = len(by.get(OK, [])), len(by.get(DEGRADED, [])) + len(by.get(REFUSED, [])), len(by.get(SILENT, []))
-        lines.append((engine, *(f"{n} of {sum(counts)} cases" if n else "none" for n in counts)))
-    return Table(WORST, tuple(lines))
+    for (engine,), group in grouped(_rows(found), "who").items():
+        cases = grouped(group, "case").values()
+        worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
+        counts = {"kept": worst.count(OK), "silent": worst.count(SILENT)}
+        counts["said"] = len(worst) - sum(counts.values())
+        yield {"engine": engine, **{k: f"{n} of {len(worst)} cases" if n else "none" for k, n in counts.items()}}
 
 
 def _banner(found: Stress) -> Banner:
     """Orange where anything is wrong without saying so, red where that is our own solver."""
-    silent = any(row.verdict == SILENT for row in found.rows)
     if not found.ok:
         return Banner(headline(found), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
+    silent = any(row.verdict == SILENT for row in found.rows)
     return Banner(headline(found), *(("✗ SILENTLY WRONG", "differ") if silent else ("✓ ALL SAY SO", "agree")))
 
 
 def headline(found: Stress) -> str:
     """Who gives wrong numbers without a word and from where on, what our own solver does, and counts."""
-    first, parts = {case.name: max if case.falling else min for case in found.cases}, list[str]()
-    axes, own = {case.name: case.axis for case in found.cases}, {row.engine.split()[0] for row in found.rows if row.own}
-    asked = grouped(_named(found), "who")
-    bad = grouped([row for row in _named(found) if row["verdict"] == SILENT], "who")
-    for (engine,), group in bad.items():
+    known, parts = {case.name: case for case in found.cases}, list[str]()
+    asked, own = grouped(_rows(found), "who"), {row.engine.split()[0] for row in found.rows if row.own}
+    for (engine,), group in grouped(_silent_rows(found), "who").items():
         cases = grouped(group, "case")
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
-        at = number(first[case](row["severity"] for row in some), 3)
-        where = f"worst in {case}, from {axes[case]} = {at} on"
+        where = f"worst in {case}, from {known[case].axis} = {_first(known[case], some)} on"
         parts.append(f"{engine} in {len(cases)} of {len(grouped(asked[engine,], 'case'))} cases ({where})")
     told = [f"Made extreme, these give wrong numbers without a word: {'; '.join(parts)}."] if parts else []
     if not parts:
@@ -109,36 +65,29 @@ def headline(found: Stress) -> str:
     return " ".join([*told, f"Of {len(found.rows)} rows {counts}."])
 
 
-def _overview(cases: Sequence[Case], found: Sequence[Row]) -> Table:
-    """For each case and engine: digits, and the first rung at which a quantity is not ok."""
-    first = {case.name: max if case.falling else min for case in cases}
-    return _by_engine(found, " from", lambda case, bad: number(first[case](row["severity"] for row in bad), 3))
+def _first(case: Case, found: Sequence[Row]) -> str:
+    """The first rung of some rows."""
+    return number((max if case.falling else min)(row["severity"] for row in found), 3)
 
 
-def terminal(found: Stress) -> list[Block]:
-    """What ``screwgauge stress`` prints: for each case and engine digits, and how many rows were what."""
-    return [Paragraph(headline(found)), _by_engine(_rows(found), "", lambda case, bad: str(len(bad)))]
-
-
-def _by_engine(found: Sequence[Row], word: str, cell: Callable[[str, list[Row]], str]) -> Table:
-    """A line for each case and engine, a cell for each verdict but ok."""
-    lines = []
-    for (case, engine), group in grouped(found, "case", "engine").items():
-        by_verdict = ([row for row in group if row["verdict"] == verdict] for verdict in BAD)
+def _engines(found: Stress) -> Iterator[Row]:
+    """For each case and engine digits; of each verdict but ok the first rung, and how many rows there are."""
+    known = {case.name: case for case in found.cases}
+    for (case, engine), group in grouped(_rows(found), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
-        digits = span(f"{min(kept):.1f}", f"{max(kept):.1f}") if kept else ""
-        lines.append((case, engine, digits, *(cell(case, bad) if bad else "" for bad in by_verdict)))
-    return Table((*WHO, f"degraded{word}", f"refused{word}", f"silently wrong{word}"), tuple(lines))
+        line = {"case": case, "engine": engine, "digits": span(f"{min(kept):.1f}", f"{max(kept):.1f}") if kept else ""}
+        for verdict, name in COLUMNS.items():
+            bad = [row for row in group if row["verdict"] == verdict]
+            line |= {name: str(len(bad)) if bad else "", f"{name}_from": _first(known[case], bad) if bad else ""}
+        yield line
 
 
-def _silent(silent: Sequence[Row]) -> Block:
+def _silent(found: Stress) -> Iterator[Row]:
     """Each engine of a case once for every cause."""
-    lines = []
-    for (case, engine, cause), group in grouped(silent, "case", "engine", "reason").items():
+    for group in grouped(_silent_rows(found), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
-        lines.append((case, engine, quantities, _range(group), size(np.max([row["error"] for row in group])), cause))
-    head = ("case", "engine", "quantities", "severity", "largest error, scaled", "cause")
-    return blocks.folded(f"All {len(lines)}", Table(head, tuple(lines))) if lines else Paragraph("Nothing.")
+        largest = size(np.max([row["error"] for row in group]))
+        yield {**group[0], "quantities": quantities, "range": _range(group), "largest": largest}
 
 
 def _range(group: Sequence[Row]) -> str:
@@ -146,21 +95,44 @@ def _range(group: Sequence[Row]) -> str:
     return span(low, high)
 
 
-def _case(case: Case, found: Sequence[Row]) -> list[Block]:
+def _cases(found: Stress) -> Iterator[Block]:
     """Heading, words, and for each quantity a table: a line for each severity, a column for each engine."""
-    told: list[Block] = [Heading(f"{case.name}: {case.title}"), Paragraph(Marked(case.about))]
-    for (quantity,), some in grouped(found, "quantity").items():
-        ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
-        cells = [{**row, "cell": _digits(row)} for row in ladder]
-        across = blocks.cross_table(cells, f"{case.axis} = severity", "engine", "cell")
-        short = quantity == case.drawn or len(some) <= blocks.LONG
-        told += [Paragraph(Marked(f"**{quantity}**")), across] if short else [Folded(quantity, (across,))]
-    refused = grouped([row for row in found if row["verdict"] == REFUSED], "engine", "reason")
-    reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
-    return [*told, Paragraph("Refused:"), Items(reasons)] if reasons else told
+    by_case = grouped(_rows(found), "case")
+    for case in found.cases:
+        rows = by_case.get((case.name,), [])
+        yield from (Heading(f"{case.name}: {case.title}"), Paragraph(Marked(case.about)))
+        for (quantity,), some in grouped(rows, "quantity").items():
+            ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
+            cells = [{**row, "cell": _digits(row)} for row in ladder]
+            across = blocks.table(cells, f"{case.axis} = severity || engine = cell")
+            short = quantity == case.drawn or len(some) <= blocks.LONG
+            yield from (Paragraph(Marked(f"**{quantity}**")), across) if short else (Folded(quantity, (across,)),)
+        refused = grouped([row for row in rows if row["verdict"] == REFUSED], "engine", "reason")
+        reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
+        yield from (Paragraph("Refused:"), Items(reasons)) if reasons else ()
 
 
 def _digits(row: Row) -> str:
     if row["verdict"] == REFUSED:
         return "refused"
     return Marked(digits_text(row["error"]) + SHORT.get(row["verdict"], ""))
+
+
+PAGE = Report(
+    text="stress",
+    banner=_banner,
+    data={"stress.csv": lambda found: found.table, "environment.json": lambda found: found.environment},
+    values={
+        "title": lambda found: "Stiff and extreme: where it breaks, and whether it says so",
+        "headline": headline,
+        "about": lambda found: short(judged(found.provenance)),
+        "files": lambda found: judged(found.provenance),
+        "worst": lambda found: [*_worst(found)],
+        "engines": lambda found: [*_engines(found)],
+        "silent": lambda found: [*_silent(found)],
+        "cases": lambda found: [*_cases(found)],
+    },
+    draw=make_plots,
+    plots=lambda found, pictures: list(pictures),
+    figures=6,
+)

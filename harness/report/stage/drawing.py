@@ -21,7 +21,9 @@ from screwgauge.models.shapes import (
     viewed_from,
 )
 from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
+from screwgauge.study.motion import Motion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
@@ -51,17 +53,46 @@ path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *
 .other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
 
 
-def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
-    """Bodies as lines, joints as marks by kind, hatching where they stand on ground; with names and a legend.
+def frames(motion: Motion) -> list[str]:
+    """A drawing for each sample of a motion, all alike in scale and without names, which would jump."""
+    mechanism, poses = motion.lay.mechanism, [motion.at.rows([k]) for k in range(len(motion.t))]
+    cloud = np.concatenate([_cloud(mechanism, placed(mechanism, at), joint_marks(mechanism, at)) for at in poses])
+    return [
+        drawing(mechanism, at=at, cloud=cloud, said=f"t = {t:.3f} s")
+        for at, t in zip(poses, motion.t.tolist(), strict=True)
+    ]
+
+
+def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
+    """What has to be within a picture, in its plane. Shape (n, 2)."""
+    rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
+    points = [*(end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)]
+    return np.array(points) @ _view(mechanism).T
+
+
+def _view(mechanism: Mechanism) -> Array:
+    """Right, and down the page. Shape (2, 3)."""
+    return across(viewed_from(mechanism)) * [[1.0], [-1.0]]
+
+
+def drawing(
+    mechanism: Mechanism,
+    beside: Sequence[Shape] = (),
+    *,
+    at: Pose | None = None,
+    cloud: Array | None = None,
+    said: str = "home pose",
+) -> str:
+    """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
 
     Args:
         beside: Of another mechanism, in the world.
+        at: Pose of one sample, with what is within the picture, shape (n, 2), and what is said of it.
     """
-    direction, solids = viewed_from(mechanism), [*placed(mechanism), *beside]
-    view = across(direction) * [[1.0], [-1.0]]  # down the page
-    rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
-    joints = [(joint, view @ place, axis) for joint, place, axis in joint_marks(mechanism)]
-    cloud = np.array([*(view @ end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)])
+    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, at), *beside]
+    marks = joint_marks(mechanism, at)
+    joints = [(joint, view @ place, axis) for joint, place, axis in marks]
+    cloud = _cloud(mechanism, solids, marks) if cloud is None else cloud
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
     legend, head = _legend(mechanism, bool(beside))
@@ -84,11 +115,13 @@ def drawing(mechanism: Mechanism, beside: Sequence[Shape] = ()) -> str:
     few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
     wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
-    out += _names(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
+    out += (
+        [] if at else _names(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
+    )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
-        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: home pose</text>'
+        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {said}</text>'
         f"{legend}{''.join(out)}</svg>\n"
     )
 

@@ -75,7 +75,7 @@ def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         "y": {name: _rounded(at.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
-        "poses": [_poses(R, (p - middle) / unit) for R, p in zip(at.R, at.p, strict=True)],
+        "poses": _poses(at.R, (at.p - middle) / unit),
         "shapes": [_shape(one) for one in (*solids, *beside)],
         "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
         "scales": scales,
@@ -90,9 +90,9 @@ def _rounded(array: Array, digits: int = 4) -> list[Any]:
     return list((np.round(array, digits) + 0.0).tolist())
 
 
-def _poses(R: Array, p: Array) -> list[float]:
-    """Position and quaternion (w, x, y, z) of each body, one after the other."""
-    return [x for turn, at in zip(R, p, strict=True) for x in _rounded(np.concatenate([at, quaternion(turn)]))]
+def _poses(R: Array, p: Array) -> list[list[float]]:
+    """At each sample position and quaternion (w, x, y, z) of each body, one after the other."""
+    return _rounded(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
 
 
 def _shape(one: Shape) -> dict[str, Any]:

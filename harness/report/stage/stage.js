@@ -165,8 +165,9 @@ function screwgaugeStage(element, data) {
   const overlay = make("div");
   overlay.style.cssText = "position:absolute;inset:0;pointer-events:none;font-size:12px;overflow:hidden";
   pane.append(overlay);
+  const marks = data.shapes.filter((s, n) => (s.g === "joints" || s.g === "links") && n === data.shapes.findIndex(o => o.g === s.g && o.n === s.n));
   const toggles = {
-    names: ["names", true], axes: ["joint axes", true], frames: ["frames", false], masses: ["centres of mass", false], ellipsoids: ["inertia ellipsoids", false],
+    names: ["names", marks.length <= 20], axes: ["joint axes", true], frames: ["frames", false], masses: ["centres of mass", false], ellipsoids: ["inertia ellipsoids", false],
     doubts: ["suspicious", true], other: ["the other", true], loads: ["loads", true], actuators: ["actuator forces", true], reactions: ["reactions", false], wrenches: ["wrenches of the legs", false], freedoms: ["twists left", false],
   };
   const there = new Set([...groups, "names", ...data.arrows.map(a => a.g), ...data.holds.map(h => h.g)]);
@@ -186,8 +187,7 @@ function screwgaugeStage(element, data) {
   wrap.append(key);
 
   // ---- names, where the camera sees what they name
-  const marks = data.shapes.filter((s, n) => (s.g === "joints" || s.g === "links") && n === data.shapes.findIndex(o => o.g === s.g && o.n === s.n));
-  const names = marks.length > 60 ? [] : marks.map(s => {
+  const names = marks.map(s => {
     const label = make("span", {textContent: s.n});
     label.style.cssText = `position:absolute;left:0;top:0;white-space:nowrap;${s.g === "links" ? "font-style:italic;opacity:.75" : ""}`;
     overlay.append(label);

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from screwgauge.models.importing.model import is_model
+from screwgauge.models.importing import is_model
 from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.description import check_keys, read_toml

@@ -12,7 +12,7 @@ from time import perf_counter
 
 from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
-from screwgauge.models.importing.model import is_model
+from screwgauge.models.importing import is_model
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.scene.read import load_scene
