@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.loops import LoopEquations, Rates, loop_equations
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.following import Follower
-from screwgauge.reference.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.pose import Layout, Pose, constraint_matrix
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 Bracket = Callable[[Array, Array], Array]

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from screwgauge.reference import screws
+from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.graph import output_body
-from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.pose import Layout, Pose, centres_of_mass
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few

@@ -11,10 +11,10 @@ from planar import Bar, four_bar, moving
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
-from screwgauge.reference import following
 from screwgauge.reference.chains import closed_form
+from screwgauge.reference.closed import following
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, SingularPoseError
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene

@@ -11,7 +11,7 @@ import screwgauge
 from screwgauge.cli import main
 from screwgauge.report.pages.random import plain
 from screwgauge.solution import Failure
-from screwgauge.study.campaign import COLUMNS, judged
+from screwgauge.study.campaigns.campaign import COLUMNS, judged
 from screwgauge.study.run import run
 
 

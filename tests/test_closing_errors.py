@@ -8,11 +8,11 @@ from test_any_cut import MECHANISMS, described
 from tolerances import CLOSED, DIFFERENCE, LINEAR
 
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.cut_coordinates import read
+from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed.loops import LoopEquations
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.linear import null_space, rank
-from screwgauge.reference.loops import LoopEquations
 from screwgauge.reference.pose import layout, tree_pose
 from screwgauge.reference.rotations import rotation
 from screwgauge.reference.traced.closing import Cut

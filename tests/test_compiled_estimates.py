@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.bounds import Bounds
 from screwgauge.problem import ModelFiles
-from screwgauge.study import compiled
+from screwgauge.study.campaigns import compiled
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
 STATES = 300

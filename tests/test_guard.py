@@ -184,8 +184,8 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
+    from screwgauge.reference.closed.loops import loop_equations
     from screwgauge.reference.kinematics import positions
-    from screwgauge.reference.loops import loop_equations
     from screwgauge.reference.pose import layout
 
     lay = layout(scene.mechanism)

@@ -13,7 +13,7 @@ from tolerances import CLOSED, LINEAR
 from screwgauge.engines.methods import METHODS
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.branch import Branch
+from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.kinematics import positions

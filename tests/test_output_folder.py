@@ -15,7 +15,7 @@ from screwgauge.report.blocks import Heading, Picture
 from screwgauge.report.folder import MANIFEST
 from screwgauge.report.formatting import file_name
 from screwgauge.report.write import write_report
-from screwgauge.study.campaign import campaign
+from screwgauge.study.campaigns.campaign import campaign
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')

@@ -4,8 +4,8 @@ more than once."""
 import numpy as np
 import pytest
 
-from screwgauge.reference.between import knots, predicted
-from screwgauge.reference.following import Follower
+from screwgauge.reference.closed.between import knots, predicted
+from screwgauge.reference.closed.following import Follower
 
 EVERY, STEP = 16, 0.1
 

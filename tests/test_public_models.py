@@ -6,8 +6,8 @@ import pytest
 
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.pages.public import PAGE as page
-from screwgauge.study import imports
-from screwgauge.study.imports import Public, models_in
+from screwgauge.study.campaigns import imports
+from screwgauge.study.campaigns.imports import Public, models_in
 
 PENDULUM = """<mujoco model="pendulum"><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" armature="1"/>
 <inertial pos="0.1 0 -0.2" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody></mujoco>"""

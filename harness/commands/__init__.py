@@ -56,7 +56,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.importing import import_apart
+    from screwgauge.study.campaigns.importing import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
@@ -74,7 +74,7 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.importing import import_apart
+        from screwgauge.study.campaigns.importing import import_apart
 
         for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
@@ -145,7 +145,7 @@ def bench(options: argparse.Namespace) -> int:
 def _random(options: argparse.Namespace) -> int:
     """Random mechanisms of all families; those whose rows are there are not done again."""
     from screwgauge.report.pages.random import PAGE as page
-    from screwgauge.study.campaign import campaign
+    from screwgauge.study.campaigns.campaign import campaign
 
     out, names = options.out or OUT / "random", _names(options.contestants)
     carry_out(
@@ -193,7 +193,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.environment import json_text
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import diagnosis as page
-    from screwgauge.study.loading import read_apart
+    from screwgauge.study.campaigns.loading import read_apart
 
     if options.b is None:
         raise DescriptionError(

@@ -63,7 +63,7 @@ def _self_test(options: argparse.Namespace) -> int:
     """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
     from screwgauge.report.pages.alarms import PAGE as page
     from screwgauge.report.pages.alarms import passed
-    from screwgauge.study.campaign import campaign
+    from screwgauge.study.campaigns.campaign import campaign
     from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
 
     taken = ("self_test", "count", "jobs", "out", "command", "debug")
@@ -81,7 +81,7 @@ def matrix(options: argparse.Namespace) -> int:
     from itertools import product
 
     from screwgauge.report.pages.matrix import PAGE as page
-    from screwgauge.study.matrix import check_versions, matrix
+    from screwgauge.study.campaigns.matrix import check_versions, matrix
 
     asked = {"pin": options.pin, "mujoco": options.mujoco}
     versions = [check_versions((text or version(package)).split(","), package) for package, text in asked.items()]

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array, rotation, within_half_turn

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear
-from screwgauge.reference.loops import loop_equations
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity

@@ -9,8 +9,8 @@ import numpy as np
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array

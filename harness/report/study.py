@@ -16,7 +16,7 @@ from screwgauge.report.console import console
 from screwgauge.report.formatting import Row, grouped
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.progress import Progress
-from screwgauge.study.imports import Public, listed_models, models_in
+from screwgauge.study.campaigns.imports import Public, listed_models, models_in
 
 
 def study(

@@ -13,10 +13,10 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import G0
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.dynamics import body_motion, partial_motion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.kinematics import Velocities, velocities
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, length, pose
 from screwgauge.reference.rotations import Array

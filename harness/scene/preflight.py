@@ -10,9 +10,9 @@ import numpy as np
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
+from screwgauge.reference.closed.following import PathEnd
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
-from screwgauge.reference.following import PathEnd
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
 from screwgauge.reference.pose import Layout, layout, length, pose

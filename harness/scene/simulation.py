@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.problem import InitialValue
-from screwgauge.reference.branch import Branch
+from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.forward import Forces, forces_at, forward
 from screwgauge.reference.kinematics import positions, velocities

@@ -13,8 +13,8 @@ from screwgauge.engines.estimate import Part
 from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import GivenMotion, Problem
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 

@@ -10,11 +10,11 @@ from scipy.integrate import DOP853
 
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
-from screwgauge.reference.branch import BEND, Branch
-from screwgauge.reference.continuation import OPEN, ROUNDING
+from screwgauge.reference.closed.branch import BEND, Branch
+from screwgauge.reference.closed.continuation import OPEN, ROUNDING
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.forward import forward_programs

@@ -16,13 +16,13 @@ from screwgauge.engines.methods import MOST, SIZES, StagedDOP853, check_method, 
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
-from screwgauge.reference.branch import Branch
-from screwgauge.reference.cut_coordinates import read
+from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.pose import Layout, Pose, pose, tree_pose
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch

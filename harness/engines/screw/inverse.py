@@ -16,6 +16,7 @@ from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.along import joint_wrenches
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.dynamics import (
     body_motion,
     force_matrix,
@@ -28,7 +29,6 @@ from screwgauge.reference.kinematics import Velocities, accelerations, positions
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.reactions import Reactions
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Stopwatch, Values
 

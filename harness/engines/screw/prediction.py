@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.between import knots, predicted
+from screwgauge.reference.closed.between import knots, predicted
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 #: From one closed pose to the next: at most so many samples, and so far in y [rad or lengths of the mechanism].

@@ -21,8 +21,8 @@ from screwgauge.engines.screw.programs import Bound, check_traceable, columns, f
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.pose import Layout
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.trace import NotTraceableError

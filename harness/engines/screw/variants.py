@@ -20,8 +20,8 @@ from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.applied import Load
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.continuation import Evaluation, velocity_map
-from screwgauge.reference.continuation import newton as newtons_method
+from screwgauge.reference.closed.continuation import Evaluation, velocity_map
+from screwgauge.reference.closed.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
 from screwgauge.reference.paper.scheme import PARTS, integrate

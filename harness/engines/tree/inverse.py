@@ -18,7 +18,7 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.following import Follower
+from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution

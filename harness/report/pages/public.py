@@ -12,7 +12,7 @@ import pandas as pd
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
 from screwgauge.report.study import by_source, counted, on_models, study
-from screwgauge.study.imports import imports
+from screwgauge.study.campaigns.imports import imports
 
 COLUMNS = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
 

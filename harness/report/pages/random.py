@@ -12,7 +12,7 @@ import pandas as pd
 from screwgauge.report.blocks import Banner, Table, table
 from screwgauge.report.formatting import Row, grouped, rows
 from screwgauge.report.study import study
-from screwgauge.study.campaign import CERTIFIED, ENGINES
+from screwgauge.study.campaigns.campaign import CERTIFIED, ENGINES
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 

@@ -15,7 +15,7 @@ from screwgauge.diagnosis.readers import SAME
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.study import by_source, counted, on_models, study
-from screwgauge.study.readers import reader_matrix
+from screwgauge.study.campaigns.readers import reader_matrix
 
 COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
 

@@ -14,9 +14,9 @@ from screwgauge.judging.kinetics import walk
 from screwgauge.models.generate import write_models
 from screwgauge.problem import States
 from screwgauge.reference import linear
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene

@@ -13,11 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference import cut_coordinates, screws
-from screwgauge.reference.continuation import OPEN, newton, velocity_map
+from screwgauge.reference import screws
+from screwgauge.reference.closed import cut_coordinates
+from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.closed.cut_coordinates import CutColumns
+from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.couplings import CouplingRows
-from screwgauge.reference.cut_coordinates import CutColumns
-from screwgauge.reference.following import Follower
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee

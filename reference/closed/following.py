@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear
-from screwgauge.reference.anchor import SHORT, Anchor
-from screwgauge.reference.between import Rows, knots, predicted
-from screwgauge.reference.continuation import OPEN, Evaluation, newton
+from screwgauge.reference.closed.anchor import SHORT, Anchor
+from screwgauge.reference.closed.between import Rows, knots, predicted
+from screwgauge.reference.closed.continuation import OPEN, Evaluation, newton
+from screwgauge.reference.closed.ways import Way, quintic, rest, straight_and_bent
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.ways import Way, quintic, rest, straight_and_bent
 
 #: How much the derivative may change in a step; below one no other solution lies between.
 CHANGE = 0.5

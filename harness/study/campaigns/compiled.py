@@ -1,7 +1,7 @@
 """Compiled programs against the array solver, sample by sample: no number is wrong by more than its estimate.
 
-``python -m screwgauge.study.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and backend;
-rows that are there are kept.
+``python -m screwgauge.study.campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
+backend; rows that are there are kept.
 """
 
 from __future__ import annotations

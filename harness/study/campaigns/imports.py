@@ -19,8 +19,8 @@ from screwgauge.models.importing.model import Options
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
-from screwgauge.study.campaign import judged
-from screwgauge.study.importing import import_apart
+from screwgauge.study.campaigns.campaign import judged
+from screwgauge.study.campaigns.importing import import_apart
 from screwgauge.study.run import run
 from screwgauge.study.table import columns_of, frame
 

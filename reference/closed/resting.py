@@ -7,9 +7,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.continuation import newton, velocity_map
+from screwgauge.reference.closed.continuation import newton, velocity_map
+from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.loops import LoopEquations, loop_equations
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.reference.rotations import Array

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.continuation import OPEN
+from screwgauge.reference.closed.continuation import OPEN
+from screwgauge.reference.closed.following import REMEDY, no_further
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.following import REMEDY, no_further
-from screwgauge.reference.loops import loop_equations
 from screwgauge.reference.pose import Layout, Pose, pose
-from screwgauge.reference.resting import home_equations
 from screwgauge.reference.rotations import Array
 
 STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]

@@ -1,0 +1,1 @@
+"""Many mechanisms, model files or versions: a row for each, and rows that are there are kept."""

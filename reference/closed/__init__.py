@@ -1,0 +1,1 @@
+"""Closed poses: found, followed on their branch, predicted."""
