@@ -51,7 +51,7 @@ def test_softness_explains_what_soft_equalities_exert(files, loop, gear, said, m
 
 
 def test_a_softness_that_is_not_the_cause_does_not_explain(files, monkeypatch):
-    from screwgauge.diagnosis import soft
+    from screwgauge.diagnosis.causes import soft
 
     patched = soft.patched
     monkeypatch.setattr(soft, "patched", lambda text, reading, changes: patched(text, reading, []))

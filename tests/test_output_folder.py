@@ -127,7 +127,7 @@ def test_a_picture_that_breaks_is_one_sentence_and_exit_3(out, command, capfd, m
     def breaks(results):
         raise ValueError("no such colour")
 
-    monkeypatch.setattr("screwgauge.report.figures.run.make_plots", breaks)
+    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", breaks)
     assert command() == 3
     said = capfd.readouterr()
     assert "Only screw ran" in said.out
@@ -150,9 +150,7 @@ def test_a_figure_with_a_title_of_300_letters_is_drawn(out, paper_scene, no_prog
 
 
 def test_stopped_while_the_pages_are_made_says_what_is_there(out, command, capfd, monkeypatch):
-    monkeypatch.setattr(
-        "screwgauge.report.figures.run.make_plots", lambda results: os.kill(os.getpid(), signal.SIGTERM)
-    )
+    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", lambda results: os.kill(os.getpid(), signal.SIGTERM))
     assert command() == 143
     assert capfd.readouterr().err == f"screwgauge: terminated; the numbers are in {out}, the report on them is not.\n"
     assert "summary.json" in files(out)

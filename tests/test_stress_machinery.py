@@ -170,7 +170,8 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         "report.html",
         "environment.json",
         "report-files.json",
-        "plots/01-digits.svg",
+        "plots/01-worst.svg",
+        "plots/02-digits.svg",
     }
     table = pd.read_csv(tmp_path / "stress.csv")
     assert list(table.columns) == list(COLUMNS)
