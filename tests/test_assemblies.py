@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from planar import Bar, four_bar, moving
+from tolerances import ROUNDING
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -14,6 +15,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed import following
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed.ways import straight_and_bent
 from screwgauge.reference.errors import ClosureError, SingularPoseError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
@@ -112,3 +114,17 @@ def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
     with pytest.raises(ClosureError, match=rf"t = 2 s: the loops cannot close beyond y = \[{last:.6f}"):
         check_scene(moving(write, text, [0.9, 1.2, 2.0], 0.0))
     check_scene(moving(write, text, [0.9, 1.2, last - 1e-3, 1.0], 0.0))
+
+
+def test_besides_the_straight_way_two_lead_round_either_side():
+    a, b = np.array([0.1, 0.2, 0.3]), np.array([1.0, 0.4, -0.5])
+    straight, left, right = straight_and_bent(a, b)
+    for way in (straight, left, right):
+        assert np.abs(way(0.0) - a).max() < ROUNDING
+        assert np.abs(way(1.0) - b).max() < ROUNDING
+    assert np.abs(straight(0.5) - (a + b) / 2).max() < ROUNDING
+    bend = left(0.5) - straight(0.5)
+    assert abs(bend @ (b - a)) < ROUNDING
+    assert np.linalg.norm(bend) == pytest.approx(0.3 * np.linalg.norm(b - a), rel=0.5)
+    assert np.abs(left(0.3) + right(0.3) - 2 * straight(0.3)).max() < ROUNDING
+    assert len(straight_and_bent(a[:1], b[:1])) == 1

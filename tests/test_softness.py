@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from asking import model_files
 
+import screwgauge
 from screwgauge.engines.mujoco.settings import INTEGRATORS, has_integrator
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.reference.linear import EPS
 from screwgauge.reference.rotations import Array
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.cases.question import Question, findings
@@ -98,3 +101,21 @@ def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
     silent = [finding for finding in found if finding.verdict == SILENT]
     assert silent
     assert all(finding.engine.startswith("mujoco") and finding.reason for finding in silent)
+
+
+def test_what_soft_loops_may_exert_leaves_room_for_another_rounding_of_their_residual(monkeypatch) -> None:
+    """Eight units in the last place of the largest coordinate, however well the loops close."""
+    scene = screwgauge.load_scene("3ups-upu-s")
+    asked, given = list[Array](), MujocoTree.soft_force
+
+    def soft_force(self, q, v, a, residuals):
+        asked.append(residuals)
+        return given(self, q, v, a, residuals)
+
+    monkeypatch.setattr(MujocoTree, "soft_force", soft_force)
+    screwgauge.run(scene.at(scene.t[:2]), ["mujoco"], ["tree_force_soft"])
+    reach = max(float(np.abs(joint.parent_frame.p).max()) for joint in scene.mechanism.joints)
+    ((position, rate, second),) = asked
+    assert 8 * EPS * reach <= position < 1e-12
+    assert 0.0 < rate < 1e-12
+    assert 0.0 < second < 1e-11
