@@ -36,6 +36,7 @@ def test_every_model_has_a_row(found):
 def test_the_page_says_who_is_refused_and_why(found, tmp_path):
     page.write(found, tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "| platform |" in text.partition("## Environment")[0]
     assert "2 models: " in text
     assert "no degree of freedom" in text
     assert "armature of 'hinge'" in text

@@ -62,6 +62,7 @@ class Report:
         draw: Pictures, that of the first screen first.
         plots: How all others are told.
         figures: Significant figures of numbers in CSV; every bit by default.
+        grown: Rows of earlier runs are kept in it, perhaps of other versions and machines.
     """
 
     text: str
@@ -71,6 +72,7 @@ class Report:
     draw: Callable[[Any], Sequence[Picture]] = lambda found: ()
     plots: Callable[[Any, Sequence[Picture]], list[Block]] = folds
     figures: int | None = None
+    grown: bool = False
 
     @property
     def DATA(self) -> tuple[str, ...]:
@@ -162,10 +164,11 @@ class _Filled(Mapping[str, Any]):
 
             return told(self.first) if self.first and self.first.stage else []
         if name == "environment":
-            return facts({**(own["files"](self.found) if "files" in own else {}), **self.record})
+            whose = {"of": "the run that made this page; rows that were there were kept"} if self.report.grown else {}
+            return facts({**whose, **(own["files"](self.found) if "files" in own else {}), **self.record})
         if name == "about":
-            known = {**self.record.get("packages", {}), **self.record}
-            return {**own["about"](self.found), **{key: known[key] for key in MACHINE if key in known}}
+            known, made_by = {**self.record.get("packages", {}), **self.record}, () if self.report.grown else MACHINE
+            return {**own["about"](self.found), **{key: known[key] for key in made_by if key in known}}
         return own[name](self.found) if name in own else attrgetter(name.replace(" ", "_"))(self.found)
 
     def section(self, title: str, text: str) -> list[Block]:

@@ -25,6 +25,7 @@ def study(
     banner: Callable[[pd.DataFrame], Banner],
     kept: Collection[str] = (),
     draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda found: (),
+    grown: bool = True,
     **values: Value,
 ) -> Report:
     """A report whose text has the name of the table's file; `kept`: columns of the file, all by default."""
@@ -39,6 +40,7 @@ def study(
             **values,
         },
         draw=draw,
+        grown=grown,
     )
 
 

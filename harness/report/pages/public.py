@@ -27,6 +27,7 @@ PAGE = study(
     "imports.csv",
     "Public models",
     _banner,
+    grown=False,
     reasons=lambda found: [row for row in rows(found) if row["reason"]],
     models=lambda found: by_source(rows(found), COLUMNS),
     omitted=lambda found: [row for row in rows(found) if row["left_out"]],

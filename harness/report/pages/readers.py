@@ -51,6 +51,7 @@ PAGE = study(
     "readers.csv",
     "Readers of public models",
     _banner,
+    grown=False,
     causes=lambda found: [row for row in rows(found) if row["cause"]],
     models=lambda found: by_source(map(_line, grouped(rows(found), "source", "model", "format").values()), COLUMNS),
 )
