@@ -88,6 +88,16 @@ class DrakeTree:
                 A[i, k] = moved[int(link.index())].get_coeffs()
         return A
 
+    def com_accelerations(self, q, v, a):
+        out = np.empty((len(q), len(self.links), 3))
+        for i in self.at(q, v):
+            moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, a[i])
+            for k, link in enumerate(self.links):
+                X, V = link.EvalPoseInWorld(self.context), link.EvalSpatialVelocityInWorld(self.context)
+                arm = X.rotation() @ self.com[k]
+                out[i, k] = moved[int(link.index())].Shift(arm, V.rotational()).translational()
+        return out
+
     def tree_force(self, q, v, a):
         tau = np.empty_like(q)
         for i in self.at(q, v):

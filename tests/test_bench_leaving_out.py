@@ -40,7 +40,7 @@ def calls(monkeypatch) -> Counter[str]:
     from screwgauge.engines.pinocchio.tree import PinocchioTree
 
     for tree in (MujocoTree, PinocchioTree):
-        for name in ("bias", "tree_force", "soft_force", "transmitted"):
+        for name in ("bias", "com_accelerations", "tree_force", "soft_force", "transmitted"):
             count(tree, name, name)
     return found
 
@@ -88,7 +88,7 @@ def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
         (["joint_position"], set()),
         (["joint_velocity"], set()),
         (["joint_acceleration"], {"bias"}),
-        (["com_acceleration"], {"bias"}),
+        (["com_acceleration"], {"bias", "com_accelerations"}),
         (["tree_force"], {"bias", "tree_force"}),
         (["tree_force_soft"], {"bias", "soft_force"}),
         (["generalized_force"], {"bias", "tree_force"}),

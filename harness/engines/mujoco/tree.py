@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST, POWERS
@@ -187,6 +187,24 @@ class MujocoTree:
             rate[:], centre[:] = turning, centres
         rates[..., 3:] += cross(about[:, model.body_rootid[model.dof_bodyid]], rates[..., :3])
         return at.bias(rates.swapaxes(1, 2), v, V)
+
+    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
+        model, data = self.model, self.data
+        kept, state = (data.cvel, data.cacc, data.xipos, data.subtree_com), (data.qpos, data.qvel, data.qacc)
+        V, A, at, about = (np.empty((len(q), *view.shape)) for view in kept)
+        gravity = model.opt.gravity.copy()
+        model.opt.gravity[:] = 0.0  # accelerations of bodies contain minus gravity
+        for i in range(len(q)):
+            state[0][:], state[1][:], state[2][:] = q[i], v[i], a[i]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            V[i], A[i], at[i], about[i] = kept
+        model.opt.gravity[:] = gravity
+        V, A, arms = V[:, self.ids], A[:, self.ids], at[:, self.ids] - about[:, model.body_rootid[self.ids]]
+        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
+        return shifted(V, A, arms)
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         out, force = np.empty_like(q), self.data.qfrc_inverse

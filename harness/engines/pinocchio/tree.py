@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
@@ -69,8 +69,9 @@ class PinocchioTree:
         self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
         self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
-        # origins of the bodies in the frames of the joints that carry them
+        # origins and centres of mass of the bodies in the frames of the joints that carry them
         self.origins = np.array([place.translation for place, _ in placed])
+        self.centres = np.array([place.act(at) for (place, _), at in zip(placed, self.com, strict=True)])
         carriers = [[], *(self.model.supports[joint] for joint in self.joints)]
         self.moves = np.array([[j in some for j in columns] for some in carriers], dtype=float)
         self.views = _Views(self.data)
@@ -105,6 +106,17 @@ class PinocchioTree:
             pin.computeJointJacobiansTimeVariation(model, data, x, xd)
             row[:] = turning
         return at.bias(rates[:, _ANGULAR_FIRST], v, V)
+
+    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
+        model, data, kept = self.model, self.data, (self.views.joints, self.views.velocities, self.views.accelerations)
+        placed, V, A = (np.empty((len(q), *view.shape)) for view in kept)
+        for i in range(len(q)):
+            pin.forwardKinematics(model, data, q[i], v[i], a[i])
+            placed[i], V[i], A[i] = kept
+        R = placed[:, self.joints, :9].reshape(len(q), -1, 3, 3)
+        V, A = (array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A))
+        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
+        return np.asarray((shifted(V, A, self.centres)[..., None, :] @ R)[..., 0, :])
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
@@ -147,16 +159,19 @@ class _Views:
     """What Pinocchio's functions write to `data`, as arrays on the same memory: each sample is copied at once.
 
     Attributes:
-        frames: Rotation by columns, then translation. Shape (n_frame, 12).
-        forces: Of the joints in their own frames. Shape (n_joint, 6).
+        frames, joints: Rotation by columns, then translation. Shapes (n_frame, 12), (n_joint, 12).
+        velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
         pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
         twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
     """
 
     def __init__(self, data: Any) -> None:
-        self.frames = _rows([M.rotation for M in data.oMf], 12)
+        self.frames, self.joints = (_rows([M.rotation for M in placed], 12) for placed in (data.oMf, data.oMi))
         self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
-        self.forces, self.external = (_rows([one.vector for one in of], 6) for of in (data.f, self.pushed))
+        kept = data.v, data.a, data.f, self.pushed
+        self.velocities, self.accelerations, self.forces, self.external = (
+            _rows([one.vector for one in of], 6) for of in kept
+        )
         self.twists, self.turning = (J.reshape(6, -1) for J in (data.J, data.dJ))  # one column comes without its axis
 
 

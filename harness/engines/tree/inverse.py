@@ -15,7 +15,7 @@ from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.cut_joints import unwrapped
-from screwgauge.engines.tree.protocol import BodyPoses, shifted
+from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.following import Follower
@@ -198,10 +198,10 @@ class _Pass:
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
         if not self.wanted & _MOVED:
             return
+        if "com_acceleration" in self.wanted:
+            com = tree.com_accelerations(poses.q, self.v, self.a)
+            self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
         A = bias + poses.at.velocities(self.a)
-        arms = poses.at.R[:, closed.bodies] @ tree.com[[b - 1 for b in closed.bodies], :, None]
-        com = shifted(self.V[:, closed.bodies], A[:, closed.bodies], arms[..., 0])
-        self.values["com_acceleration"] = com.reshape(n, -1)
         cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
         self.values["joint_acceleration"] = closed.joints(self.a, cut_a)
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)

@@ -111,6 +111,9 @@ class Tree(Protocol):
                 returned.
         """
 
+    def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
+        """The engine's own acceleration of each centre of mass, without gravity. Shape (n, n_body, 3)."""
+
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
