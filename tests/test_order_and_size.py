@@ -12,11 +12,14 @@ import pytest
 import tomli_w
 
 import screwgauge
+from screwgauge.engines.screw.model import ScrewModel, Settings
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.check import check_file, check_table
 from screwgauge.models.generate import write_models
+from screwgauge.quantities import GIVEN
 from screwgauge.reference.description import read_tables
 from screwgauge.reference.expressions import number
+from screwgauge.reference.pose import layout
 from screwgauge.scene.scene import Scene
 
 DATA = Path(__file__).with_name("data")
@@ -63,6 +66,18 @@ def test_the_verdict_is_the_same_from_a_nanometre_to_a_million_kilometres(mechan
     assert said["ok"].all(), said[~said["ok"]].to_string()
     assert results.judge["ok"].all(), results.judge[~results.judge["ok"]].to_string()
     assert max(row.estimate for row in results.guard) < 1e-9
+
+
+@pytest.mark.parametrize("backend", ["array", "numpy"])
+def test_estimates_do_not_know_the_unit_of_mass(backend, tmp_path):
+    scene, found = few(screwgauge.load_scene("3ups-upu-s")), []
+    for mass in (1.0, 1e9):
+        heavy = resized(scene, tmp_path, 1.0, mass)
+        model = ScrewModel(layout(heavy.mechanism), settings=Settings(backend=backend))
+        found.append(model.solve(heavy.problem(GIVEN)).estimate)
+    light, heavy = found
+    for name in light:
+        assert heavy[name] == pytest.approx(light[name], rel=0.5), name
 
 
 def reordered(path: Path) -> None:
