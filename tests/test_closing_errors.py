@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from asking import model_files
 from test_any_cut import MECHANISMS, described
 from tolerances import CLOSED, DIFFERENCE, LINEAR
 
@@ -17,6 +18,7 @@ from screwgauge.reference.pose import layout, tree_pose
 from screwgauge.reference.rotations import rotation
 from screwgauge.reference.traced.closing import Cut
 from screwgauge.reference.traced.vectors import matrix, vector
+from screwgauge.study.method import Method
 
 STEP = 1e-6
 #: Mechanism, joint that is cut, its kind.
@@ -98,3 +100,17 @@ def test_compiled_programs_close_joints_by_errors_whose_derivatives_are_their_wr
             force, moment = (np.array(part) for part in row.child)
             power = force @ (M.T @ twist[3:]) + moment @ (M.T @ twist[:3])
             assert (more - less) / 2 == pytest.approx(power, abs=DIFFERENCE * STEP)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_rows_of_engines_are_the_derivative_of_gaps_that_are_open(engine):
+    """Else rates without bound, at a lock, make errors of gaps that are rounding."""
+    closed = Method(engine, {}).load(model_files("3ups-upu-s", engine)).closed
+    loops, poses = closed.loops, closed.tree.poses
+    q = closed.home[None] + 0.1 * np.cos(np.arange(len(closed.home)))
+    steps = STEP * np.eye(q.shape[1])
+    change = (loops.gaps(poses(q + steps)) - loops.gaps(poses(q - steps))).T / (2 * STEP)
+    points = np.repeat([not anchor.angular for anchor in loops.anchors], 3)
+    assert points.any()
+    assert np.abs(loops.gaps(poses(q))[:, points]).max() > 0.01
+    assert np.abs(change - loops.jacobian(poses(q))[0])[points].max() < DIFFERENCE

@@ -64,13 +64,14 @@ class Loops:
         return out.reshape(len(out), 3 * m)
 
     def jacobian(self, at: BodyPoses) -> Array:
-        """Derivative of the gaps, off by what turns a gap as a whole. Shape (n, 3 n_anchor, n_v).
+        """Derivative of the gaps, each side at its own point. Shape (n, 3 n_anchor, n_v).
 
-        Both sides are taken where the child is: Newton's method converges as fast, at half of the cost.
+        Taken at one point for both, it is off by the gap: at a lock of a joint, where rates grow without bound, even a
+        gap of rounding then costs the accelerations all their digits.
         """
         (n, _, n_v), m, (bodies, places) = at.screws.shape, len(self.anchors), self._points
-        child, parent = bodies[:m], bodies[m:]
-        out = at.jacobian(at.moves[child] - at.moves[parent], at.points(child, places[:m]))
+        ends = at.jacobian(at.moves[bodies], at.points(bodies, places))
+        out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
             if anchor.angular:
                 out[:, k] = self.turning(at, anchor.parent, anchor.child)
