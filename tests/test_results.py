@@ -68,7 +68,7 @@ def test_names_that_are_not_there_are_said(results):
 
 
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.pages.run.pictures", lambda results: [])
+    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", lambda results: [])
     values = {
         "errata": lambda results: [
             {
