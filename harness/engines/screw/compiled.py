@@ -18,6 +18,7 @@ from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.lanes import CHUNK
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.preflight import delivered
 from screwgauge.scene.scene import Scene
@@ -25,7 +26,7 @@ from screwgauge.scene.scene import Scene
 Mode = tuple[bool, bool]
 """Whether samples have their own loads, and whether errors are estimated."""
 #: Samples worked on at a time, whatever is given: memory stays constant.
-PART = 4096
+PART = CHUNK
 
 
 @dataclass(frozen=True, slots=True, eq=False)
