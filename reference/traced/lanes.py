@@ -14,6 +14,19 @@ from screwgauge.reference.traced.trace import OPERATIONS
 
 #: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
 CHUNK = 6144
+#: Numbers in a line of the cache.
+LINE = 8
+
+
+def columns(n: int, m: int) -> Array:
+    """An array of shape (n, m) in which the numbers of one column lie side by side.
+
+    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
+    """
+    wide = n + LINE - n % LINE
+    room = np.empty(m * wide + LINE)
+    first = -(room.ctypes.data // room.itemsize) % LINE
+    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
 
 
 def _maximum(a: Array, b: Array, out: Array) -> None:
@@ -37,8 +50,7 @@ class Lanes:
         operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
         known = dict.fromkeys(x for x in operands if isinstance(x, float))
         self.constants = {x: i - len(known) for i, x in enumerate(known)}  # the last rows
-        # rows that are not a whole number of pages apart: these would share the same few lines of the cache
-        self.buffers = np.empty((self._plan(program), chunk + 8))
+        self.buffers = columns(chunk, self._plan(program)).T
 
     def _plan(self, program: Program) -> int:
         """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""

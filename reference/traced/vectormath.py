@@ -70,11 +70,10 @@ class VectorMath:
 
     def fetch(self, place: Any) -> None:
         """Asks for the line of the cache at a place, to be written to soon."""
-        i8, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
-        kind = self.ir.FunctionType(self.ir.VoidType(), [i8, i32, i32, i32])
-        name = "llvm.prefetch.p0"
-        known = self.module.globals.get(name) or self.ir.Function(self.module, kind, name)
-        self.b.call(known, [self.b.bitcast(place, i8), i32(1), i32(3), i32(1)])
+        byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
+        kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
+        prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        self.b.call(prefetch, [self.b.bitcast(place, byte), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
         """One instruction of a program. Products may be fused with sums; nothing is reordered."""

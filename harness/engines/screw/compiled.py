@@ -11,14 +11,14 @@ from operator import is_
 import numpy as np
 
 from screwgauge.engines.screw.array_work import ArrayWork
-from screwgauge.engines.screw.programs import Bound, columns
+from screwgauge.engines.screw.programs import Bound
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import CHUNK
+from screwgauge.reference.traced.lanes import CHUNK, columns
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.preflight import delivered
 from screwgauge.scene.scene import Scene
