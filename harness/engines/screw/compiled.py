@@ -152,7 +152,7 @@ class Solver:
         """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
 
         Args:
-            chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 256 samples of all quantities,
+            chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 400 samples of all quantities,
                 or a thousand of a few, stay in the cache.
         """
         out = self.buffers(0)
