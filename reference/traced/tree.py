@@ -10,8 +10,8 @@ from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.traced.closing import Cut, Row
-from screwgauge.reference.traced.crossing import Coordinates, Motion, Step, Wrench, crossing, fixed, relative
-from screwgauge.reference.traced.vectors import ZERO, Scalar, Vector, add, scale, sub, turn_back
+from screwgauge.reference.traced.crossing import Coordinates, Motion, Step, Wrench, crossing, fixed
+from screwgauge.reference.traced.vectors import ZERO, Scalar, Vector, add, product, scale, sub, transpose, turn_back
 
 NOTHING: Wrench = (ZERO, ZERO)
 
@@ -74,7 +74,7 @@ class TreeAt:
             outer = joint.kind not in "PC" and len(self._own(joint.child, joint.parent)) >= len(
                 self._own(joint.parent, joint.child)
             )
-            cuts.append(Cut(joint, relative(parent.R, child.R), d, outer))
+            cuts.append(Cut(joint, product(transpose(parent.R), child.R), d, outer))
         return cuts
 
     def way(self, body: str) -> list[Edge]:

@@ -133,7 +133,8 @@ class VectorMath:
         r = self.fma(back, self.constant(HALF_PI[1]), first)
         low = self.fma(back, self.constant(HALF_PI[2]), self.fma(back, self.constant(HALF_PI[1]), b.fsub(first, r)))
         u = b.fmul(r, r)
-        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, self._flat(u))))
+        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
+        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
         half = b.fmul(u, self.constant(0.5))
         top = b.fsub(one, half)
         slip = b.fsub(b.fsub(one, top), half)  # what rounding took from it
@@ -149,10 +150,6 @@ class VectorMath:
             below = b.icmp_signed("!=", b.and_(count, whole[2]), whole[0])
             results.append(b.select(near, b.select(below, b.fneg(chosen), chosen), lost))
         return results[0], results[1]
-
-    def _flat(self, u: Any) -> Any:
-        """Slope of the sine, to the few digits that its correction needs."""
-        return self.fma(u, self.constant(-0.5), self.constant(1.0))
 
     def _angle(self, y: Any, x: Any) -> Any:
         b = self.b
