@@ -33,11 +33,8 @@ def _maximum(a: Array, b: Array, out: Array) -> None:
     np.maximum(a, b, out=out)  # which alone of the functions takes no third argument
 
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **OPERATIONS,
-    "max": _maximum,
-    "square": np.square,
-}  # which reads its number once
+#: A square reads its number once.
+_FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
 class Lanes:
