@@ -37,7 +37,7 @@ def compiled(models: tuple[Model, Model], found: Sequence[Difference]) -> list[D
     readers = {model.library for model in models}
     if not any(small) or "mujoco" not in readers or reproduce(AXES).status != "shown":
         return list(found)
-    why = f"MuJoCo's compiler makes that of a tensor (casebook: {AXES})"
+    why = f"as MuJoCo compiles it (casebook: {AXES})"
     return [
         replace(each, kind="digits", sentence=f"{each.sentence}: {why}") if of_it else each
         for each, of_it in zip(found, small, strict=True)
