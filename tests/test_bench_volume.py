@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import sys
 
+import mujoco
+import numpy as np
+import pinocchio as pin
 import pytest
 
 import screwgauge
+from screwgauge.models.catalog import mechanism_path
 from screwgauge.study.bench import volume
 
 
@@ -32,7 +36,7 @@ def small(monkeypatch):
     """A small scene in the place of the paper's, and few samples of it."""
     scene = screwgauge.load_scene("arm7")
     monkeypatch.setattr(volume, "load_scene", lambda name: scene)
-    monkeypatch.setattr(volume, "bare", lambda n: lambda: None)
+    monkeypatch.setattr(volume, "bare", lambda n: {"rnea": lambda: None})
     monkeypatch.setattr(volume, "SAMPLES", {"numpy": (16, 32), "llvm": (16, 32)})
 
 
@@ -48,6 +52,22 @@ def test_all_quantities_and_forces_alone_are_called_with_buffers_and_with_estima
     first, again = (calls["numpy forces, estimates"][0]() for _ in range(2))
     assert first["actuator_force"] is again["actuator_force"]
     assert first.estimate["actuator_force"].shape == (32, 1)
+
+
+def test_bare_calls_are_of_all_samples(monkeypatch):
+    called = []
+    for library, name in ((pin, "rnea"), (mujoco, "mj_inverse")):
+        monkeypatch.setattr(library, name, lambda *_, name=name: called.append(name))
+    calls = volume.bare(3)
+    for call in calls.values():
+        call()
+    assert called == 3 * ["rnea"] + 3 * ["mj_inverse"]
+    monkeypatch.undo()
+    *_, q, v, a, tau = calls["rneaInParallel, 1 thread"].args
+    assert q.shape[1] == 3
+    model = pin.buildModelFromUrdf(str(mechanism_path("3ups-upu-s").with_suffix(".urdf")))
+    tree = [pin.rnea(model, model.createData(), *row) for row in zip(q.T, v.T, a.T, strict=True)]
+    np.testing.assert_allclose(tau.T, tree, rtol=1e-13)
 
 
 def test_what_ran_in_the_place_of_another_is_named(small, monkeypatch):

@@ -1,4 +1,4 @@
-"""What compiled programs cost a sample, beside bare calls of Pinocchio's `rnea` on the same tree.
+"""What compiled programs cost a sample, beside bare inverse dynamics of Pinocchio and MuJoCo on the same tree.
 
 ``python -m screwgauge.study.bench.volume`` measures all in turn, and prints medians and ratios.
 """
@@ -32,18 +32,21 @@ Calls = Mapping[str, tuple[Callable[[], object], int]]
 """Name -> what is called, and its samples."""
 
 
-def bare(n: int) -> Callable[[], None]:
-    """Calls of `rnea` on the open tree of the paper's mechanism, at so many states."""
+def bare(n: int) -> dict[str, Callable[[], None]]:
+    """Inverse dynamics on the open tree of the paper's mechanism, at so many states."""
+    from screwgauge.engines.mujoco.tree import MujocoTree
     from screwgauge.engines.pinocchio.tree import PinocchioTree
+    from screwgauge.models.generate import write_models
     from screwgauge.models.loops import loops_of
-    from screwgauge.models.urdf import write_urdf
 
     mechanism = load_mechanism("3ups-upu-s")
+    loops = loops_of(mechanism, "minimal")
     with TemporaryDirectory(prefix="screwgauge-") as folder:
-        urdf = Path(folder) / "tree.urdf"
-        urdf.write_text(write_urdf(mechanism, "minimal"), encoding="utf-8")
-        tree = PinocchioTree(urdf, loops_of(mechanism, "minimal"))
-    return tree.bare(*np.random.default_rng(0).normal(size=(3, n, len(tree.coordinates))))
+        write_models(mechanism, Path(folder))
+        pinocchio = PinocchioTree(Path(folder) / f"{mechanism.name}.urdf", loops)
+        mujoco = MujocoTree(Path(folder) / f"{mechanism.name}.xml", loops)
+    states = np.random.default_rng(0).normal(size=(3, n, len(loops.tree)))
+    return pinocchio.bare(*states) | mujoco.bare(*states)
 
 
 def samples(scene: Scene, n: int) -> tuple[Array, ...]:
@@ -55,7 +58,7 @@ def samples(scene: Scene, n: int) -> tuple[Array, ...]:
 def contestants(backends: Sequence[str]) -> Calls:
     """Whole calls with buffers that are used again; a name says if something else had to run."""
     scene = load_scene("3ups-upu-s")
-    calls: dict[str, tuple[Callable[[], object], int]] = {"rnea": (bare(256), 256)}
+    calls: dict[str, tuple[Callable[[], object], int]] = {name: (call, 256) for name, call in bare(256).items()}
     for backend in backends:
         for what, wanted, n in zip(("all", "forces"), (None, FORCES), SAMPLES[backend], strict=True):
             solver, given = compile(scene, wanted, backend=backend), samples(scene, n)
@@ -103,7 +106,7 @@ def main() -> None:
     print(f"{MILLION} samples, forces only, streamed: {seconds:.2f} s, peak {peak:.0f} MB")
     found = measured(contestants(("llvm", "numpy")))
     for name, each in found.items():
-        print(f"{name:22} {each * 1e6:8.3f} us a sample, {found['rnea'] / each:6.2f} times as fast as rnea")
+        print(f"{name:24} {each * 1e6:8.3f} us a sample, {found['rnea'] / each:6.2f} times as fast as rnea")
 
 
 if __name__ == "__main__":
