@@ -12,13 +12,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from screwgauge.reference import screws
+from screwgauge.reference import linear, screws
 from screwgauge.reference.closed import cut_coordinates
 from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.closed.cut_coordinates import CutColumns
 from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.couplings import CouplingRows
+from screwgauge.reference.extent import extent
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
 from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
@@ -249,6 +251,27 @@ class LoopEquations:
     def joints(self, z: Array, near: Array | None) -> Array:
         """All joint coordinates of one pose, those of cut joints next to others, or to home. Shape (n_q,)."""
         return np.asarray(self.coordinates(z[None], (self.lay.mechanism.home if near is None else near)[None])[0])
+
+    def gain(self, A: Array) -> tuple[Array, Array]:
+        """Condition number of a `matrix`, and the largest norm of its inverse over the unknowns of one loop.
+
+        Rows and unknowns of each loop count in its own length for the second. Shape (n,) each.
+        """
+        found, (rows, unknown, loop) = extent(self.lay), self._local
+        inverse, condition = linear.inverted(A)
+        squares = np.einsum("nij,j->ni", inverse * inverse, rows**-2.0) * unknown**-2.0
+        worst = np.sqrt(squares @ (loop[:, None] == np.arange(max(len(found.loops), 1)))).max(axis=1)
+        return condition, np.where(np.isfinite(condition), worst, condition)
+
+    @cached_property
+    def _local(self) -> tuple[Array, Array, NDArray[np.intp]]:
+        """By what rows and unknowns have to be multiplied to count in lengths of their loops, and whose they are."""
+        found, (owner, force, _, _) = extent(self.lay), self._kinds
+        chosen = [*self._couplings.columns, *self.lay.mechanism.independent_columns]
+        closing = np.where(force, self.length / found.loops[owner], 1.0)
+        rows = np.concatenate([closing, self.size[chosen] / found.size[chosen]])
+        unknown = self.unknown
+        return rows, found.size[unknown] / self.size[unknown], found.owner[unknown]
 
     def follower(self) -> Follower:
         """Follows motions from home on."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference.applied import Load
+from screwgauge.reference.extent import extent
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import Row
 from screwgauge.reference.traced.constraints import Constraints
@@ -75,7 +76,7 @@ def traced(
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
-        moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
+        moved = measured({c: found[c] - guess[c] for c in predicted}, extent(lay).size.tolist())
     if loaded:
         question = replace(question, loads=tuple(_given(trace, load, len(samples[0])) for load in question.loads))
     dynamics = Dynamics(question, q, yd, ydd)
@@ -153,14 +154,14 @@ def balance_left(found: Dynamics, constraints: Constraints) -> Scalar:
 
 def checks(found: Dynamics, moved: Scalar, left: Scalar, residuals: Sequence[Row]) -> dict[str, list[Scalar]]:
     """What every sample says of itself, see `CHECKS`."""
-    size = found.question.size
+    size, by = found.question.size, extent(found.lay)
     charts = 0.0
     for cut in found.at.cuts:
         if cut.joint.kind == "S":
             c = cut.chart().pairs[1][1]
             charts = charts + 1.0 / (c * c)
     numbers = (
-        *found.pose.gains(),
+        *found.pose.gains(by),
         found.drive,
         moved,
         measured({i: row.residual for i, row in enumerate(residuals)}, found.pose.unit),

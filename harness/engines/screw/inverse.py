@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, examined, gain
+from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
@@ -25,6 +25,7 @@ from screwgauge.reference.dynamics import (
     required_wrench,
     solve_newton_euler,
 )
+from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.precision import wide_force_matrix
@@ -78,7 +79,7 @@ class Work:
         if self.depth in "vaf":
             with self.clock.stage("velocities"):
                 rate = velocities(lay, at, motion.yd)
-            A, charts = rate.A, rate.orientation
+            A, charts, system = rate.A, rate.orientation, rate.system
             out["joint_velocity"] = rate.w
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
             # a cut joint's own rates are no summands of anything else
@@ -88,10 +89,12 @@ class Work:
                 beta = np.abs(out["joint_acceleration"] / self.system.size)[:, self.system.unknown]
                 rush = np.maximum(speed**2, beta.max(axis=1))
         else:
-            A, charts = self.system.matrix(at), self.system.readers(at)[1]
+            system = self.system
+            A, charts = system.matrix(at), system.readers(at)[1]
         with self.clock.stage("condition"):
-            condition = linear.condition(A)
-            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, rush, load)
+            condition, gain = system.gain(A)
+            worst, stretch = charts.max(axis=1, initial=1.0), extent(lay).stretch
+            trust = Trust(condition, gain, worst, forces, speed, rush, load, stretch=stretch)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
