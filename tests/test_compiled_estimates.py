@@ -22,14 +22,14 @@ STATES = 300
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
-    row = compiled.measured("states", 0, backend, STATES)
+    (row,) = compiled.measured("states", 0, [backend], STATES)
     assert row["ok"] is True, row
     assert STATES / 2 < row["by_program"] < STATES
 
 
 @pytest.mark.parametrize(("family", "seed"), [("rccc", 2), ("planar-4", 3)])
 def test_random_mechanisms(family, seed):
-    row = compiled.measured(family, seed, "numpy", 0)
+    (row,) = compiled.measured(family, seed, ["numpy"], 0)
     assert row["ok"] is True, row
     assert row["by_program"] == row["samples"]
 
@@ -43,17 +43,17 @@ def test_estimates_that_are_too_small_are_found(monkeypatch):
 
     monkeypatch.setattr(Bounds, "estimated", wrong)
     monkeypatch.setattr(compiled, "examined", lambda part, units, length: np.zeros((len(part.trust.gain), 99)))
-    assert compiled.measured("states", 0, "numpy", 60)["ok"] is False
+    assert compiled.measured("states", 0, ["numpy"], 60)[0]["ok"] is False
 
 
 def test_numbers_that_only_one_solver_has_are_wrong():
     a, b = np.array([[1.0, np.nan], [np.nan, 2.0]]), np.array([[1.0, np.nan], [1.0, 2.0]])
-    assert compiled.beyond(a[:1], b[:1], np.ones(1), angle=False) == 0.0
-    assert compiled.beyond(a, b, np.ones(2), angle=False) > 1.0
+    assert compiled.beyond(a[:1], b[:1], np.ones((1, 2)), angle=False) == 0.0
+    assert compiled.beyond(a, b, np.ones((2, 2)), angle=False) > 1.0
 
 
 def test_a_whole_turn_is_no_difference():
-    assert compiled.beyond(np.array([[np.pi]]), np.array([[-np.pi]]), np.array([1e-12]), angle=True) < 1.0
+    assert compiled.beyond(np.array([[np.pi]]), np.array([[-np.pi]]), np.array([[1e-12]]), angle=True) < 1.0
 
 
 def test_the_truth_is_within_the_estimates():

@@ -137,7 +137,9 @@ class Closed:
         for some in (pivots[:m], pivots[m:]):
             for (row, column), x in some:
                 loops.setdefault(by.owner[column], []).append((x, float(by.size[column]) / unit[row]))
-            worst = [measured(*({i: pair[k] for i, pair in enumerate(pairs)} for k in (0, 1))) for pairs in loops.values()]
+            worst = [
+                measured(*({i: pair[k] for i, pair in enumerate(pairs)} for k in (0, 1))) for pairs in loops.values()
+            ]
             gains.append(float(len(chosen)) + (reduce(partial(apply, "max"), worst) if worst else 0.0))
         return gains[0], gains[1]
 
