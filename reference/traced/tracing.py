@@ -34,7 +34,8 @@ class Traced:
     """A program and what its numbers mean.
 
     Attributes:
-        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``, what became of the prediction.
+        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
+            and its rates.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
     """
 
@@ -80,7 +81,8 @@ def traced(
     if loaded:
         question = replace(question, loads=tuple(_given(trace, load, len(samples[0])) for load in question.loads))
     dynamics = Dynamics(question, q, yd, ydd)
-    outputs = {"reached": [values[c] for c in predicted]} | everything(dynamics, wanted, values | rest(question))
+    reached = [values[c] for c in predicted] + [dynamics.v[c] for c in predicted]
+    outputs = {"reached": reached} | everything(dynamics, wanted, values | rest(question))
     residuals = Closed(question, TreeAt(lay, q, closed=not predicted)).rows
     left: Scalar = 0.0
     if "reaction" in wanted:

@@ -32,6 +32,10 @@ from screwgauge.solution import Clock, Solution
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
+#: How often the program is run on one pose until its loops close.
+AGAIN = 3
+#: Quantities that know the charts of joints that close loops.
+CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 
 
 class TracedWork:
@@ -77,7 +81,7 @@ class TracedWork:
             self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
-        self.predictor = Predictor(lay) if self.traced.predicted else None
+        self.predictor = self._predictor()
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
 
@@ -110,9 +114,32 @@ class TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
         other = copy(self)
         other.clock, other.by_array, other.bound = Clock(), Counter(), None
-        other.predictor = None if self.predictor is None else Predictor(self.lay)
         other.runner = self.runner.again()
+        other.predictor = other._predictor()
         return other
+
+    def _predictor(self) -> Predictor | None:
+        """What predicts poses with this program, if it needs that."""
+        predicted, k = self.traced.predicted, len(self.lay.mechanism.independent_columns)
+        if not predicted:
+            return None
+        program, d, m = self.traced.program, len(predicted), len(CHECKS)
+        given, out = np.zeros((program.inputs, 1)), np.empty((len(program.outputs), 1))
+        run = self.runner.bind([given], [out])
+
+        def close(y: Array, rates: Array, guess: Array) -> tuple[Array, Array] | None:
+            given[: 2 * k, 0], given[3 * k : 3 * k + d, 0] = np.concatenate([y, rates]), guess
+            for _ in range(AGAIN):
+                run()
+                found = roots(out[-m:])
+                if not self.bounds.near(found).all():
+                    return None
+                if (found["closing"] <= self.bounds.arrived).all():
+                    return out[:d, 0].copy(), out[d : 2 * d, 0].copy()
+                given[3 * k : 3 * k + d] = out[:d]
+            return None
+
+        return Predictor(self.lay, predicted, close, cuts=bool(CHARTED & {*self.wanted}))
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
@@ -133,7 +160,7 @@ class TracedWork:
         predicted, n = list(self.traced.predicted), len(motion)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
-        reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
+        reached, checks = np.empty((2 * len(predicted), n)), np.empty((len(CHECKS), n))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
         with np.errstate(all="ignore"):
@@ -141,10 +168,10 @@ class TracedWork:
             near = self.bounds.near(found)
             rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
         if predicted and rows.size:  # once more from where Newton's method came to
-            inputs[3] = reached
+            inputs[3] = reached[: len(predicted)]
             some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
             again = np.empty((len(CHECKS), len(rows)))
-            self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
+            self.runner.bind(some, [reached[:, rows], *(array.T for array in arrays.values()), again])()
             checks[:, rows] = again
             for name, array in arrays.items():
                 values[name][rows] = array
@@ -183,7 +210,11 @@ class TracedWork:
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, arrays)
+            given = np.empty((0, n)) if loads is None else loads
+            out, clear = self._run(motion, near, given, arrays)
+            if not clear and self.predictor and self.predictor.by_program and not self.bounds.near(out).all():
+                near = self.predictor.by_array(motion).T
+                out, clear = self._run(motion, near, given, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)
