@@ -89,15 +89,15 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
         ScrewgaugeError: There is none.
     """
     rows: Rows = np.unique(np.linspace(0, len(motion) - 1, CERTIFIED).astype(np.intp))
-    some = replace(scene, task=motion.part(rows), drive=None, text={})
-    found = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(some.problem(GIVEN))
+    problem = replace(scene, task=motion.part(rows), drive=None, text={}).problem(GIVEN)
+    found = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
     done = np.arange(len(rows)) if found.rows is None else found.rows
     answers = {name: (x.array[done], found.radius[name][done].copy()) for name, x in found.values.items()}
     if "reaction" in answers:
-        lay, first = layout(scene.mechanism), motion.part(rows[done[:1]])
-        at = positions(lay, first.y, first.t, (first.yd, first.ydd))
-        determined = np.array(mobility(lay, at).determined[: answers["reaction"][0].shape[1]])
-        answers["reaction"][1][:, ~determined] = np.inf
+        lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
+        at = positions(lay, three.y, three.t, (three.yd, three.ydd))
+        some = [mobility(lay, at.rows([i])).determined[: answers["reaction"][0].shape[1]] for i in range(3)]
+        answers["reaction"][1][:, ~np.all(some, axis=0)] = np.inf
     return rows[done], answers
 
 
