@@ -51,10 +51,10 @@ def states(count: int, seed: int = 0) -> GivenMotion:
     return GivenMotion(np.arange(float(count)), y, yd, ydd)
 
 
-def built_in(name: str) -> Scene:
-    """A built-in mechanism near its home pose."""
+def near_home(name: str | Path, n: int = SAMPLES) -> Scene:
+    """A mechanism, built in or a file, in a motion near its home pose."""
     mechanism = load_mechanism(name)
-    rng, k, t = np.random.default_rng(5), len(mechanism.independent), np.linspace(0.0, 1.0, SAMPLES)
+    rng, k, t = np.random.default_rng(5), len(mechanism.independent), np.linspace(0.0, 1.0, n)
     size, w = 0.02 * rng.uniform(0.5, 1.0, k), rng.uniform(1.0, 4.0, k)
     arm, home = np.sin(np.outer(t, w)), mechanism.home[mechanism.independent_columns]
     motion = GivenMotion(t, home + size * arm, size * w * np.cos(np.outer(t, w)), -size * w * w * arm)
@@ -184,7 +184,7 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
                 scene, motion = load_scene("3ups-upu-s"), states(count, seed)
             else:
                 built = case.removeprefix("built-in ")
-                scene = built_in(built) if built != case else random(seed, case, Path(folder))
+                scene = near_home(built) if built != case else random(seed, case, Path(folder))
                 scene = scene.at(np.linspace(scene.t[0], scene.t[-1], SAMPLES)) if built == case else scene
                 motion = scene.motion
             rows = [*compared(scene, motion, backends)]
