@@ -10,6 +10,7 @@ from screwgauge.reference.rotations import Array
 Rows = NDArray[np.intp]
 
 EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
+CACHED = 2**14  # numbers worked on at a time
 KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
 
 
@@ -60,13 +61,17 @@ def slopes(y: Array) -> Array:
 
 def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
     """Numbers at n samples from those at some, see `predicted`, and their derivatives. Shapes (m, d) -> (n, d)."""
-    at = np.arange(n)
-    i = _interval(at, rows)
     x, c = _differences(rows.astype(float), values, rates)
-    value = c[i, -1]
-    for j in reversed(range(x.shape[1] - 1)):
-        value = value * (at - x[i, j])[:, None] + c[i, j]
-    return value
+    found, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
+    for first in range(0, n, some):
+        at = np.arange(first, min(first + some, n))
+        i = _interval(at, rows)
+        value = c[i, -1]
+        for j in reversed(range(x.shape[1] - 1)):
+            value *= (at - x[i, j])[:, None]
+            value += c[i, j]
+        found[at] = value
+    return found
 
 
 def _interval(at: Rows, rows: Rows) -> Rows:

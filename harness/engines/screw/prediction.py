@@ -71,8 +71,9 @@ class Predictor:
         """By poses that the program closes, each from where those before lead to; nothing if one is in doubt."""
         n, k, d, slope = len(motion), len(self.chosen), self.dependent, slopes(motion.y)
         start = self.at[self.chosen]
-        steps = int(np.ceil(np.abs((motion.y[0] - start) / self.size).max() * DENSE / STEP))
-        if steps > 1 or not self.known:  # first straight to where it begins
+        leap = np.abs(motion.y[0] - start - slope[0]).max() > 0.5 * np.abs(slope[0]).max()
+        if leap or not self.known:  # it does not go on from the part before: straight to where it begins
+            steps = int(np.ceil(np.abs((motion.y[0] - start) / self.size).max() * DENSE / STEP))
             way, self.known = np.linspace(start, motion.y[0], steps + 1), []
             if self._closed(way, np.gradient(way, axis=0) if steps else 0.0 * way, [*range(steps + 1)]) is None:
                 return None
@@ -103,8 +104,6 @@ class Predictor:
                 found.append(self.known[-1])
                 self.at = self._whole(y[row], closed[0])
                 q.append(self.at)
-            elif self.known and not found:  # samples that do not go on from those before
-                self.known = []
             elif found and row - found[-1][0] > 1:
                 ahead.append((found[-1][0] + row) // 2)
             else:

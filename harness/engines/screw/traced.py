@@ -131,7 +131,7 @@ class TracedWork:
             given[: 2 * k, 0], given[3 * k : 3 * k + d, 0] = np.concatenate([y, rates]), guess
             for _ in range(AGAIN):
                 run()
-                found = roots(out[-m:])
+                found = dict(zip(CHECKS, np.sqrt(out[-m:]), strict=True))
                 if not self.bounds.near(found).all():
                     return None
                 if (found["closing"] <= self.bounds.arrived).all():
