@@ -63,9 +63,22 @@ class Motion:
     b: Vector = ZERO
     a: Vector = ZERO
 
+    @property
+    def acceleration_matrix(self) -> Matrix:
+        """Acceleration of points that are fixed in the frame, beside that of its origin, is this times their place.
+
+        ``[b] + [w]^2``: its entries serve all points, and Euler's equations.
+        """
+        (x, y, z), (bx, by, bz) = self.w, self.b
+        return (
+            (-(y * y + z * z), x * y - bz, x * z + by),
+            (x * y + bz, -(x * x + z * z), y * z - bx),
+            (x * z - by, y * z + bx, -(x * x + y * y)),
+        )
+
     def of_point(self, r: Vector) -> Vector:
         """Acceleration of a point that is fixed in the frame."""
-        return add(add(self.a, cross(self.b, r)), cross(self.w, cross(self.w, r)))
+        return add(self.a, turn(self.acceleration_matrix, r))
 
 
 @dataclass(frozen=True, slots=True)

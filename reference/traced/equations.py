@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from typing import Any
 
+import numpy as np
+
 from screwgauge.reference.applied import Load
 from screwgauge.reference.extent import Extent
 from screwgauge.reference.graph import Edge
@@ -31,6 +33,7 @@ from screwgauge.reference.traced.vectors import (
     cross,
     dot,
     matrix,
+    product,
     scale,
     squares,
     sub,
@@ -165,9 +168,10 @@ def newton(question: Question, y: Mapping[int, Scalar], guess: Mapping[int, Scal
 def wrench_of_inertia(question: Question, name: str, at: Motion) -> Wrench:
     """What a body needs for its motion and against gravity, about its origin, in its axes."""
     body = question.lay.mechanism.body(name)
-    com, J = vector(body.com), matrix(body.inertia)
+    com, J = vector(body.com), body.inertia
     force = scale(float(body.mass), sub(at.of_point(com), turn_back(at.R, question.gravity)))
-    moment = add(turn(J, at.b), cross(at.w, turn(J, at.w)))
+    E = product(at.acceleration_matrix, matrix(0.5 * np.trace(J) * np.eye(3) - J))  # by its second moments
+    moment = E[2][1] - E[1][2], E[0][2] - E[2][0], E[1][0] - E[0][1]
     return force, add(moment, cross(com, force))
 
 

@@ -16,6 +16,13 @@ from screwgauge.reference.traced.trace import OPERATIONS
 CHUNK = 4096
 
 
+def _maximum(a: Array, b: Array, out: Array) -> None:
+    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument
+
+
+_FUNCTIONS = {**OPERATIONS, "max": _maximum, "square": np.square}  # which reads its number once
+
+
 class Lanes:
     """A program with its buffers. Not for two threads at once.
 
@@ -49,7 +56,9 @@ class Lanes:
             if value not in own and not free:
                 free, count = [count], count + 1
             at.append(own[value] if value in own else free.pop())
-            self.code.append((_maximum if op == "max" else OPERATIONS[op], itemgetter(*rows, at[value])))
+            if op == "mul" and args[0] == args[1]:
+                op, rows = "square", rows[:1]
+            self.code.append((_FUNCTIONS[op], itemgetter(*rows, at[value])))
         pairs = [(row, place(x)) for row, x in enumerate(program.outputs, program.inputs)]
         self.code += [(np.copyto, itemgetter(row, source)) for row, source in pairs if source != row]
         return count - first
@@ -79,7 +88,3 @@ class Lanes:
     def again(self) -> Lanes:
         """One that may run at the same time."""
         return Lanes(self.program, self.chunk)
-
-
-def _maximum(a: Array, b: Array, out: Array) -> None:
-    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from screwgauge.reference.traced.vectormath import VectorMath
 ENTRY = "samples"
 #: Programs of fewer operations hold sines and angles in line; a call costs all registers.
 SMALL = 6000
+#: Lines of the cache that are asked for before they are written to: a line that is not there yet holds up all others.
+AHEAD = 40
 
 
 @cache
@@ -42,14 +45,20 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int) -> str:
-    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
-
-    One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
-    its stack keeps to whole lines of the cache.
-    """
+    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`."""
     import llvmlite.ir as ir
 
     module = ir.Module("screwgauge")
+    _loop(ir, module, _block(ir, module, program, width), width)
+    return str(module)
+
+
+def _block(ir: Any, module: Any, program: Program, width: int) -> Any:
+    """One block of samples.
+
+    It is a function without loop, so that constants stay in memory instead of taking registers, and its stack keeps to
+    whole lines of the cache.
+    """
     number, i64 = ir.DoubleType(), ir.IntType(64)
     vector, pointer = ir.VectorType(number, width), number.as_pointer()
     table = pointer.as_pointer()
@@ -69,22 +78,25 @@ def _ir(program: Program, width: int) -> str:
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
 
-    stored: dict[Operand, list[int]] = {}
+    stored: dict[int, list[int]] = {}  # number of the value that makes it, or of the last input, -> rows
     for row, x in enumerate(program.outputs):
-        stored.setdefault(x if isinstance(x, int) and x >= program.inputs else -1, []).append(row)
-    for row in stored.get(-1, ()):
-        b.store(operand(program.outputs[row]), place(target, row), align=8)
-    for i, (op, args) in enumerate(program.code, program.inputs):
-        values[i] = maths.operation(op, [operand(x) for x in args])
+        stored.setdefault(max(x, program.inputs - 1) if isinstance(x, int) else program.inputs - 1, []).append(row)
+    coming = (place(target, row) for value in sorted(stored) for row in stored[value])
+    for line in islice(coming, AHEAD):
+        maths.fetch(line)
+    for i, (op, args) in enumerate((("", ()), *program.code), program.inputs - 1):
+        if op:
+            values[i] = maths.operation(op, [operand(x) for x in args])
         for row in stored.get(i, ()):
-            b.store(values[i], place(target, row), align=8)
+            for line in islice(coming, 1):
+                maths.fetch(line)
+            b.store(operand(program.outputs[row]), place(target, row), align=8)
     total = maths.constant(0.0)
     for i, x in enumerate(program.outputs[len(program.outputs) - program.checks :]):
         total = maths.fma(operand(x), maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
     doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
     b.ret(b.zext(doubt, i64))
-    _loop(ir, module, block, width)
-    return str(module)
+    return block
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
@@ -160,7 +172,7 @@ class Native:
             return self._padded(inputs, outputs, weights)
         limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
         tables = rows(inputs), rows(outputs), limits
-        function, arguments = self.function, (*(table.ctypes.data for table in tables), n)
+        function, arguments = self.function, [*(ctypes.c_void_p(table.ctypes.data) for table in tables), ctypes.c_int64(n)]
 
         def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
             return not function(*arguments)

@@ -113,15 +113,18 @@ class TreeAt:
 
     def between(self, rows: Iterable[tuple[Cut, Row]], amounts: Iterable[Scalar]) -> dict[str, Wrench]:
         """Wrenches on the bodies of what acts between those of cut joints."""
-        on = dict[str, Wrench]()
+        sums = dict[str, tuple[Wrench, Wrench]]()
         for (cut, row), amount in zip(rows, amounts, strict=True):
-            joint = cut.joint
-            for body, frame, wrench, sign in (
-                (joint.child, joint.child_frame, row.child, 1.0),
-                (joint.parent, joint.parent_frame, row.parent, -1.0),
-            ):
-                moved = fixed(frame).inward(wrench, {})
-                on[body] = plus(on.get(body, NOTHING), moved, sign * amount)
+            child, parent = sums.get(cut.joint.name, (NOTHING, NOTHING))
+            sums[cut.joint.name] = plus(child, row.child, amount), plus(parent, row.parent, amount)
+        on = dict[str, Wrench]()
+        for joint in (joint for joint in self.lay.tree.cuts if joint.name in sums):
+            child, parent = (
+                fixed(frame).inward(wrench, {})
+                for frame, wrench in zip((joint.child_frame, joint.parent_frame), sums[joint.name], strict=True)
+            )
+            on[joint.child] = plus(on.get(joint.child, NOTHING), child)
+            on[joint.parent] = plus(on.get(joint.parent, NOTHING), parent, -1.0)
         return on
 
     def inward(self, wrenches: Mapping[str, Wrench], joints: dict[str, Wrench] | None = None) -> dict[int, Scalar]:

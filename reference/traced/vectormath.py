@@ -20,7 +20,7 @@ _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
 _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
 
 
-def _arc_coefficients(count: int = 12) -> list[float]:
+def _arc_coefficients(count: int = 11) -> list[float]:
     """Of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2`` up to that of pi/8, by interpolation."""
     nodes = (1.0 + np.cos(np.pi * (np.arange(count) + 0.5) / count)) * (0.5 * 1.02 * EIGHTH**2)
     u = nodes.astype(np.longdouble)
@@ -67,6 +67,14 @@ class VectorMath:
         full = f"llvm.{name}.v{self.width}f64"
         known = self.module.globals.get(full) or self.ir.Function(self.module, kind, full)
         return self.b.call(known, x)
+
+    def fetch(self, place: Any) -> None:
+        """Asks for the line of the cache at a place, to be written to soon."""
+        i8, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
+        kind = self.ir.FunctionType(self.ir.VoidType(), [i8, i32, i32, i32])
+        name = "llvm.prefetch.p0"
+        known = self.module.globals.get(name) or self.ir.Function(self.module, kind, name)
+        self.b.call(known, [self.b.bitcast(place, i8), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
         """One instruction of a program. Products may be fused with sums; nothing is reordered."""

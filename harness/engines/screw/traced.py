@@ -194,7 +194,7 @@ class TracedWork:
             run = self.runner.bind(
                 [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
             )
-            self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
+            self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
