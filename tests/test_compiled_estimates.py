@@ -20,6 +20,12 @@ BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])
 STATES = 300
 
 
+@pytest.fixture(autouse=True)
+def few(monkeypatch):
+    monkeypatch.setattr(compiled, "SAMPLES", 60)
+    monkeypatch.setattr(compiled, "CERTIFIED", 4)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
     (row,) = compiled.measured("states", 0, [backend], STATES)
@@ -32,6 +38,7 @@ def test_random_mechanisms(family, seed):
     (row,) = compiled.measured(family, seed, ["numpy"], 0)
     assert row["ok"] is True, row
     assert row["by_program"] == row["samples"]
+    assert row["certified"] == (4 if importlib.util.find_spec("flint") else 0)
 
 
 def test_estimates_that_are_too_small_are_found(monkeypatch):

@@ -25,8 +25,8 @@ from screwgauge.study.bench.volume import FORCES, measured
 from screwgauge.study.campaigns.compiled import near_home
 from screwgauge.study.table import columns_of, frame
 
-#: Samples of a motion, and of a call where only their number grows.
-SAMPLES, CHUNK = 4096, 1024
+#: Samples of a chunk where only their number grows.
+CHUNK = 1024
 ROUNDS = 9
 
 
@@ -50,28 +50,30 @@ class Rung:
     sample_us: float
 
 
-#: Name -> description of each size, and sizes.
-MECHANISMS: Mapping[str, tuple[Callable[[int], str], tuple[int, ...]]] = {
-    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 24, 32, 40)),
-    "legs": (ladders.legs, (3, 6, 12, 24)),
-    "joints": (ladders.arm, (3, 6, 12, 24, 48, 96)),
+#: Name -> description of each size, sizes, and samples of a motion: what closes loops step by step looks at whole
+#: motions, what does not is called with what the cache holds.
+MECHANISMS: Mapping[str, tuple[Callable[[int], str], tuple[int, ...], int]] = {
+    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 24, 32, 40), 4096),
+    "legs": (ladders.legs, (3, 6, 12, 24), 256),
+    "joints": (ladders.arm, (3, 6, 12, 24, 48, 96), 256),
 }
 MOTIONS = (100, 1000, 10_000, 100_000, 1_000_000)
 
 
 def climbed(ladder: str, sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
     """Forces of actuators of growing mechanisms, all of a motion in one call; sizes are measured in turn."""
+    text, _, samples = MECHANISMS[ladder]
     made, calls = {}, dict[str, tuple[Callable[[], object], int]]()
     for n in sizes:
         with TemporaryDirectory(prefix="screwgauge-") as folder:
             file = Path(folder) / "mechanism.toml"
-            file.write_text(MECHANISMS[ladder][0](n), encoding="utf-8")
-            scene = near_home(file, SAMPLES)
+            file.write_text(text(n), encoding="utf-8")
+            scene = near_home(file, samples)
             start = process_time()
             solver = Solver(scene, FORCES, backend, 1)
-        spent, given, out = process_time() - start, scene.motion, solver.buffers(SAMPLES)
+        spent, given, out = process_time() - start, scene.motion, solver.buffers(samples)
         left = sum(solver(given.y, given.yd, given.ydd, out=out).by_array.values())
-        calls[str(n)] = _call(solver, given, out), SAMPLES
+        calls[str(n)] = _call(solver, given, out), samples
         made[n] = _operations(solver), left, spent
     seconds = measured(calls, rounds)
     for n, numbers in made.items():
