@@ -85,7 +85,7 @@ class Predictor:
         value = interpolated(n, rows, np.hstack([motion.y[rows], z]), np.hstack([slope[rows], rates]))
         if not (np.abs(value[:, :k] - motion.y) <= EVEN * self.size).all():
             return None
-        self.known = [(row - n, *numbers) for row, *numbers in self.known]
+        self.known = [(row - n, *numbers) for row, numbers in ((one[0], one[1:]) for one in self.known)]
         near = np.zeros((n, len(self.at)))
         near[:, d] = value[:, k:]
         if self.cuts:
