@@ -18,6 +18,8 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import only
 from screwgauge.study.bench import scaling
 from screwgauge.study.campaigns import compiled
 
@@ -111,6 +113,19 @@ def test_samples_far_from_what_the_program_predicted_are_predicted_by_array(foll
     values = work.part(scene.motion).values["joint_position"]
     assert not work.by_array.total()
     assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12
+
+
+def test_a_program_for_some_outputs_computes_these_and_no_more(followed):
+    _, work = followed
+    program = work.traced.program
+    rows = [0, 5, *range(len(program.outputs) - 3, len(program.outputs))]
+    given = np.random.default_rng(1).uniform(-0.3, 0.3, (program.inputs, 4))
+    whole, some = np.empty((len(program.outputs), 4)), np.empty((len(rows), 4))
+    less = only(program, rows)
+    Lanes(program).bind([given], [whole])()
+    Lanes(less).bind([given], [some])()
+    assert np.array_equal(some, whole[rows], equal_nan=True)
+    assert len(only(program, []).code) == 0 < len(less.code) < len(program.code)
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 1.3])

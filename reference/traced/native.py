@@ -172,7 +172,10 @@ class Native:
             return self._padded(inputs, outputs, weights)
         limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
         tables = rows(inputs), rows(outputs), limits
-        function, arguments = self.function, [*(ctypes.c_void_p(table.ctypes.data) for table in tables), ctypes.c_int64(n)]
+        function, arguments = (
+            self.function,
+            [*(ctypes.c_void_p(table.ctypes.data) for table in tables), ctypes.c_int64(n)],
+        )
 
         def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
             return not function(*arguments)

@@ -18,6 +18,8 @@ EVERY, STEP = 64, 0.08
 #: A program closes poses where so many samples at least lie within such a way: those between two of its poses show
 #: whether these are of one assembly.
 DENSE = 4
+#: Longest way from one part to the next, in steps of that length.
+FARTHEST = 2000
 #: How far the samples may lie from the motion as it is interpolated [rad or lengths of the mechanism].
 EVEN = 1e-4
 
@@ -41,23 +43,24 @@ class Predictor:
         self.system = home_equations(lay)
         self.chosen, self.branch = lay.mechanism.independent_columns, self.system.follower()
         self.size, self.by_program = self.system.size[self.chosen], False
+        self.behind = False  # whether the branch has not followed the parts before
         self.known: list[Known] = []  # the last poses
         self.at = self.began = lay.mechanism.home  # joint coordinates where the last part ended, and began
 
     def predict(self, motion: GivenMotion) -> Array:
         """Joint coordinates, see `predicted`. Shape (n, n_q)."""
         rows, way = knots(motion.y / self.size, EVERY, STEP), np.abs(np.diff(motion.y / self.size, axis=0))
-        self.began = self.at
+        self.began, self.behind = self.at, self.behind or self.by_program
         self.by_program = len(rows) < len(motion) and way.max() <= STEP / DENSE
         q = self._followed(motion, rows) if self.by_program else None
         return self.by_array(motion) if q is None else q
 
     def by_array(self, motion: GivenMotion) -> Array:
         """The same by the array solver alone, from where the part began."""
-        if self.began is not self.lay.mechanism.home:
+        if self.behind:
             z = (self.began / self.system.size)[self.system.unknown]
             self.branch.resume(z, self.began[self.chosen] / self.size, self.began)
-        self.by_program = False
+        self.by_program = self.behind = False
         rows = knots(motion.y / self.size, EVERY, STEP)
         some = motion.part(rows)
         at = positions(self.lay, some.y, some.t, (some.yd, some.ydd), path=self.branch)
@@ -74,6 +77,8 @@ class Predictor:
         leap = np.abs(motion.y[0] - start - slope[0]).max() > 0.5 * np.abs(slope[0]).max()
         if leap or not self.known:  # it does not go on from the part before: straight to where it begins
             steps = int(np.ceil(np.abs((motion.y[0] - start) / self.size).max() * DENSE / STEP))
+            if steps > FARTHEST:
+                return None
             way, self.known = np.linspace(start, motion.y[0], steps + 1), []
             if self._closed(way, np.gradient(way, axis=0) if steps else 0.0 * way, [*range(steps + 1)]) is None:
                 return None

@@ -31,6 +31,8 @@ LINE = 8
 class Runner(Protocol):
     """What runs a program."""
 
+    program: Program
+
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:

@@ -17,7 +17,7 @@ from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
+from screwgauge.engines.screw.programs import Bound, Runner, check_traceable, columns, flat, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
@@ -25,6 +25,9 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import only
+from screwgauge.reference.traced.scalars import Scalars
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
@@ -118,14 +121,26 @@ class TracedWork:
         other.predictor = other._predictor()
         return other
 
+    @cached_property
+    def single(self) -> Runner:
+        """What runs the program on single samples: of its outputs only where Newton's method arrives, and the checks.
+
+        Arrays would cost more than they save; machine code is quick at all of it.
+        """
+        if not isinstance(self.runner, Lanes):
+            return self.runner
+        program = self.traced.program
+        ends = range(2 * len(self.traced.predicted)), range(len(program.outputs) - len(CHECKS), len(program.outputs))
+        return Scalars(only(program, [*ends[0], *ends[1]]))
+
     def _predictor(self) -> Predictor | None:
         """What predicts poses with this program, if it needs that."""
         predicted, k = self.traced.predicted, len(self.lay.mechanism.independent_columns)
         if not predicted:
             return None
-        program, d, m = self.traced.program, len(predicted), len(CHECKS)
-        given, out = np.zeros((program.inputs, 1)), np.empty((len(program.outputs), 1))
-        run = self.runner.bind([given], [out])
+        d, m, single = len(predicted), len(CHECKS), self.single
+        given, out = np.zeros((single.program.inputs, 1)), np.empty((len(single.program.outputs), 1))
+        run = single.bind([given], [out])
 
         def close(y: Array, rates: Array, guess: Array) -> tuple[Array, Array] | None:
             given[: 2 * k, 0], given[3 * k : 3 * k + d, 0] = np.concatenate([y, rates]), guess
