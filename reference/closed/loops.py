@@ -87,13 +87,27 @@ class LoopEquations:
 
     @cached_property
     def _kinds(self) -> tuple[list[int], Array, Array, Array]:
-        """Owner of each row; whether it is a force; whether its direction turns with the child; if U's moment."""
+        """Owner of each row; whether it is a force; whether it turns with the child, 1, or the parent, -1; if U's moment.
+
+        Forces on what slides turn with the parent, along whose axes they are off: else the matrix would be no
+        derivative, and Newton's method would stall.
+        """
         owner = list(self.components.joints)
         kind = [self.lay.tree.cuts[c].kind for c in owner]
         force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
-        carried = np.array([k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool)
+        pairs = zip(kind, force, strict=True)
+        carried = np.array([0 if f and k not in "PC" else -1 if f else int(k in "RPC") for k, f in pairs], dtype=int)
         normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
         return owner, force, carried, normal
+
+    @cached_property
+    def _own(self) -> Array:
+        """Directions of the rows, of those that are carried in the axes of their joint. Shape (m, 3)."""
+        owner, _, carried, _ = self._kinds
+        directions = (self.components.force + self.components.moment)[0].astype(self.lay.path.dtype)
+        for row in np.flatnonzero(carried):
+            directions[row] = self.lay.tree.cuts[owner[row]].child_frame.R.T @ directions[row]
+        return np.asarray(directions)
 
     def rows(self, R: Array, p: Array) -> Rows:
         """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
@@ -107,12 +121,14 @@ class LoopEquations:
     def _rows(self, R: Array, p: Array) -> Rows:
         cuts, (parents, children) = self.lay.tree.cuts, self.lay.sides
         (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
-        R_child, shift = R[:, children[0]], point - start
+        shift = point - start
         turn = np.zeros_like(shift)
         owner, _, carried, normal = self._kinds
-        direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
-        carriers = [c for c, with_child in zip(owner, carried, strict=True) if with_child]
-        direction[:, carried] = (R_child[:, carriers] @ direction[:, carried][..., None])[..., 0]
+        direction = np.tile(self._own, (len(R), 1, 1))
+        for some, R_side in ((carried > 0, R_to), (carried < 0, R_from)):
+            if some.any():
+                side = R_side[:, np.array(owner)[some]]
+                direction[:, some] = (side @ direction[:, some][..., None])[..., 0]
         by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
         if by_axis:
             first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
@@ -303,7 +319,8 @@ class LoopEquations:
         sliding = screws.velocity_at(V_j, rows.point) - screws.velocity_at(V_i, rows.point)
         sliding[:, [joint.kind not in "PC" for joint in self.lay.tree.cuts]] = 0.0
         relative -= cross(w_i, sliding)
-        change = np.where(carried[:, None], cross(w_j[:, owner], rows.direction), 0.0)
+        carrier = np.where(carried[:, None] > 0, w_j[:, owner], w_i[:, owner])
+        change = np.where(carried[:, None] != 0, cross(carrier, rows.direction), 0.0)
         for row in np.flatnonzero(normal):
             first, second = at.S[:, self.lay.columns[self.lay.tree.cuts[owner[row]].name], :3].swapaxes(0, 1)
             w_first, w_second = w_i[:, owner[row]], w_j[:, owner[row]]
