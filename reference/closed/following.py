@@ -115,12 +115,6 @@ class Follower:
         self.home = self.anchor = Anchor.at(found[0], y, matrix[0], float(error[0]), read(found[0], None))
         self.begun, self.last = False, tuple[Array, ...]()
 
-    def resume(self, z: Array, y: Array, joints: Array) -> None:
-        """Goes on from a closed pose that was reached otherwise. Shapes (n_q,), (k,), (n_all,)."""
-        residual, matrix, *_ = self.evaluate(z[None], y[None])
-        self.anchor = Anchor.at(z, y, matrix[0], float(np.abs(residual).max(initial=0.0)), joints)
-        self.begun = True
-
     def follow(self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, *, strict: bool = False) -> Followed:
         """The closed poses of some samples, which go on from those followed before.
 

@@ -12,17 +12,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from screwgauge.reference import linear, screws
+from screwgauge.reference import screws
 from screwgauge.reference.closed import cut_coordinates
 from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.closed.cut_coordinates import CutColumns
 from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.kinds import Kinds, kinds
 from screwgauge.reference.couplings import CouplingRows
-from screwgauge.reference.extent import extent
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
-from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
 
 Rates = tuple[Array, Array]
@@ -31,7 +29,7 @@ Rates = tuple[Array, Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """The reciprocal wrenches of the cut joints at n poses; the order is that of `LoopEquations.components`.
+    """The reciprocal wrenches of the cut joints at n poses; the order is that of `Kinds`.
 
     Attributes:
         direction: Unit force or unit moment. Shape (n, m, 3).
@@ -79,35 +77,8 @@ class LoopEquations:
         return cut_coordinates.cut_columns(self.lay)
 
     @cached_property
-    def components(self) -> Reactions:
-        """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
-        cuts, dtype = self.lay.tree.cuts, self.lay.path.dtype
-        upright, origin = [np.eye(3, dtype=dtype)[None]] * len(cuts), [np.zeros((1, 3), dtype=dtype)] * len(cuts)
-        return reaction_components(cuts, upright, upright, origin)
-
-    @cached_property
-    def _kinds(self) -> tuple[list[int], Array, Array, Array]:
-        """Owner of each row; whether it is a force; whether it turns with the child, 1, or the parent, -1; if U's moment.
-
-        Forces on what slides turn with the parent, along whose axes they are off: else the matrix would be no
-        derivative, and Newton's method would stall.
-        """
-        owner = list(self.components.joints)
-        kind = [self.lay.tree.cuts[c].kind for c in owner]
-        force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
-        pairs = zip(kind, force, strict=True)
-        carried = np.array([0 if f and k not in "PC" else -1 if f else int(k in "RPC") for k, f in pairs], dtype=int)
-        normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
-        return owner, force, carried, normal
-
-    @cached_property
-    def _own(self) -> Array:
-        """Directions of the rows, of those that are carried in the axes of their joint. Shape (m, 3)."""
-        owner, _, carried, _ = self._kinds
-        directions = (self.components.force + self.components.moment)[0].astype(self.lay.path.dtype)
-        for row in np.flatnonzero(carried):
-            directions[row] = self.lay.tree.cuts[owner[row]].child_frame.R.T @ directions[row]
-        return np.asarray(directions)
+    def kinds(self) -> Kinds:
+        return kinds(self.lay)
 
     def rows(self, R: Array, p: Array) -> Rows:
         """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
@@ -123,8 +94,8 @@ class LoopEquations:
         (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
         shift = point - start
         turn = np.zeros_like(shift)
-        owner, _, carried, normal = self._kinds
-        direction = np.tile(self._own, (len(R), 1, 1))
+        owner, _, carried, normal, own = self.kinds
+        direction = np.tile(own, (len(R), 1, 1))
         for some, R_side in ((carried > 0, R_to), (carried < 0, R_from)):
             if some.any():
                 side = R_side[:, np.array(owner)[some]]
@@ -146,7 +117,7 @@ class LoopEquations:
 
     def residuals(self, rows: Rows) -> Array:
         """Closure residual along each reciprocal wrench, without dimension. Shape (n, m)."""
-        owner, force, _, _ = self._kinds
+        owner, force, *_ = self.kinds
         residual = np.where(force[:, None], rows.shift[:, owner] / self.length, rows.turn[:, owner])
         return np.asarray(np.sum(rows.direction * residual, axis=2))
 
@@ -160,7 +131,7 @@ class LoopEquations:
         return np.concatenate([closing, couplings / (size if couplings.ndim == 2 else size[:, None])], axis=1)
 
     def _matrix(self, rows: Rows, at: Pose) -> Array:
-        owner, force, _, _ = self._kinds
+        owner, force, *_ = self.kinds
         # the work of each wrench on the child's twist less the parent's
         d = np.where(force[:, None], rows.direction / self.length, 0.0)
         work = np.empty((*d.shape[:2], 6), dtype=d.dtype)
@@ -173,7 +144,7 @@ class LoopEquations:
 
     @cached_property
     def _signs(self) -> Array:
-        return np.asarray(-self.lay.loop[np.ix_(self._kinds[0], self.unknown)])
+        return np.asarray(-self.lay.loop[np.ix_(self.kinds.owner, self.unknown)])
 
     def matrix(self, at: Pose) -> Array:
         """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
@@ -268,27 +239,6 @@ class LoopEquations:
         """All joint coordinates of one pose, those of cut joints next to others, or to home. Shape (n_q,)."""
         return np.asarray(self.coordinates(z[None], (self.lay.mechanism.home if near is None else near)[None])[0])
 
-    def gain(self, A: Array) -> tuple[Array, Array]:
-        """Condition number of a `matrix`, and the largest norm of its inverse over the unknowns of one loop.
-
-        Rows and unknowns of each loop count in its own length for the second. Shape (n,) each.
-        """
-        found, (rows, unknown, loop) = extent(self.lay), self._local
-        inverse, condition = linear.inverted(A)
-        squares = np.einsum("nij,j->ni", inverse * inverse, rows**-2.0) * unknown**-2.0
-        worst = np.sqrt(squares @ (loop[:, None] == np.arange(max(len(found.loops), 1)))).max(axis=1)
-        return condition, np.where(np.isfinite(condition), worst, condition)
-
-    @cached_property
-    def _local(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """By what rows and unknowns have to be multiplied to count in lengths of their loops, and whose they are."""
-        found, (owner, force, _, _) = extent(self.lay), self._kinds
-        chosen = [*self._couplings.columns, *self.lay.mechanism.independent_columns]
-        closing = np.where(force, self.length / found.loops[owner], 1.0)
-        rows = np.concatenate([closing, self.size[chosen] / found.size[chosen]])
-        unknown = self.unknown
-        return rows, found.size[unknown] / self.size[unknown], found.owner[unknown]
-
     def follower(self) -> Follower:
         """Follows motions from home on."""
         home, columns = self.lay.mechanism.home / self.size, self.lay.mechanism.independent_columns
@@ -310,7 +260,7 @@ class LoopEquations:
             A: Their acceleration screws for joint accelerations of zero. Shape (n, n_body + 1, 6).
         """
         rows = self.rows(at.R, at.p)
-        owner, force, carried, normal = self._kinds
+        owner, force, carried, normal, _ = self.kinds
         (i, _, _), (j, _, _) = self.lay.sides
         V_i, V_j, A_i, A_j = V[:, i], V[:, j], A[:, i], A[:, j]
         w_i, w_j = V_i[..., :3], V_j[..., :3]

@@ -16,6 +16,7 @@ from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.along import joint_wrenches
+from screwgauge.reference.closed.gain import gain
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.dynamics import (
     body_motion,
@@ -92,9 +93,9 @@ class Work:
             system = self.system
             A, charts = system.matrix(at), system.readers(at)[1]
         with self.clock.stage("condition"):
-            condition, gain = system.gain(A)
+            condition, amplified = gain(system, A)
             worst, stretch = charts.max(axis=1, initial=1.0), extent(lay).stretch
-            trust = Trust(condition, gain, worst, forces, speed, rush, load, stretch=stretch)
+            trust = Trust(condition, amplified, worst, forces, speed, rush, load, stretch=stretch)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from screwgauge.problem import GivenMotion
+from screwgauge.reference.closed.anchor import Anchor
 from screwgauge.reference.closed.between import Rows, interpolated, knots, predicted, slopes
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.kinematics import positions, velocities
@@ -58,8 +59,10 @@ class Predictor:
     def by_array(self, motion: GivenMotion) -> Array:
         """The same by the array solver alone, from where the part began."""
         if self.behind:
-            z = (self.began / self.system.size)[self.system.unknown]
-            self.branch.resume(z, self.began[self.chosen] / self.size, self.began)
+            z, y = (self.began / self.system.size)[self.system.unknown], self.began[self.chosen] / self.size
+            residual, matrix, *_ = self.system.evaluate(z[None], y[None])
+            error = float(np.abs(residual).max(initial=0.0))
+            self.branch.anchor, self.branch.begun = Anchor.at(z, y, matrix[0], error, self.began), True
         self.by_program = self.behind = False
         rows = knots(motion.y / self.size, EVERY, STEP)
         some = motion.part(rows)
