@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from screwgauge.engines.screw.bounds import Bounds
+from screwgauge.engines.screw.programs import Runner
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.anchor import Anchor
 from screwgauge.reference.closed.between import Rows, interpolated, knots, predicted, slopes
@@ -13,6 +15,10 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import only
+from screwgauge.reference.traced.scalars import Scalars
+from screwgauge.reference.traced.tracing import CHECKS, Traced
 
 #: From one closed pose to the next: at most so many samples, and so far in y [rad or lengths of the mechanism].
 EVERY, STEP = 64, 0.08
@@ -23,12 +29,48 @@ DENSE = 4
 FARTHEST = 2000
 #: How far the samples may lie from the motion as it is interpolated [rad or lengths of the mechanism].
 EVEN = 1e-4
+#: How often the program is run on one pose until its loops close.
+AGAIN = 3
+#: Quantities that know the charts of joints that close loops.
+CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 
 Close = Callable[[Array, Array, Array], tuple[Array, Array] | None]
 """Closes one pose: y, their derivatives and a guess of the dependent coordinates -> these and their derivatives, or
 nothing where that is in doubt. Shapes (k,), (k,), (d,)."""
 Known = tuple[int, Array, Array]
 """Number of a sample, its dependent coordinates, and their derivatives by that number."""
+
+
+def single(runner: Runner, traced: Traced) -> Runner:
+    """What runs a program on single samples: of its outputs where Newton's method arrives, and the checks, at least.
+
+    Arrays would cost more than they save; machine code is quick at all of it.
+    """
+    if not traced.predicted or not isinstance(runner, Lanes):
+        return runner
+    n = len(traced.program.outputs)
+    return Scalars(only(traced.program, [*range(2 * len(traced.predicted)), *range(n - len(CHECKS), n)]))
+
+
+def closer(runner: Runner, traced: Traced, bounds: Bounds, k: int) -> Close:
+    """What closes poses with a program on k independent coordinates."""
+    d, m = len(traced.predicted), len(CHECKS)
+    given, out = np.zeros((runner.program.inputs, 1)), np.empty((len(runner.program.outputs), 1))
+    run = runner.bind([given], [out])
+
+    def close(y: Array, rates: Array, guess: Array) -> tuple[Array, Array] | None:
+        given[: 2 * k, 0], given[3 * k : 3 * k + d, 0] = np.concatenate([y, rates]), guess
+        for _ in range(AGAIN):
+            run()
+            found = dict(zip(CHECKS, np.sqrt(out[-m:]), strict=True))
+            if not bounds.near(found).all():
+                return None
+            if (found["closing"] <= bounds.arrived).all():
+                return out[:d, 0].copy(), out[d : 2 * d, 0].copy()
+            given[3 * k : 3 * k + d] = out[:d]
+        return None
+
+    return close
 
 
 class Predictor:

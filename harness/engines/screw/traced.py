@@ -16,8 +16,8 @@ from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import Bound, Runner, check_traceable, columns, flat, open_links, runner
+from screwgauge.engines.screw.prediction import CHARTED, Predictor, closer, single
+from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
@@ -25,9 +25,6 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import only
-from screwgauge.reference.traced.scalars import Scalars
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
@@ -35,10 +32,6 @@ from screwgauge.solution import Clock, Solution
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
 ANCHORS = 16
-#: How often the program is run on one pose until its loops close.
-AGAIN = 3
-#: Quantities that know the charts of joints that close loops.
-CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 
 
 class TracedWork:
@@ -84,6 +77,7 @@ class TracedWork:
             self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
+        self.single = single(self.runner, self.traced)
         self.predictor = self._predictor()
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
@@ -117,44 +111,16 @@ class TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
         other = copy(self)
         other.clock, other.by_array, other.bound = Clock(), Counter(), None
-        other.runner = self.runner.again()
+        other.runner, other.single = self.runner.again(), self.single.again()
         other.predictor = other._predictor()
         return other
 
-    @cached_property
-    def single(self) -> Runner:
-        """What runs the program on single samples: of its outputs only where Newton's method arrives, and the checks.
-
-        Arrays would cost more than they save; machine code is quick at all of it.
-        """
-        if not isinstance(self.runner, Lanes):
-            return self.runner
-        program = self.traced.program
-        ends = range(2 * len(self.traced.predicted)), range(len(program.outputs) - len(CHECKS), len(program.outputs))
-        return Scalars(only(program, [*ends[0], *ends[1]]))
-
     def _predictor(self) -> Predictor | None:
         """What predicts poses with this program, if it needs that."""
-        predicted, k = self.traced.predicted, len(self.lay.mechanism.independent_columns)
-        if not predicted:
+        if not self.traced.predicted:
             return None
-        d, m, single = len(predicted), len(CHECKS), self.single
-        given, out = np.zeros((single.program.inputs, 1)), np.empty((len(single.program.outputs), 1))
-        run = single.bind([given], [out])
-
-        def close(y: Array, rates: Array, guess: Array) -> tuple[Array, Array] | None:
-            given[: 2 * k, 0], given[3 * k : 3 * k + d, 0] = np.concatenate([y, rates]), guess
-            for _ in range(AGAIN):
-                run()
-                found = dict(zip(CHECKS, np.sqrt(out[-m:]), strict=True))
-                if not self.bounds.near(found).all():
-                    return None
-                if (found["closing"] <= self.bounds.arrived).all():
-                    return out[:d, 0].copy(), out[d : 2 * d, 0].copy()
-                given[3 * k : 3 * k + d] = out[:d]
-            return None
-
-        return Predictor(self.lay, predicted, close, cuts=bool(CHARTED & {*self.wanted}))
+        close = closer(self.single, self.traced, self.bounds, len(self.lay.mechanism.independent_columns))
+        return Predictor(self.lay, self.traced.predicted, close, cuts=bool(CHARTED & {*self.wanted}))
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
