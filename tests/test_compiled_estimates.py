@@ -13,7 +13,9 @@ import pytest
 import screwgauge
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.bounds import Bounds
+from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import ModelFiles
+from screwgauge.reference.pose import layout
 from screwgauge.study.campaigns import compiled
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
@@ -76,6 +78,15 @@ def test_the_truth_is_within_the_estimates():
             columns = [c for c, u in enumerate(values.units) if u == unit]
             error = np.abs(answer[name][:, columns] - values.array[:, columns]).max(axis=1)
             assert (error <= answer.estimate[name][:, i]).all(), (name, unit)
+
+
+def test_one_actuator_that_hardly_moves_is_badly_conditioned(tmp_path):
+    """At a matrix of one number no condition number shows: its force is 2e5 N m here, and 1.5e-12 of that is lost."""
+    scene = screwgauge.random(2, "rscr", tmp_path)
+    motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion.part(slice(0, 54))
+    work = Work(scene.problem(["actuator_force"]), motion, layout(scene.mechanism))
+    condition = work.part(slice(None)).trust.forces["actuator_force"]
+    assert condition[53] > 1e3 > 300.0 > condition[0]
 
 
 def test_a_doubtful_sample_changes_no_estimate_but_its_own():

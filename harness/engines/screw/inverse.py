@@ -157,7 +157,11 @@ class Work:
             return
         B = rate.K[:, lay.mechanism.actuated_columns]
         f = dynamics.min_norm(B, Q)
-        conditions["actuator_force"] = linear.condition(B)
+        size, mechanism = rate.system.size, lay.mechanism
+        driven = B * size[mechanism.independent_columns] / size[mechanism.actuated_columns, None]
+        # rounding of rates is that of the fastest coordinates, however slow the actuators are beside these
+        slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
+        conditions["actuator_force"] = linear.condition(driven) / slow
         axial = problem.rule == "spherical_axial"
         if axial or "reaction" in problem.wanted:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)
