@@ -29,6 +29,7 @@ class Kinds(NamedTuple):
     carried: NDArray[np.intp]
     normal: NDArray[np.bool_]
     own: Array
+    names: tuple[str, ...]
 
 
 def kinds(lay: Layout) -> Kinds:
@@ -42,4 +43,4 @@ def kinds(lay: Layout) -> Kinds:
     for row in np.flatnonzero(carried):
         own[row] = cuts[owner[row]].child_frame.R.T @ own[row]
     force, normal = ([*flags] for flags in ((f for f, _ in each), (not f and k == "U" for f, k in each)))
-    return Kinds(owner, np.array(force, bool), np.array(carried, np.intp), np.array(normal, bool), own)
+    return Kinds(owner, np.array(force, bool), np.array(carried, np.intp), np.array(normal, bool), own, found.names)

@@ -94,7 +94,7 @@ class LoopEquations:
         (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
         shift = point - start
         turn = np.zeros_like(shift)
-        owner, _, carried, normal, own = self.kinds
+        owner, _, carried, normal, own, _ = self.kinds
         direction = np.tile(own, (len(R), 1, 1))
         for some, R_side in ((carried > 0, R_to), (carried < 0, R_from)):
             if some.any():
@@ -260,7 +260,7 @@ class LoopEquations:
             A: Their acceleration screws for joint accelerations of zero. Shape (n, n_body + 1, 6).
         """
         rows = self.rows(at.R, at.p)
-        owner, force, carried, normal, _ = self.kinds
+        owner, force, carried, normal, *_ = self.kinds
         (i, _, _), (j, _, _) = self.lay.sides
         V_i, V_j, A_i, A_j = V[:, i], V[:, j], A[:, i], A[:, j]
         w_i, w_j = V_i[..., :3], V_j[..., :3]
