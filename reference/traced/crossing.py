@@ -22,7 +22,6 @@ from screwgauge.reference.traced.vectors import (
     product,
     rotation,
     scale,
-    transpose,
     turn,
     turn_back,
     vector,
@@ -149,8 +148,3 @@ def crossing(joint: Joint, columns: Sequence[int], q: Coordinates, *, reverse: b
     """All steps from the body on one side of a joint to that on the other."""
     start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
     return [fixed(start), *freedoms(joint, columns, q, reverse=reverse), unfixed(end)]
-
-
-def relative(R: Matrix, other: Matrix) -> Matrix:
-    """Orientation of the second frame in the first."""
-    return product(transpose(R), other)

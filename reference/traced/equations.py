@@ -25,7 +25,6 @@ from screwgauge.reference.traced.elimination import Entries, Factors, solve
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tree import TreeAt, plus
 from screwgauge.reference.traced.vectors import (
-    ZERO,
     Scalar,
     Vector,
     add,
@@ -200,10 +199,7 @@ class Dynamics:
         cut = at.cuts[c]
         if not cut.slides:
             return 0.0
-        axis = vector(cut.joint.axes[0])
-        on_child = turn_back(cut.M, axis)
-        powers = at.row(cut, (on_child, ZERO), (axis, cross(cut.d, axis)))
-        return sum((x * self.v[i] for i, x in powers.items()), start=0.0)
+        return sum((x * self.v[i] for i, x in at.row(cut, *along(cut)).items()), start=0.0)
 
     def _accelerations(self, known: Coordinates) -> dict[int, Scalar]:
         """Accelerations of the dependent coordinates."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import islice
@@ -45,22 +46,15 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int) -> str:
-    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`."""
+    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
+
+    One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
+    its stack keeps to whole lines of the cache.
+    """
     import llvmlite.ir as ir
 
-    module = ir.Module("screwgauge")
-    _loop(ir, module, _block(ir, module, program, width), width)
-    return str(module)
-
-
-def _block(ir: Any, module: Any, program: Program, width: int) -> Any:
-    """One block of samples.
-
-    It is a function without loop, so that constants stay in memory instead of taking registers, and its stack keeps to
-    whole lines of the cache.
-    """
-    number, i64 = ir.DoubleType(), ir.IntType(64)
-    vector, pointer = ir.VectorType(number, width), number.as_pointer()
+    module, i64 = ir.Module("screwgauge"), ir.IntType(64)
+    pointer = ir.DoubleType().as_pointer()
     table = pointer.as_pointer()
     block = ir.Function(module, ir.FunctionType(i64, [table, table, pointer, i64]), "block")
     block.linkage, block.attributes.alignstack = "internal", 64
@@ -68,35 +62,48 @@ def _block(ir: Any, module: Any, program: Program, width: int) -> Any:
     source, target, weights, offset = block.args
     b = ir.IRBuilder(block.append_basic_block())
     maths = VectorMath(module, b, width, inline=len(program.code) < SMALL)
+    outputs, total = _statements(maths, program, source, target, offset), maths.constant(0.0)
+    for i, x in enumerate(outputs[len(outputs) - program.checks :]):
+        total = maths.fma(x, maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
+    doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
+    b.ret(b.zext(doubt, i64))
+    _loop(ir, module, block, width)
+    return str(module)
+
+
+def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> list[Any]:
+    """The program, each output stored as soon as it is there. Returns the outputs."""
+    b, i64 = maths.b, maths.ir.IntType(64)
 
     def place(rows: Any, row: int) -> Any:
-        start = b.load(b.gep(rows, [ir.Constant(i64, row)]))
-        return b.bitcast(b.gep(start, [offset]), vector.as_pointer())
+        start = b.load(b.gep(rows, [maths.ir.Constant(i64, row)]))
+        return b.bitcast(b.gep(start, [offset]), maths.vector.as_pointer())
 
     values = {i: b.load(place(source, i), align=8) for i in range(program.inputs)}
 
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
 
-    stored: dict[int, list[int]] = {}  # number of the value that makes it, or of the last input, -> rows
-    for row, x in enumerate(program.outputs):
-        stored.setdefault(max(x, program.inputs - 1) if isinstance(x, int) else program.inputs - 1, []).append(row)
-    coming = (place(target, row) for value in sorted(stored) for row in stored[value])
-    for line in islice(coming, AHEAD):
-        maths.fetch(line)
-    for i, (op, args) in enumerate((("", ()), *program.code), program.inputs - 1):
-        if op:
-            values[i] = maths.operation(op, [operand(x) for x in args])
-        for row in stored.get(i, ()):
-            for line in islice(coming, 1):
-                maths.fetch(line)
+    made = [x if isinstance(x, int) else 0 for x in program.outputs]
+    waiting = deque(sorted(range(len(made)), key=made.__getitem__))
+    coming = (place(target, row) for row in [*waiting])
+
+    def fetch(count: int) -> None:
+        for line in islice(coming, count):
+            maths.fetch(line)
+
+    def store(value: int) -> None:
+        while waiting and made[waiting[0]] <= value:
+            row = waiting.popleft()
+            fetch(1)
             b.store(operand(program.outputs[row]), place(target, row), align=8)
-    total = maths.constant(0.0)
-    for i, x in enumerate(program.outputs[len(program.outputs) - program.checks :]):
-        total = maths.fma(operand(x), maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
-    doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
-    b.ret(b.zext(doubt, i64))
-    return block
+
+    fetch(AHEAD)
+    store(program.inputs - 1)
+    for i, (op, args) in enumerate(program.code, program.inputs):
+        values[i] = maths.operation(op, [operand(x) for x in args])
+        store(i)
+    return [operand(x) for x in program.outputs]
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
@@ -172,10 +179,7 @@ class Native:
             return self._padded(inputs, outputs, weights)
         limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
         tables = rows(inputs), rows(outputs), limits
-        function, arguments = (
-            self.function,
-            [*(ctypes.c_void_p(table.ctypes.data) for table in tables), ctypes.c_int64(n)],
-        )
+        function, arguments = self.function, [*(ctypes.c_void_p(x.ctypes.data) for x in tables), ctypes.c_int64(n)]
 
         def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
             return not function(*arguments)

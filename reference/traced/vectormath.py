@@ -70,11 +70,10 @@ class VectorMath:
 
     def fetch(self, place: Any) -> None:
         """Asks for the line of the cache at a place, to be written to soon."""
-        i8, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
-        kind = self.ir.FunctionType(self.ir.VoidType(), [i8, i32, i32, i32])
-        name = "llvm.prefetch.p0"
-        known = self.module.globals.get(name) or self.ir.Function(self.module, kind, name)
-        self.b.call(known, [self.b.bitcast(place, i8), i32(1), i32(3), i32(1)])
+        byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
+        kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
+        prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        self.b.call(prefetch, [self.b.bitcast(place, byte), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
         """One instruction of a program. Products may be fused with sums; nothing is reordered."""
@@ -134,7 +133,8 @@ class VectorMath:
         r = self.fma(back, self.constant(HALF_PI[1]), first)
         low = self.fma(back, self.constant(HALF_PI[2]), self.fma(back, self.constant(HALF_PI[1]), b.fsub(first, r)))
         u = b.fmul(r, r)
-        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, self._flat(u))))
+        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
+        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
         half = b.fmul(u, self.constant(0.5))
         top = b.fsub(one, half)
         slip = b.fsub(b.fsub(one, top), half)  # what rounding took from it
@@ -150,10 +150,6 @@ class VectorMath:
             below = b.icmp_signed("!=", b.and_(count, whole[2]), whole[0])
             results.append(b.select(near, b.select(below, b.fneg(chosen), chosen), lost))
         return results[0], results[1]
-
-    def _flat(self, u: Any) -> Any:
-        """Slope of the sine, to the few digits that its correction needs."""
-        return self.fma(u, self.constant(-0.5), self.constant(1.0))
 
     def _angle(self, y: Any, x: Any) -> Any:
         b = self.b

@@ -24,8 +24,6 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.truth import cache
 
 FLOAT = np.dtype(float)
-#: Numbers in a line of the cache.
-LINE = 8
 
 
 class Runner(Protocol):
@@ -126,17 +124,6 @@ def open_links(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
         (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
         for link in links
     )
-
-
-def columns(n: int, m: int) -> Array:
-    """An array of shape (n, m) in which the numbers of one column lie side by side.
-
-    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
-    """
-    wide = n + LINE - n % LINE
-    room = np.empty(m * wide + LINE)
-    first = -(room.ctypes.data // room.itemsize) % LINE
-    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:
