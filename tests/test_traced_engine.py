@@ -149,6 +149,7 @@ def test_a_prediction_from_afar_is_left_to_the_array_solver(monkeypatch):
     work = TracedWork(lay, scene.problem(["joint_position"]), scene.motion, "numpy")
     near = work.predictor.predict(scene.motion)
     monkeypatch.setattr(work.predictor, "predict", lambda motion: near + 0.05 * np.eye(*near.shape))
+    monkeypatch.setattr(work.predictor, "by_program", False)
     part = work.part(scene.motion)
     assert work.by_array["not closed"] > 0
     expected = solved(scene, "array").values["joint_position"].array

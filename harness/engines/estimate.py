@@ -31,7 +31,7 @@ CLEAR, CLEAR_FORCES = 30.0, 1e4
 SAFETY = 4.0
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
-_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load", "open")
+_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load", "open", "stretch")
 _JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
@@ -41,13 +41,14 @@ class Trust:
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
-        gain: Norm of its inverse, without dimension. Shape (n,).
+        gain: Norm of its inverse, without dimension, of its worst loop. Shape (n,).
         charts: Condition number of the charts of cut joints, 1 at best; only joint coordinates suffer. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
         speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
             that rate. Shape (n,).
         load: Largest force [N], whose parts may cancel. Shape (n,).
         open: How far the loops are open beyond rounding, without dimension. Shape (n,).
+        stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism. (n,).
     """
 
     condition: Array
@@ -58,6 +59,7 @@ class Trust:
     rush: Array | float = 0.0
     load: Array | float = 0.0
     open: Array | float = 0.0
+    stretch: Array | float = 1.0
 
     def doubtful(self) -> Rows:
         """Samples for which powers of the gain would say too much."""
@@ -214,7 +216,7 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Arr
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
         if name != "joint_position":  # what stands on partial rates without a digit has none either
-            error[~(ROUNDED * linear.EPS * trust.gain**2 < DIGIT)] = np.inf
+            error[~(ROUNDED * linear.EPS * trust.stretch * trust.gain**2 < DIGIT)] = np.inf
     return np.asarray(error)
 
 
@@ -226,7 +228,7 @@ def amplified(name: str, trust: Trust) -> Scalar:
     power = g
     for _ in range(_POWER.get(name, 3) - 1):
         power = power * g
-    return apply("max", power, trust.forces.get(name, 1.0))
+    return apply("max", trust.stretch * power, trust.forces.get(name, 1.0))
 
 
 def summand(unit: str, trust: Trust) -> Scalar:

@@ -10,6 +10,7 @@ from screwgauge.reference.rotations import Array
 Rows = NDArray[np.intp]
 
 EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
+CACHED = 2**14  # numbers worked on at a time
 KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
 
 
@@ -38,22 +39,43 @@ def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
         rows: Samples whose poses are known, the first and the last among them. Shape (m,).
         z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
     """
-    at, slope = np.arange(len(y)), np.gradient(y, axis=0)
-    if len(y) > len(EDGE):
-        slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
-        slope[0], slope[-1] = EDGE @ y[: len(EDGE)], -EDGE @ y[: -len(EDGE) - 1 : -1]
-    slope = slope[rows]
-    known = np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]])
-    i = np.minimum(np.searchsorted(rows, at, side="right") - 1, len(rows) - 2)
-    x, c = _differences(rows.astype(float), *known)
-    value = c[i, -1]
-    for j in reversed(range(x.shape[1] - 1)):
-        value = value * (at - x[i, j])[:, None] + c[i, j]
+    slope = slopes(y)[rows]
+    value = interpolated(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
+    at = np.arange(len(y))
+    i = _interval(at, rows)
     share = ((at - rows[i]) / (rows[i + 1] - rows[i]))[:, None]
     away = (y - value[:, : y.shape[1]])[..., None]
     return np.asarray(
         value[:, y.shape[1] :] + (1.0 - share) * (K[i] @ away)[..., 0] + share * (K[i + 1] @ away)[..., 0]
     )
+
+
+def slopes(y: Array) -> Array:
+    """Derivative of a motion by the number of the sample, of fourth order. Shape (n, k) -> (n, k)."""
+    slope = np.gradient(y, axis=0)
+    if len(y) > len(EDGE):
+        slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
+        slope[0], slope[-1] = EDGE @ y[: len(EDGE)], -EDGE @ y[: -len(EDGE) - 1 : -1]
+    return np.asarray(slope)
+
+
+def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
+    """Numbers at n samples from those at some, see `predicted`, and their derivatives. Shapes (m, d) -> (n, d)."""
+    x, c = _differences(rows.astype(float), values, rates)
+    found, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
+    for first in range(0, n, some):
+        at = np.arange(first, min(first + some, n))
+        i = _interval(at, rows)
+        value = c[i, -1]
+        for j in reversed(range(x.shape[1] - 1)):
+            value *= (at - x[i, j])[:, None]
+            value += c[i, j]
+        found[at] = value
+    return found
+
+
+def _interval(at: Rows, rows: Rows) -> Rows:
+    return np.minimum(np.searchsorted(rows, at, side="right") - 1, len(rows) - 2)
 
 
 def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:

@@ -18,9 +18,9 @@ from screwgauge.reference.closed import cut_coordinates
 from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
 from screwgauge.reference.closed.cut_coordinates import CutColumns
 from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.kinds import Kinds, kinds
 from screwgauge.reference.couplings import CouplingRows
 from screwgauge.reference.pose import Layout, Pose, length, side_frames, tree_pose, whole_pose
-from screwgauge.reference.reactions import Reactions, reaction_components
 from screwgauge.reference.rotations import Array, cross, vee
 
 Rates = tuple[Array, Array]
@@ -29,7 +29,7 @@ Rates = tuple[Array, Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """The reciprocal wrenches of the cut joints at n poses; the order is that of `LoopEquations.components`.
+    """The reciprocal wrenches of the cut joints at n poses; the order is that of `Kinds`.
 
     Attributes:
         direction: Unit force or unit moment. Shape (n, m, 3).
@@ -77,21 +77,8 @@ class LoopEquations:
         return cut_coordinates.cut_columns(self.lay)
 
     @cached_property
-    def components(self) -> Reactions:
-        """Names, kinds and owners (among the cut joints) of all wrenches, as their joints' own axes have them."""
-        cuts, dtype = self.lay.tree.cuts, self.lay.path.dtype
-        upright, origin = [np.eye(3, dtype=dtype)[None]] * len(cuts), [np.zeros((1, 3), dtype=dtype)] * len(cuts)
-        return reaction_components(cuts, upright, upright, origin)
-
-    @cached_property
-    def _kinds(self) -> tuple[list[int], Array, Array, Array]:
-        """Owner of each row; whether it is a force; whether its direction turns with the child; if U's moment."""
-        owner = list(self.components.joints)
-        kind = [self.lay.tree.cuts[c].kind for c in owner]
-        force = np.array([unit == "N" for unit in self.components.units], dtype=bool)
-        carried = np.array([k in "PC" or (not f and k == "R") for k, f in zip(kind, force, strict=True)], bool)
-        normal = np.array([not f and k == "U" for k, f in zip(kind, force, strict=True)], bool)
-        return owner, force, carried, normal
+    def kinds(self) -> Kinds:
+        return kinds(self.lay)
 
     def rows(self, R: Array, p: Array) -> Rows:
         """The reciprocal wrenches at given poses of the bodies, and the closure residuals of the cut joints."""
@@ -105,12 +92,14 @@ class LoopEquations:
     def _rows(self, R: Array, p: Array) -> Rows:
         cuts, (parents, children) = self.lay.tree.cuts, self.lay.sides
         (R_from, start), (R_to, point) = side_frames(parents, R, p), side_frames(children, R, p)
-        R_child, shift = R[:, children[0]], point - start
+        shift = point - start
         turn = np.zeros_like(shift)
-        owner, _, carried, normal = self._kinds
-        direction = np.tile((self.components.force + self.components.moment).astype(R.dtype), (len(R), 1, 1))
-        carriers = [c for c, with_child in zip(owner, carried, strict=True) if with_child]
-        direction[:, carried] = (R_child[:, carriers] @ direction[:, carried][..., None])[..., 0]
+        owner, _, carried, normal, own, _ = self.kinds
+        direction = np.tile(own, (len(R), 1, 1))
+        for some, R_side in ((carried > 0, R_to), (carried < 0, R_from)):
+            if some.any():
+                side = R_side[:, np.array(owner)[some]]
+                direction[:, some] = (side @ direction[:, some][..., None])[..., 0]
         by_axis = [c for c, joint in enumerate(cuts) if joint.kind in "URC"]
         if by_axis:
             first = (R_from[:, by_axis] @ np.array([cuts[c].axes[0] for c in by_axis])[..., None])[..., 0]
@@ -128,7 +117,7 @@ class LoopEquations:
 
     def residuals(self, rows: Rows) -> Array:
         """Closure residual along each reciprocal wrench, without dimension. Shape (n, m)."""
-        owner, force, _, _ = self._kinds
+        owner, force, *_ = self.kinds
         residual = np.where(force[:, None], rows.shift[:, owner] / self.length, rows.turn[:, owner])
         return np.asarray(np.sum(rows.direction * residual, axis=2))
 
@@ -142,7 +131,7 @@ class LoopEquations:
         return np.concatenate([closing, couplings / (size if couplings.ndim == 2 else size[:, None])], axis=1)
 
     def _matrix(self, rows: Rows, at: Pose) -> Array:
-        owner, force, _, _ = self._kinds
+        owner, force, *_ = self.kinds
         # the work of each wrench on the child's twist less the parent's
         d = np.where(force[:, None], rows.direction / self.length, 0.0)
         work = np.empty((*d.shape[:2], 6), dtype=d.dtype)
@@ -155,7 +144,7 @@ class LoopEquations:
 
     @cached_property
     def _signs(self) -> Array:
-        return np.asarray(-self.lay.loop[np.ix_(self._kinds[0], self.unknown)])
+        return np.asarray(-self.lay.loop[np.ix_(self.kinds.owner, self.unknown)])
 
     def matrix(self, at: Pose) -> Array:
         """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
@@ -271,7 +260,7 @@ class LoopEquations:
             A: Their acceleration screws for joint accelerations of zero. Shape (n, n_body + 1, 6).
         """
         rows = self.rows(at.R, at.p)
-        owner, force, carried, normal = self._kinds
+        owner, force, carried, normal, *_ = self.kinds
         (i, _, _), (j, _, _) = self.lay.sides
         V_i, V_j, A_i, A_j = V[:, i], V[:, j], A[:, i], A[:, j]
         w_i, w_j = V_i[..., :3], V_j[..., :3]
@@ -280,7 +269,8 @@ class LoopEquations:
         sliding = screws.velocity_at(V_j, rows.point) - screws.velocity_at(V_i, rows.point)
         sliding[:, [joint.kind not in "PC" for joint in self.lay.tree.cuts]] = 0.0
         relative -= cross(w_i, sliding)
-        change = np.where(carried[:, None], cross(w_j[:, owner], rows.direction), 0.0)
+        carrier = np.where(carried[:, None] > 0, w_j[:, owner], w_i[:, owner])
+        change = np.where(carried[:, None] != 0, cross(carrier, rows.direction), 0.0)
         for row in np.flatnonzero(normal):
             first, second = at.S[:, self.lay.columns[self.lay.tree.cuts[owner[row]].name], :3].swapaxes(0, 1)
             w_first, w_second = w_i[:, owner[row]], w_j[:, owner[row]]

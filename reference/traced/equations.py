@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial, reduce
 from typing import Any
 
 import numpy as np
 
 from screwgauge.reference.applied import Load
+from screwgauge.reference.extent import Extent
 from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.pose import Layout
@@ -113,23 +114,36 @@ class Closed:
         K |= {i: [0.0] * len(chosen) for i in self.question.fixed}
         return K | {i: [float(j == i) for j in chosen] for i in chosen}
 
-    def gains(self) -> tuple[Scalar, Scalar]:
-        """Squares of estimates of the norm of the inverse, without dimension, from one probe and the pivots.
+    def gains(self, by: Extent) -> tuple[Scalar, Scalar]:
+        """Squares of estimates of the norm of the inverse, of its worst loop, from one probe and the pivots.
+
+        Args:
+            by: What has how much of a dimension.
 
         Returns:
             Of the coordinates that move, and of those that rest, too, which count for constraint forces.
         """
-        factors, size, unit = self.factors, self.question.size, self.unit
+        factors, chosen = self.factors, self.question.lay.mechanism.independent_columns
+        unit = [float(by.loops[c]) if row.force else 1.0 for c, row in zip(self.owners, self.rows, strict=True)]
         probe = [u if (r * 5) % 7 < 4 else -u for r, u in enumerate(unit)]
-        for k, column in enumerate(self.question.lay.mechanism.independent_columns):
-            sign = size[column] if k % 2 else -size[column]
+        for k, column in enumerate(chosen):
+            sign = float(by.size[column]) if k % 2 else -float(by.size[column])
             probe = [x + sign * self.A.get((r, column), 0.0) for r, x in enumerate(probe)]
-        found = measured(self.follow(probe), size) + float(len(self.question.lay.mechanism.independent_columns))
-        pivots = [*zip(factors.pivots, factors.inverse, strict=True)]
-        scales = {(r, c): size[c] / unit[r] for (r, c), _ in pivots}
+        found = self.follow(probe)
+        loops = dict[int, list[tuple[Scalar, float]]]()  # -> numbers and what they are divided by
+        for column, x in found.items():
+            loops.setdefault(by.owner[column], []).append((x, float(by.size[column])))
+        gains = list[Scalar]()
         m = len(self.question.dependent)
-        moving = found + measured(dict(pivots[:m]), scales)
-        return moving, moving + measured(dict(pivots[m:]), scales)
+        pivots = [*zip(factors.pivots, factors.inverse, strict=True)]
+        for some in (pivots[:m], pivots[m:]):
+            for (row, column), x in some:
+                loops.setdefault(by.owner[column], []).append((x, float(by.size[column]) / unit[row]))
+            worst = [
+                measured(*({i: pair[k] for i, pair in enumerate(pairs)} for k in (0, 1))) for pairs in loops.values()
+            ]
+            gains.append(float(len(chosen)) + (reduce(partial(apply, "max"), worst) if worst else 0.0))
+        return gains[0], gains[1]
 
 
 def measured(x: Mapping[Any, Scalar], size: Any) -> Scalar:

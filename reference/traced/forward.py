@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
+from screwgauge.reference.extent import whole
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import along
@@ -225,4 +226,6 @@ def _condition(pose: Closed) -> Scalar:
     size = pose.question.size
     entries = {key: x for key, x in pose.A.items() if key[1] not in pose.question.fixed}
     scales = {(r, c): pose.unit[r] / size[c] for r, c in entries}
-    return (measured(entries, scales) + float(len(pose.question.lay.mechanism.independent_columns))) * pose.gains()[0]
+    return (measured(entries, scales) + float(len(pose.question.lay.mechanism.independent_columns))) * pose.gains(
+        whole(pose.question.lay)
+    )[0]

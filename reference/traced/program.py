@@ -77,3 +77,20 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
                 number[node.index] = inputs + len(code)
                 code.append((node.op, tuple(operand(x) for x in node.args)))
     return Program(inputs, tuple(code), tuple(operand(x) for x in outputs), checks)
+
+
+def only(program: Program, outputs: Sequence[int]) -> Program:
+    """The same program with some of its outputs, without what does not count for these; its checks are the last."""
+    kept = [program.outputs[i] for i in outputs]
+    needed = {x for x in kept if isinstance(x, int)}
+    for value in range(program.inputs + len(program.code) - 1, program.inputs - 1, -1):
+        if value in needed:
+            needed |= {x for x in program.code[value - program.inputs][1] if isinstance(x, int)}
+    rows = [value for value in range(program.inputs, program.inputs + len(program.code)) if value in needed]
+    number = {x: x for x in range(program.inputs)} | {value: program.inputs + i for i, value in enumerate(rows)}
+
+    def operand(x: Operand) -> Operand:
+        return number[x] if isinstance(x, int) else x
+
+    code = ((op, tuple(map(operand, args))) for op, args in (program.code[value - program.inputs] for value in rows))
+    return Program(program.inputs, tuple(code), tuple(map(operand, kept)), program.checks)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference.applied import Load
+from screwgauge.reference.extent import extent
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.closing import Row
 from screwgauge.reference.traced.constraints import Constraints
@@ -33,7 +34,8 @@ class Traced:
     """A program and what its numbers mean.
 
     Attributes:
-        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``, what became of the prediction.
+        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
+            and its rates.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
     """
 
@@ -75,11 +77,12 @@ def traced(
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
         found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
-        moved = measured({c: found[c] - guess[c] for c in predicted}, question.size)
+        moved = measured({c: found[c] - guess[c] for c in predicted}, extent(lay).size.tolist())
     if loaded:
         question = replace(question, loads=tuple(_given(trace, load, len(samples[0])) for load in question.loads))
     dynamics = Dynamics(question, q, yd, ydd)
-    outputs = {"reached": [values[c] for c in predicted]} | everything(dynamics, wanted, values | rest(question))
+    reached = [values[c] for c in predicted] + [dynamics.v[c] for c in predicted]
+    outputs = {"reached": reached} | everything(dynamics, wanted, values | rest(question))
     residuals = Closed(question, TreeAt(lay, q, closed=not predicted)).rows
     left: Scalar = 0.0
     if "reaction" in wanted:
@@ -148,14 +151,14 @@ def balance_left(found: Dynamics, constraints: Constraints) -> Scalar:
 
 def checks(found: Dynamics, moved: Scalar, left: Scalar, residuals: Sequence[Row]) -> dict[str, list[Scalar]]:
     """What every sample says of itself, see `CHECKS`."""
-    size = found.question.size
+    size, by = found.question.size, extent(found.lay)
     charts = 0.0
     for cut in found.at.cuts:
         if cut.joint.kind == "S":
             c = cut.chart().pairs[1][1]
             charts = charts + 1.0 / (c * c)
     numbers = (
-        *found.pose.gains(),
+        *found.pose.gains(by),
         found.drive,
         moved,
         measured({i: row.residual for i, row in enumerate(residuals)}, found.pose.unit),

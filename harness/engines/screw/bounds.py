@@ -14,6 +14,7 @@ from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
 from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
 from screwgauge.reference import linear
+from screwgauge.reference.extent import extent
 from screwgauge.reference.linear import ROUNDED
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
@@ -58,6 +59,7 @@ class Bounds:
 
     def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
+        self.stretch = extent(lay).stretch
         loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
         # each of several spherical joints adds one at least
@@ -99,7 +101,8 @@ class Bounds:
             forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
             forces["actuator_force"] = ratio.drive * out["drive"]
-        return Trust(ratio.condition * gain, gain, charts, forces, speed, rush, ratio.load * load, out["closing"])
+        numbers = charts, forces, speed, rush, ratio.load * load, out["closing"], self.stretch
+        return Trust(ratio.condition * gain, gain, *numbers)
 
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]

@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, examined, gain
+from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.along import joint_wrenches
+from screwgauge.reference.closed.gain import gain
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.dynamics import (
     body_motion,
@@ -25,6 +26,7 @@ from screwgauge.reference.dynamics import (
     required_wrench,
     solve_newton_euler,
 )
+from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.precision import wide_force_matrix
@@ -78,7 +80,7 @@ class Work:
         if self.depth in "vaf":
             with self.clock.stage("velocities"):
                 rate = velocities(lay, at, motion.yd)
-            A, charts = rate.A, rate.orientation
+            A, charts, system = rate.A, rate.orientation, rate.system
             out["joint_velocity"] = rate.w
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
             # a cut joint's own rates are no summands of anything else
@@ -88,10 +90,12 @@ class Work:
                 beta = np.abs(out["joint_acceleration"] / self.system.size)[:, self.system.unknown]
                 rush = np.maximum(speed**2, beta.max(axis=1))
         else:
-            A, charts = self.system.matrix(at), self.system.readers(at)[1]
+            system = self.system
+            A, charts = system.matrix(at), system.readers(at)[1]
         with self.clock.stage("condition"):
-            condition = linear.condition(A)
-            trust = Trust(condition, gain(A, condition), charts.max(axis=1, initial=1.0), forces, speed, rush, load)
+            condition, amplified = gain(system, A)
+            worst, stretch = charts.max(axis=1, initial=1.0), extent(lay).stretch
+            trust = Trust(condition, amplified, worst, forces, speed, rush, load, stretch=stretch)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
     def _dynamics(
@@ -153,7 +157,11 @@ class Work:
             return
         B = rate.K[:, lay.mechanism.actuated_columns]
         f = dynamics.min_norm(B, Q)
-        conditions["actuator_force"] = linear.condition(B)
+        size, mechanism = rate.system.size, lay.mechanism
+        driven = B * size[mechanism.independent_columns] / size[mechanism.actuated_columns, None]
+        # rounding of rates is that of the fastest coordinates, however slow the actuators are beside these
+        slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
+        conditions["actuator_force"] = linear.condition(driven) / slow
         axial = problem.rule == "spherical_axial"
         if axial or "reaction" in problem.wanted:
             self.reactions = dynamics.joint_reactions(lay, rate.pose)

@@ -29,6 +29,8 @@ FLOAT = np.dtype(float)
 class Runner(Protocol):
     """What runs a program."""
 
+    program: Program
+
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:

@@ -16,7 +16,7 @@ from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.prediction import Predictor
+from screwgauge.engines.screw.prediction import CHARTED, Predictor, closer, single
 from screwgauge.engines.screw.programs import Bound, check_traceable, flat, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress
@@ -78,7 +78,8 @@ class TracedWork:
             self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
-        self.predictor = Predictor(lay) if self.traced.predicted else None
+        self.single = single(self.runner, self.traced)
+        self.predictor = self._predictor()
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
 
@@ -111,9 +112,16 @@ class TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""
         other = copy(self)
         other.clock, other.by_array, other.bound = Clock(), Counter(), None
-        other.predictor = None if self.predictor is None else Predictor(self.lay)
-        other.runner = self.runner.again()
+        other.runner, other.single = self.runner.again(), self.single.again()
+        other.predictor = other._predictor()
         return other
+
+    def _predictor(self) -> Predictor | None:
+        """What predicts poses with this program, if it needs that."""
+        if not self.traced.predicted:
+            return None
+        close = closer(self.single, self.traced, self.bounds, len(self.lay.mechanism.independent_columns))
+        return Predictor(self.lay, self.traced.predicted, close, cuts=bool(CHARTED & {*self.wanted}))
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
@@ -134,7 +142,7 @@ class TracedWork:
         predicted, n = list(self.traced.predicted), len(motion)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         inputs += [np.ascontiguousarray(q[predicted]), loads]
-        reached, checks = np.empty((len(predicted), n)), np.empty((len(CHECKS), n))
+        reached, checks = np.empty((2 * len(predicted), n)), np.empty((len(CHECKS), n))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
         with np.errstate(all="ignore"):
@@ -142,10 +150,10 @@ class TracedWork:
             near = self.bounds.near(found)
             rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
         if predicted and rows.size:  # once more from where Newton's method came to
-            inputs[3] = reached
+            inputs[3] = reached[: len(predicted)]
             some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
             again = np.empty((len(CHECKS), len(rows)))
-            self.runner.bind(some, [some[3].copy(), *(array.T for array in arrays.values()), again])()
+            self.runner.bind(some, [reached[:, rows], *(array.T for array in arrays.values()), again])()
             checks[:, rows] = again
             for name, array in arrays.items():
                 values[name][rows] = array
@@ -184,7 +192,11 @@ class TracedWork:
         with self.clock.stage("prediction"):
             near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
         with self.clock.stage("program"):
-            out, clear = self._run(motion, near, np.empty((0, n)) if loads is None else loads, arrays)
+            given = np.empty((0, n)) if loads is None else loads
+            out, clear = self._run(motion, near, given, arrays)
+            if not clear and self.predictor and self.predictor.by_program and not self.bounds.near(out).all():
+                near = self.predictor.by_array(motion).T
+                out, clear = self._run(motion, near, given, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.predictor is not None:
                 self._nearest(values, near.T)

@@ -1,13 +1,13 @@
-"""Compiled programs against the array solver, sample by sample: no number is wrong by more than its estimate.
+"""Compiled programs against truth and the array solver, sample by sample: no number is wrong by more than its estimate.
 
 ``python -m screwgauge.study.campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
-backend; rows that are there are kept.
+backend; rows that are there are kept. The array solver answers all samples, truth some of them.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,23 +15,29 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.array_work import ArrayWork
 from screwgauge.engines.screw.bounds import examined
-from screwgauge.engines.screw.compiled import Solver
+from screwgauge.engines.screw.compiled import Answer, Solver
 from screwgauge.families.draw import families, random
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.problem import GivenMotion
+from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
+from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.table import added_to, rows_in
 
-COLUMNS = ("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "ok", "reason")
-#: Samples compared at a time, and of a random mechanism's motion.
-PART, SAMPLES = 2000, 60
+COLUMNS = (
+    *("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "certified", "true_worst"),
+    *("true_quantity", "ok", "reason"),
+)
+#: Samples compared at a time, of a motion, and those of them that are put to truth.
+PART, SAMPLES, CERTIFIED = 2000, 300, 40
 #: Farthest random states [rad]: beyond the leg singularity of the 3-UPS-UPU-S.
 REACH = 0.9
 #: Forty four-bars take minutes by the array solver.
@@ -45,48 +51,120 @@ def states(count: int, seed: int = 0) -> GivenMotion:
     return GivenMotion(np.arange(float(count)), y, yd, ydd)
 
 
-def built_in(name: str) -> Scene:
-    """A built-in mechanism near its home pose."""
+def near_home(name: str | Path, n: int = SAMPLES) -> Scene:
+    """A mechanism, built in or a file, in a motion near its home pose."""
     mechanism = load_mechanism(name)
-    rng, k, t = np.random.default_rng(5), len(mechanism.independent), np.linspace(0.0, 1.0, 60)
+    rng, k, t = np.random.default_rng(5), len(mechanism.independent), np.linspace(0.0, 1.0, n)
     size, w = 0.02 * rng.uniform(0.5, 1.0, k), rng.uniform(1.0, 4.0, k)
     arm, home = np.sin(np.outer(t, w)), mechanism.home[mechanism.independent_columns]
     motion = GivenMotion(t, home + size * arm, size * w * np.cos(np.outer(t, w)), -size * w * w * arm)
-    return replace(load_scene("3ups-upu-s").under(loads=()), mechanism=mechanism, task=motion, drive=None, text={})
+    bare = load_scene("3ups-upu-s").under(loads=())
+    return replace(bare, mechanism=mechanism, mechanism_file=mechanism_path(name), task=motion, drive=None, text={})
 
 
-def compared(scene: Scene, motion: GivenMotion, backend: str) -> dict[str, Any]:
-    """The row of a mechanism; pivots are chosen along the scene's own motion.
+Answers = Mapping[str, tuple[Array, Array]]
+"""Quantity -> its numbers, and what their errors are at most. Shapes (n, m)."""
+
+
+def spread(errors: Array, units: Sequence[str]) -> Array:
+    """Errors of each unit for each component. Shape (n, n_unit) -> (n, m)."""
+    kinds = [*dict.fromkeys(units)]
+    return errors[:, [kinds.index(unit) for unit in units]]
+
+
+def by_array(scene: Scene, motion: GivenMotion) -> Answers:
+    """What the array solver says of all samples."""
+    work = ArrayWork(layout(scene.mechanism), scene.problem(GIVEN), motion, "compared")
+    parts = [work.part(motion.part(slice(i, i + PART))) for i in range(0, len(motion), PART)]
+    errors = np.concatenate([examined(part, work.units, work.length) for part in parts])
+    each = np.split(errors, np.cumsum([len({*units}) for units in work.units.values()]), axis=1)
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in work.units}
+    return {name: (values[name], spread(e, work.units[name])) for name, e in zip(values, each, strict=False)}
+
+
+def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
+    """Samples that truth could certify, and what it says of them; what redundancy leaves open has no bound.
+
+    Raises:
+        ScrewgaugeError: There is none.
+    """
+    rows: Rows = np.unique(np.linspace(0, len(motion) - 1, CERTIFIED).astype(np.intp))
+    problem = replace(scene, task=motion.part(rows), drive=None, text={}).problem(GIVEN)
+    found = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
+    done = np.arange(len(rows)) if found.rows is None else found.rows
+    answers = {name: (x.array[done], found.radius[name][done].copy()) for name, x in found.values.items()}
+    if "reaction" in answers:
+        lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
+        at = positions(lay, three.y, three.t, (three.yd, three.ydd))
+        some = [mobility(lay, at.rows([i])).determined[: answers["reaction"][0].shape[1]] for i in range(3)]
+        answers["reaction"][1][:, ~np.all(some, axis=0)] = np.inf
+    return rows[done], answers
+
+
+def by_program(solver: Solver, motion: GivenMotion) -> tuple[int, Answers]:
+    """How many samples a program answered, and all that its solver says."""
+    left, parts = 0, list[Answer]()
+    for first in range(0, len(motion), PART):
+        some = motion.part(slice(first, first + PART))
+        parts.append(solver(some.y, some.yd, some.ydd, estimates=True))
+        left += sum(parts[-1].by_array.values())
+    return len(motion) - left, {
+        name: (
+            np.concatenate([part[name] for part in parts]),
+            spread(np.concatenate([part.estimate[name] for part in parts]), units),
+        )
+        for name, units in solver.first.units.items()
+    }
+
+
+def compared(scene: Scene, motion: GivenMotion, backends: Iterable[str]) -> Iterator[dict[str, Any]]:
+    """The rows of a mechanism; pivots are chosen along the scene's own motion.
 
     ``worst`` is the largest difference over what both solvers say their errors are, 1 at most where they are right.
     """
-    solver = Solver(scene, GIVEN, backend, 1, mode=(False, True))
-    theirs = ArrayWork(layout(scene.mechanism), scene.problem(GIVEN), motion, "compared")
-    row: dict[str, Any] = {"samples": len(motion), "backend": backend, "reason": "; ".join(solver.notes)}
-    worst, left = (0.0, ""), 0
-    for first in range(0, len(motion), PART):
-        some = motion.part(slice(first, first + PART))
-        mine, part = solver(some.y, some.yd, some.ydd, estimates=True), theirs.part(some)
-        left += sum(mine.by_array.values())
-        errors = examined(part, theirs.units, theirs.length)
-        column = 0
-        for name, units in theirs.units.items():
-            for i, unit in enumerate(dict.fromkeys(units)):
-                places = [c for c, u in enumerate(units) if u == unit]
-                a, b = mine[name][:, places], part.values[name][:, places]
-                share = beyond(a, b, mine.estimate[name][:, i] + errors[:, column], angle=unit == "rad")
-                worst, column = max(worst, (share, f"{name} [{unit}]")), column + 1
-    said = {"by_program": len(motion) - left, "worst": f"{worst[0]:.2g}", "quantity": worst[1]}
-    return row | said | {"ok": worst[0] <= 1.0}
+    arrays, every, why = by_array(scene, motion), np.arange(len(motion)), ""
+    try:
+        certified, truths = by_truth(scene, motion)
+    except ScrewgaugeError as error:
+        certified, truths, why = every[:0], {}, f"no truth: {error.what}"
+    for backend in backends:
+        solver = Solver(scene, GIVEN, backend, 1, mode=(False, True))
+        n, mine = by_program(solver, motion)
+        (worst, where), (true_worst, true_where) = (
+            furthest({name: (x[rows], bound[rows]) for name, (x, bound) in mine.items()}, others, solver.first.units)
+            for rows, others in ((every, arrays), (certified, truths))
+        )
+        counts = {"samples": len(motion), "by_program": n, "certified": len(certified)}
+        found = {
+            "worst": f"{worst:.2g}",
+            "quantity": where,
+            "true_worst": f"{true_worst:.2g}",
+            "true_quantity": true_where,
+        }
+        ok, said = max(worst, true_worst) <= 1.0, "; ".join(filter(None, [*solver.notes, why]))
+        yield {"backend": backend, **counts, **found, "ok": ok, "reason": said}
+
+
+def furthest(mine: Answers, others: Answers, units: Mapping[str, Sequence[str]]) -> tuple[float, str]:
+    """Largest difference over its bound, see `beyond`, and where."""
+    worst = 0.0, ""
+    for name, (b, radius) in others.items():
+        a, estimate = mine[name]
+        for unit in dict.fromkeys(units[name]):
+            of = np.array([u == unit for u in units[name]])
+            share = beyond(a[:, of], b[:, of], (estimate + radius)[:, of], angle=unit == "rad")
+            worst = max(worst, (share, f"{name} [{unit}]"))
+    return worst
 
 
 def beyond(a: Array, b: Array, bound: Array, *, angle: bool) -> float:
-    """Largest difference over its bound; numbers that only one of them has are infinitely far. (n, m), (n, m), (n,)."""
+    """Largest difference over its bound; numbers that only one of them has are infinitely far. Shape (n, m) each."""
     away = np.abs(a - b)
     if angle:  # a whole turn is none
         away = np.minimum(away, np.abs(away - 2.0 * np.pi))
     away[np.isnan(a) & np.isnan(b)] = 0.0
-    share = np.divide(away.max(axis=1, initial=0.0), bound, out=np.zeros(len(a)), where=np.isfinite(bound))
+    # what is nowhere away needs no bound: both say zero of what is at rest
+    share = np.divide(away, bound, out=np.zeros(a.shape), where=np.isfinite(bound) & (away != 0.0))
     return float(np.nan_to_num(share, nan=np.inf).max(initial=0.0))
 
 
@@ -98,21 +176,22 @@ def cases(count: int, drawn: int) -> Iterator[tuple[str, int]]:
     yield from ((families()[i % len(families())], i // len(families())) for i in range(drawn))
 
 
-def measured(case: str, seed: int, backend: str, count: int) -> dict[str, Any]:
-    """The row of a case."""
+def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[dict[str, Any]]:
+    """The rows of a case."""
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         try:
             if case == "states":
                 scene, motion = load_scene("3ups-upu-s"), states(count, seed)
             else:
                 built = case.removeprefix("built-in ")
-                scene = built_in(built) if built != case else random(seed, case, Path(folder))
+                scene = near_home(built) if built != case else random(seed, case, Path(folder))
                 scene = scene.at(np.linspace(scene.t[0], scene.t[-1], SAMPLES)) if built == case else scene
                 motion = scene.motion
-            row = compared(scene, motion, backend)
+            rows = [*compared(scene, motion, backends)]
         except ScrewgaugeError as error:
-            row = {"ok": "refused", "reason": f"{type(error).__name__}: {error.what}"}
-    return {"case": case, "seed": seed, "backend": backend, **row}
+            why = f"{type(error).__name__}: {error.what}"
+            rows = [{"backend": backend, "ok": "refused", "reason": why} for backend in backends]
+    return [{"case": case, "seed": seed, **row} for row in rows]
 
 
 def main() -> None:
@@ -126,9 +205,9 @@ def main() -> None:
     done = {(row["case"], int(row["seed"]), row["backend"]) for row in rows_in(asked.out, COLUMNS, "programs")}
     with added_to(asked.out, COLUMNS) as add:
         for case, seed in cases(asked.states, asked.random):
-            for backend in asked.backends.split(","):
-                if (case, seed, backend) not in done:
-                    add(measured(case, seed, backend, asked.states))
+            left = [backend for backend in asked.backends.split(",") if (case, seed, backend) not in done]
+            for row in measured(case, seed, left, asked.states) if left else ():
+                add(row)
     rows = rows_in(asked.out, COLUMNS, "programs")
     wrong = [f"{row['case']} {row['seed']} {row['backend']}" for row in rows if row["ok"] == "False"]
     refused = sum(row["ok"] == "refused" for row in rows)

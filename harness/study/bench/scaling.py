@@ -1,0 +1,150 @@
+"""What compiled programs cost as motions and mechanisms grow, with fitted exponents.
+
+``python -m screwgauge.study.bench.scaling [LADDER ...] [--sizes 2,4,8] [--backend numpy] [--out FILE.csv]``
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import numpy as np
+
+from screwgauge.engines.screw.compiled import Solver
+from screwgauge.engines.screw.traced import TracedWork
+from screwgauge.models.fourbars import four_bars
+from screwgauge.problem import GivenMotion
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+from screwgauge.study.bench import ladders
+from screwgauge.study.bench.volume import FORCES, measured
+from screwgauge.study.campaigns.compiled import near_home
+from screwgauge.study.table import columns_of, frame
+
+#: Samples of a chunk where only their number grows.
+CHUNK = 1024
+ROUNDS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One size.
+
+    Attributes:
+        ladder: What grows.
+        operations: Of the program; none where there is none, and the array solver answers.
+        by_array: Samples that the array solver answered.
+        setup_s: Processor time until the program is ready [s], compiled anew unless the cache has it.
+        sample_us: Processor time of a sample [us].
+    """
+
+    ladder: str
+    size: int
+    operations: int
+    by_array: int
+    setup_s: float
+    sample_us: float
+
+
+#: Name -> description of each size, sizes, and samples of a motion: what closes loops step by step looks at whole
+#: motions, what does not is called with what the cache holds.
+MECHANISMS: Mapping[str, tuple[Callable[[int], str], tuple[int, ...], int]] = {
+    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 24, 32, 40), 4096),
+    "legs": (ladders.legs, (3, 6, 12, 24), 256),
+    "joints": (ladders.arm, (3, 6, 12, 24, 48, 96), 256),
+}
+MOTIONS = (100, 1000, 10_000, 100_000, 1_000_000)
+
+
+def climbed(ladder: str, sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
+    """Forces of actuators of growing mechanisms, all of a motion in one call; sizes are measured in turn."""
+    text, _, samples = MECHANISMS[ladder]
+    made, calls = {}, dict[str, tuple[Callable[[], object], int]]()
+    for n in sizes:
+        with TemporaryDirectory(prefix="screwgauge-") as folder:
+            file = Path(folder) / "mechanism.toml"
+            file.write_text(text(n), encoding="utf-8")
+            scene = near_home(file, samples)
+            start = process_time()
+            solver = Solver(scene, FORCES, backend, 1)
+        spent, given, out = process_time() - start, scene.motion, solver.buffers(samples)
+        left = sum(solver(given.y, given.yd, given.ydd, out=out).by_array.values())
+        calls[str(n)] = _call(solver, given, out), samples
+        made[n] = _operations(solver), left, spent
+    seconds = measured(calls, rounds)
+    for n, numbers in made.items():
+        yield Rung(ladder, n, *numbers, seconds[str(n)] * 1e6)
+
+
+def _call(solver: Solver, given: GivenMotion, out: Mapping[str, np.ndarray]) -> Callable[[], object]:
+    return lambda: solver(given.y, given.yd, given.ydd, out=out)
+
+
+def _operations(solver: Solver) -> int:
+    return len(solver.first.traced.program.code) if isinstance(solver.first, TracedWork) else 0
+
+
+def lengthened(sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
+    """Forces of actuators of the paper's mechanism on longer and longer motions, streamed."""
+    scene = load_scene("3ups-upu-s")
+    start = process_time()
+    solver = Solver(scene, FORCES, backend, 1)
+    spent = process_time() - start
+    calls = {str(n): (_streamed(solver, scene, n), n) for n in sizes}
+    for name, each in measured(calls, rounds).items():
+        yield Rung("samples", int(name), _operations(solver), 0, spent, each * 1e6)
+
+
+def _streamed(solver: Solver, scene: Scene, n: int) -> Callable[[], object]:
+    some = scene.at(np.linspace(scene.t[0], scene.t[-1], min(n, CHUNK))).motion
+    chunk = some.y.copy(), some.yd.copy(), some.ydd.copy()
+
+    def call() -> None:
+        for _ in solver.stream(tuple(x[: n - i] for x in chunk) for i in range(0, n, CHUNK)):
+            pass
+
+    return call
+
+
+def exponent(rungs: Sequence[Rung]) -> float:
+    """Power of the size that the cost of a whole motion, or of a sample where the mechanism grows, goes with."""
+    size = np.array([rung.size for rung in rungs], dtype=float)
+    cost = np.array([rung.sample_us * (rung.size if rung.ladder == "samples" else 1.0) for rung in rungs])
+    return float(np.polyfit(np.log(size), np.log(cost), 1)[0])
+
+
+def main() -> None:
+    """Prints what was measured."""
+    names = ("samples", *MECHANISMS)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("ladders", nargs="*", metavar="LADDER", help=f"of {', '.join(names)}; all by default")
+    parser.add_argument("--sizes", help="of one ladder, in place of its own")
+    parser.add_argument("--backend", default="llvm", choices=("llvm", "numpy"))
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--out", type=Path)
+    asked, every = parser.parse_args(), list[Rung]()
+    if unknown := {*asked.ladders} - {*names}:
+        parser.error(f"no ladder {', '.join(sorted(unknown))}: choose of {', '.join(names)}")
+    for name in asked.ladders or names:
+        sizes = [*map(int, asked.sizes.split(","))] if asked.sizes else MOTIONS if name == "samples" else None
+        if name == "samples":
+            rungs = [*lengthened(sizes or MOTIONS, asked.backend, asked.rounds)]
+        else:
+            rungs = [*climbed(name, sizes or MECHANISMS[name][1], asked.backend, asked.rounds)]
+        every += rungs
+        for rung in rungs:
+            print(
+                f"{name:10} {rung.size:8} {rung.operations:7} operations, set-up {rung.setup_s:6.2f} s, "
+                f"{rung.sample_us:9.3f} us a sample, {rung.by_array} by array"
+            )
+        print(f"{name:10} exponent {exponent(rungs):.3f}", flush=True)
+    if asked.out:
+        frame(every, columns_of(Rung)).to_csv(asked.out, index=False)
+
+
+if __name__ == "__main__":
+    main()

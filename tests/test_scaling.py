@@ -1,0 +1,170 @@
+"""What programs cost grows with the mechanism and no faster, and long chains of loops are left to no other solver."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines.screw.compiled import Solver
+from screwgauge.engines.screw.traced import TracedWork
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.fourbars import four_bars
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.closed.gain import gain
+from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.extent import extent
+from screwgauge.reference.kinematics import positions
+from screwgauge.reference.pose import layout
+from screwgauge.reference.traced.lanes import Lanes
+from screwgauge.reference.traced.program import only
+from screwgauge.study.bench import scaling
+from screwgauge.study.campaigns import compiled
+
+FORCES = ("generalized_force", "actuator_force")
+
+
+def chain(n, folder):
+    file = folder / f"{n}.toml"
+    file.write_text(four_bars(n, driven=True), encoding="utf-8")
+    return file
+
+
+def test_eight_four_bars_are_answered_by_the_program_within_its_estimates(tmp_path):
+    scene = compiled.near_home(chain(8, tmp_path), 100)
+    solver = Solver(scene, [name for name in GIVEN if name != "reaction"], "numpy", 1, mode=(False, True))
+    count, mine = compiled.by_program(solver, scene.motion)
+    assert count == 100
+    theirs = {name: x for name, x in compiled.by_array(scene, scene.motion).items() if name in mine}
+    assert 0.0 < compiled.furthest(mine, theirs, solver.first.units)[0] <= 1.0
+
+
+def test_the_gain_of_a_chain_is_that_of_its_loops(tmp_path):
+    """What closing errors of one loop after the other add up to grows with the root of their number."""
+    gains = []
+    for n in (4, 16):
+        lay = layout(load_mechanism(chain(n, tmp_path)))
+        system, y = home_equations(lay), lay.mechanism.home[None, lay.mechanism.independent_columns] + 0.1
+        gains.append(gain(system, system.matrix(positions(lay, y, np.zeros(1))))[1][0])
+    assert 1.5 < gains[1] / gains[0] < 2.5
+
+
+def test_loops_have_their_own_lengths(tmp_path):
+    found = extent(layout(load_mechanism(chain(3, tmp_path))))
+    assert np.allclose(found.loops, 2.0**0.5)
+    assert found.stretch == pytest.approx(5.0**0.5)  # from the first pivot to the farthest link's end
+    assert {*found.owner} == {0, 1, 2}
+
+
+def test_operations_grow_by_the_same_with_every_loop(tmp_path):
+    counts = []
+    for n in (4, 8, 12):
+        scene = compiled.near_home(chain(n, tmp_path), 20)
+        work = TracedWork(layout(scene.mechanism), scene.problem(FORCES), scene.motion, "numpy")
+        counts.append(len(work.traced.program.code))
+    first, second = (b - a for a, b in pairwise(counts))
+    assert second == pytest.approx(first, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def followed():
+    scene = screwgauge.load_scene("stewart-legs").at(np.linspace(0.0, 1.0, 201))
+    return scene, TracedWork(layout(scene.mechanism), scene.problem(["joint_position"]), scene.motion, "numpy")
+
+
+def test_poses_that_the_program_closes_lead_where_those_of_the_array_solver_do(followed):
+    scene, work = followed
+    predictor = work.again().predictor
+    near = predictor.predict(scene.motion)
+    assert predictor.by_program
+    columns = [*work.traced.predicted, *work.lay.cut_columns]
+    expected = predictor.by_array(scene.motion)
+    assert np.abs(near - expected)[:, work.traced.predicted].max() < 1e-4
+    assert np.abs(near - expected)[:, columns].max() < 0.5
+
+
+def test_parts_go_on_from_each_other_and_leaps_are_walked(followed, monkeypatch):
+    scene, work = followed
+    work, motion = work.again(), scene.motion
+    monkeypatch.setattr(type(work.predictor), "by_array", None)  # is not asked
+    expected = compiled.by_array(scene, motion)["joint_position"][0]
+    for rows in (slice(0, 90), slice(90, 201), slice(20, 90)):
+        values = work.part(motion.part(rows)).values["joint_position"]
+        assert np.abs(values - expected[rows]).max() < 1e-12
+
+
+def test_what_the_program_does_not_close_is_followed_by_array(followed, monkeypatch):
+    scene, work = followed
+    work = work.again()
+    monkeypatch.setattr(work.predictor, "close", lambda *args: None)
+    values = work.part(scene.motion).values["joint_position"]
+    assert not work.predictor.by_program
+    assert not work.by_array.total()
+    assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12
+
+
+def test_samples_far_from_what_the_program_predicted_are_predicted_by_array(followed, monkeypatch):
+    scene, work = followed
+    work = work.again()
+    near = work.predictor.predict(scene.motion)
+    monkeypatch.setattr(work.predictor, "predict", lambda motion: near + 0.05 * np.eye(*near.shape))
+    values = work.part(scene.motion).values["joint_position"]
+    assert not work.by_array.total()
+    assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12
+
+
+def test_a_program_for_some_outputs_computes_these_and_no_more(followed):
+    _, work = followed
+    program = work.traced.program
+    rows = [0, 5, *range(len(program.outputs) - 3, len(program.outputs))]
+    given = np.random.default_rng(1).uniform(-0.3, 0.3, (program.inputs, 4))
+    whole, some = np.empty((len(program.outputs), 4)), np.empty((len(rows), 4))
+    less = only(program, rows)
+    Lanes(program).bind([given], [whole])()
+    Lanes(less).bind([given], [some])()
+    assert np.array_equal(some, whole[rows], equal_nan=True)
+    assert len(only(program, []).code) == 0 < len(less.code) < len(program.code)
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 1.3])
+def test_exponents_are_fitted(power):
+    rungs = [scaling.Rung("legs", n, 0, 0, 0.0, 7.0 * n**power) for n in (3, 6, 12)]
+    assert scaling.exponent(rungs) == pytest.approx(power)
+    rungs = [scaling.Rung("samples", n, 0, 0, 0.0, 7.0 * n ** (power - 1.0)) for n in (100, 1000)]
+    assert scaling.exponent(rungs) == pytest.approx(power)
+
+
+@pytest.mark.parametrize("ladder", ["four-bars", "legs", "joints"])
+def test_every_ladder_is_climbed_by_programs(ladder):
+    small, large = scaling.climbed(ladder, (3, 4), "numpy", 1)
+    assert (small.size, large.size) == (3, 4)
+    assert 0 < small.operations < large.operations
+    assert small.by_array == large.by_array == 0
+    assert small.sample_us > 0.0
+
+
+def test_one_command_prints_exponents_and_leaves_a_table(tmp_path, monkeypatch, capsys):
+    arguments = [
+        "samples",
+        "--sizes",
+        "10,2000",
+        "--backend",
+        "numpy",
+        "--rounds",
+        "1",
+        "--out",
+        str(tmp_path / "a.csv"),
+    ]
+    monkeypatch.setattr(sys, "argv", ["scaling", *arguments])
+    scaling.main()
+    assert "samples    exponent" in capsys.readouterr().out
+    assert (
+        (tmp_path / "a.csv").read_text(encoding="utf-8").startswith("ladder,size,operations,by_array,setup_s,sample_us")
+    )
+    monkeypatch.setattr(sys, "argv", ["scaling", "snakes"])
+    with pytest.raises(SystemExit):
+        scaling.main()
+    assert "no ladder snakes: choose of samples, four-bars, legs, joints" in capsys.readouterr().err
