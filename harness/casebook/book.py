@@ -18,12 +18,13 @@ _PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin"}
 _FILE = Path(__file__).with_name("casebook.toml")
 
 
-def _case(**entry: Any) -> Case:
-    return Case(**{key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()})
+def _case(entry: dict[str, Any]) -> Case:
+    lists = {key: tuple(value) for key, value in entry.items() if isinstance(value, list)}
+    return Case(**entry | lists)
 
 
 #: Name -> case, in the order of the file.
-CASES = {entry["id"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
+CASES = {entry["id"]: _case(entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
 
 
 def reproduce(id: str) -> CaseResult:

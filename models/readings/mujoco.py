@@ -107,8 +107,8 @@ def _disabled(model: Any, flag: str) -> bool:
     import mujoco
 
     flags = mujoco.mjtDisableBit
-    older = flags.mjDSBL_PASSIVE if not hasattr(flags, "mjDSBL_DAMPER") else None  # one for springs and dampers
-    return bool(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{flag}", older)))
+    older = flag in ("SPRING", "DAMPER") and not hasattr(flags, f"mjDSBL_{flag}")  # one for both
+    return bool(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{'PASSIVE' if older else flag}")))
 
 
 def _single(model: Any, joint: int) -> bool:
