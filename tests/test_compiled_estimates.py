@@ -59,6 +59,7 @@ def test_numbers_that_only_one_solver_has_are_wrong():
     a, b = np.array([[1.0, np.nan], [np.nan, 2.0]]), np.array([[1.0, np.nan], [1.0, 2.0]])
     assert compiled.beyond(a[:1], b[:1], np.ones((1, 2)), angle=False) == 0.0
     assert compiled.beyond(a, b, np.ones((2, 2)), angle=False) > 1.0
+    assert compiled.beyond(b, b + 1.0, np.full((2, 2), np.nan), angle=False) > 1.0  # nor is a bound that is no number
 
 
 def test_a_whole_turn_is_no_difference():
@@ -66,8 +67,8 @@ def test_a_whole_turn_is_no_difference():
 
 
 def test_the_truth_is_within_the_estimates():
-    pytest.importorskip("flint", reason="python-flint is not installed")
     """The wrist of leg 1 is bent by a right angle, where three angles would lock."""
+    pytest.importorskip("flint", reason="python-flint is not installed")
     scene, motion = screwgauge.load_scene("3ups-upu-s"), compiled.states(1, seed=1)
     motion = replace(motion, y=np.array([[-0.88532719, 0.70695677]]))
     problem = replace(scene, task=motion, drive=None, text={}).problem(("joint_position", "actuator_force"))

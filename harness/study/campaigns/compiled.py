@@ -164,7 +164,7 @@ def beyond(a: Array, b: Array, bound: Array, *, angle: bool) -> float:
         away = np.minimum(away, np.abs(away - 2.0 * np.pi))
     away[np.isnan(a) & np.isnan(b)] = 0.0
     # what is nowhere away needs no bound: both say zero of what is at rest
-    share = np.divide(away, bound, out=np.zeros(a.shape), where=np.isfinite(bound) & (away != 0.0))
+    share = np.divide(away, bound, out=np.zeros(a.shape), where=~np.isinf(bound) & (away != 0.0))
     return float(np.nan_to_num(share, nan=np.inf).max(initial=0.0))
 
 
