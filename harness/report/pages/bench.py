@@ -14,17 +14,7 @@ from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import theirs
 from screwgauge.report.pages.scene import judged, short
 from screwgauge.study.bench.contestant import count
-from screwgauge.study.bench.rows import (
-    CUT,
-    FAILED,
-    LEVELS,
-    OK,
-    absolute_table,
-    bench_table,
-    pairs,
-    reach,
-    timing_table,
-)
+from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, OK, absolute_table, bench_table, pairs, reach, timing_table
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import table as slope_table
 
@@ -45,13 +35,16 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
     found = []
     for level in LEVELS:
         for best, *others in [reached[key]] if (key := (quantity, False, level)) in reached else []:
-            lead = {"next": "none", "times_as_long": ""}
-            if others:
-                times = others[0]["seconds_per_sample"] / best["seconds_per_sample"]
-                lead = {"next": others[0]["family"], "times_as_long": number(times, 3)}
+            cost, second = best["seconds_per_sample"], others[0] if others else {}
+            lead = _lead(second.get("family"), second.get("seconds_per_sample", 0.0) / cost)
             digits = {"digits": number(-np.log10(level)), "level": level}
-            found.append({**digits, "cheapest": best["family"], "a_sample": best["seconds_per_sample"], **lead})
+            found.append({**digits, "cheapest": best["family"], "a_sample": cost, **lead})
     return found
+
+
+def _lead(second: str | None, times: float) -> Row:
+    """Who comes next, after how many times the cost."""
+    return {"next": second or "none", "times_as_long": number(times, 3) if second else ""}
 
 
 def headline(bench: Bench) -> str:
@@ -128,8 +121,7 @@ def _quickest(found: Bench) -> list[Row]:
         for best, *others in [sorted(reached, key=lambda row: row.work_s)] if reached else []:
             family = best.contestant.family
             other = next((row for row in others if row.contestant.family != family), None)
-            lead = {"next": other.contestant.family if other else "none"}
-            lead |= {"times_as_long": number(other.work_s / best.work_s, 3) if other else ""}
+            lead = _lead(other.contestant.family, other.work_s / best.work_s) if other else _lead(None, 0.0)
             who = {"digits": str(digits), "cheapest": family, "setting": best.contestant.setting}
             told.append({**who, "cpu": best.work_s, **lead})
     return told
