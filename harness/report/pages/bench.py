@@ -20,6 +20,7 @@ from screwgauge.study.bench.slopes import table as slope_table
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
+NO_STEPS = {"steps": None, "evaluations": None}
 DIGITS = {3: "three", 6: "six", 9: "nine"}
 
 
@@ -144,36 +145,20 @@ def _simulated_headline(found: Bench) -> str:
 
 def _measured(found: Bench) -> list[Row]:
     """What was found of a simulation, and what others have published."""
-    ours = [
-        {
-            "family": row.contestant.family,
-            "setting": row.contestant.setting,
-            "label": row.contestant.label,
-            "status": row.status,
-            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items()),
-            "scaled": "" if missing(row.max_scaled) else size(row.max_scaled),
-            "energy": "".join(size(value) for value in energy.largest.values() if not missing(value)),
-            "cpu": row.cost.cpu_s,
-            "wall": row.cost.wall_s,
-            "steps": row.cost.steps or None,
-            "evaluations": row.cost.evaluations if row.cost.steps else None,
-            "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
-        }
-        for row, energy in pairs(found.rows)
-    ]
-    published = [
-        {
-            **theirs(item),
-            "family": Marked("*published*"),
-            "setting": item.who,
-            "label": item.who[:18],
-            "status": "other machine",
-            "cpu": item.cpu_s,
-            "remark": " - ".join(part for part in (item.remark, item.source, "other machine") if part),
-        }
-        for item in found.scene.published
-    ]
-    return [*ours, *({**row, "scaled": row["observable"]} for row in published)]
+    told = list[Row]()
+    for row, energy in pairs(found.rows):
+        line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
+        line["observable"] = ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items())
+        line["scaled"] = "" if missing(row.max_scaled) else size(row.max_scaled)
+        line["energy"] = "".join(size(value) for value in energy.largest.values() if not missing(value))
+        line |= {"cpu": row.cost.cpu_s, "wall": row.cost.wall_s, "status": row.status}
+        line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS
+        told.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})
+    for item in found.scene.published:
+        line = theirs(item) | {"family": Marked("*published*"), "setting": item.who, "label": item.who[:18]}
+        line |= {"scaled": line["observable"], "status": "other machine", "cpu": item.cpu_s}
+        told.append({**line, "remark": " - ".join(filter(None, (item.remark, item.source, "other machine")))})
+    return told
 
 
 def _about(bench: Bench) -> dict[str, Any]:

@@ -74,7 +74,8 @@ def listed(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[st
         directions = f", {along} {formatting.listed([_way(one) for one in lines])}" if len(lines) == 2 else ""
         said.append(f"{many} through {_place(lines[0], places)}{directions}")
     elif lines:
-        said.append(f"{many} {along} {formatting.listed([f'{_way(one)} through {_place(one, places)}' for one in lines])}")
+        each = [f"{_way(one)} through {_place(one, places)}" for one in lines]
+        said.append(f"{many} {along} {formatting.listed(each)}")
     for one in screws:
         pitch = f"{1e3 * one.pitch:.3g} mm/rad"
         said.append(f"a {wrench} about {_way(one)} through {_place(one, places)} of {pitch}")
