@@ -20,7 +20,7 @@ Spec = dict[str, Any]
 Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
 SPECS = Path(__file__).with_name("specs")
 UNSEEN = 1.0 / 400.0  # of the height of a panel
-WIDTH, GAP, LETTER = 560, 24, 5.9  # of panels in a line together, between two, of a letter on average [pixels]
+WIDTH, GAP, LETTER = 560, 24, 5.6  # of panels in a line together, between two, of a letter on average [pixels]
 #: The wheel alone scrolls the page.
 _ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}
 #: How a logarithmic axis reads: 0.01, 500, 1e4.
