@@ -75,7 +75,8 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
     """
     rows, said, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
-    off = UNSEEN * max((float(np.ptp(v[v == v])) for _, _, v in series if (v == v).any()), default=0.0)
+    known = (v[np.isfinite(v)] for _, _, v in series)
+    off = UNSEEN * max((float(np.ptp(v)) for v in known if v.size), default=0.0)
     for i, (fields, t, v) in enumerate(series):
         some = straight(t, v, off) if linear and not moving and fields["kind"] == "line" else slice(None)
         t, v = t[some], v[some]
