@@ -9,10 +9,12 @@ from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from screwgauge.engines import registry
+from screwgauge.engines.mujoco.settings import INTEGRATORS
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.registry import get_engine
@@ -164,3 +166,8 @@ def check_same(one: Solution, other: Solution) -> None:
     assert one.keys() == other.keys()
     for name, array in one.items():
         assert np.array_equal(array, other[name], equal_nan=True), name
+
+
+def has_integrator(name: str) -> bool:
+    """Whether this version of MuJoCo has an integrator."""
+    return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])

@@ -11,13 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.casebook.case import Case, CaseResult
 from screwgauge.cli import main
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
+from screwgauge.models.generate import write_models
 from screwgauge.report.casebook import readme_table
+from screwgauge.report.verdict import verdict
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "harness/casebook/README.md").read_text(encoding="utf-8")
@@ -188,6 +191,31 @@ def test_links_are_reports_of_users() -> None:
     links = [link for case in CASES.values() for link in case.links]
     assert len(links) == len(set(links)) >= 7
     assert all(re.fullmatch(r"https://github\.com/[\w.-]+/[\w.-]+/(issues|pull)/\d+", link) for link in links)
+
+
+@pytest.mark.parametrize(
+    ("touches", "gravity", "named"),
+    [
+        (("actuator_force",), (0, -1, -9.81), True),
+        (("actuator_force", "joint_velocity"), (0, -1, -9.81), False),  # of which one is right
+        (("actuator_force",), None, False),  # nothing is wrong
+    ],
+)
+def test_a_run_names_what_the_installed_engines_show_of_a_difference(touches, gravity, named, monkeypatch, tmp_path):
+    case = CASES["mj-closure-residual-gain"]
+    monkeypatch.setitem(CASES, case.id, replace(case, touches=touches))
+    scene = screwgauge.load_scene("slider-crank")
+    scene = replace(scene.at(scene.t[:3]), quantities=("joint_velocity", "actuator_force"))
+    if gravity:
+        write_models(scene.mechanism, tmp_path, gravity=np.array(gravity, dtype=float))
+        scene = replace(scene, models={"mujoco": tmp_path / "slider-crank.xml"})
+    results = screwgauge.run(scene, engines=("screw", "mujoco"))
+    assert results.ok is (gravity is None)
+    told = f"Known of mujoco {version('mujoco')}: "
+    assert [text.startswith(told) and text.endswith(f"(casebook: {case.id}).") for text in results.known] == [
+        True
+    ] * named
+    assert (told in verdict(results).text) is named
 
 
 def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:

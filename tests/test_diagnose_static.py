@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import arm
 import numpy as np
 import pytest
 
+from screwgauge.diagnosis import known
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
 from screwgauge.diagnosis.mechanics.reshape import held, placed, rehomed
 from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.models.readings.assemble import matrix
@@ -188,3 +191,19 @@ def test_a_zero_that_a_printed_orientation_has_moved_is_digits(arms, size, kind)
     (said,) = marked(found(a, applied(b, [Change("joint3", "zero", np.asarray(size))])), (ALL, 6))
     assert (said.what, said.kind) == ("zero", kind)
     assert ("rounding, B has 6 digits" in said.sentence) == (kind == "digits")
+
+
+@pytest.mark.parametrize(
+    ("angle", "status", "kind"),
+    [(1e-7, "shown", "digits"), (1e-7, "not shown", "model"), (1e-4, "shown", "model")],
+)
+def test_a_tensor_that_mujoco_turns_inexactly_is_told_as_such(arms, angle, status, kind, monkeypatch):
+    a, b = arms
+    tilt = rotation(np.array([0.0, 0.6, 0.8]), np.array(angle))
+    turned = replace(b.bodies["link2"], inertia=tilt @ b.bodies["link2"].inertia @ tilt.T)
+    b = replace(b, bodies={**b.bodies, "link2": turned})
+    monkeypatch.setattr(known, "reproduce", lambda case: SimpleNamespace(status=status))
+    models = Model("a.urdf", None, "pinocchio", a), Model("b.xml", None, "mujoco", b)
+    (said,) = known.compiled(models, found(a, b))
+    assert (said.what, said.kind) == ("inertia", kind)
+    assert ("casebook: mj-axes-before-3.14" in said.sentence) == (kind == "digits")

@@ -7,12 +7,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from asking import model_files, opening, simulate, simulate_scene
+from asking import has_integrator, model_files, opening, simulate, simulate_scene
 from tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 
 import screwgauge
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE, has_integrator
+from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE
 from screwgauge.engines.mujoco.steps import sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.registry import get_engine

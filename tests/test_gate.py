@@ -8,6 +8,7 @@ import shutil
 import xml.etree.ElementTree as ET
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import bad_engines
 import pytest
@@ -127,6 +128,18 @@ def test_two_model_files_are_a_pair(theirs):
     assert screwgauge.check("four-bar.urdf", "other.xml", tolerances={"tree_force": 1e-4}).ok
     edited(theirs / "other.xml", lambda text: text.replace('mass="1.2"', 'mass="1.3"'))
     assert not screwgauge.check("four-bar.urdf", "other.xml", tolerances={"tree_force": 1e-4}).ok
+
+
+@pytest.mark.parametrize(
+    ("status", "by", "same"), [("shown", 1e-8, True), ("not shown", 1e-8, False), ("shown", 1e-4, False)]
+)
+def test_tensors_that_mujoco_compiles_inexactly_are_no_difference_of_the_files(status, by, same, theirs, monkeypatch):
+    monkeypatch.setattr("screwgauge.diagnosis.known.reproduce", lambda case: SimpleNamespace(status=status))
+    shutil.copy(theirs / "four-bar.xml", theirs / "other.xml")
+    edited(theirs / "other.xml", lambda text: worse(text, by))
+    (row,) = screwgauge.check("four-bar.urdf", "other.xml").rows
+    assert (row.status == "agree") is same, row.sentence
+    assert ("as MuJoCo compiles it" in row.sentence) is same
 
 
 def test_a_folder_is_its_scenes_and_a_broken_one_is_a_row(theirs):

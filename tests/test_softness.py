@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files
+from asking import has_integrator, model_files
 
 import screwgauge
-from screwgauge.engines.mujoco.settings import INTEGRATORS, has_integrator
+from screwgauge.engines.mujoco.settings import INTEGRATORS
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.reference.linear import EPS
 from screwgauge.reference.rotations import Array

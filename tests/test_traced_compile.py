@@ -120,6 +120,19 @@ def test_bad_buffers_and_loads_are_refused(scene, solver):
         bare(*given, load=np.zeros(6))
 
 
+def test_the_buffers_of_the_last_call_are_looked_at_again(scene, solver):
+    given, out = motion(scene), solver.buffers(100)
+    assert solver(*given, out=out)["actuator_force"] is out["actuator_force"]
+    with pytest.raises(screwgauge.ScrewgaugeError, match="buffers for"):
+        solver(*given, out={name: out[name] for name in [*out][:1]})
+    with pytest.raises(screwgauge.ScrewgaugeError, match="y: it is of list"):
+        solver(given[0].tolist(), *given[1:], out=out)
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"yd: its shape is \(2,\)"):
+        solver(given[0], given[1][0], given[2], out=out)
+    other = {name: array.copy() for name, array in out.items()}
+    assert solver(*given, out=other)["actuator_force"] is other["actuator_force"]
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [({"backend": "jax"}, "backend"), ({"threads": 0}, "0 threads"), ({"quantities": ["x"]}, "x")],

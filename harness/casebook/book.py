@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator, Set
 from contextlib import ExitStack
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -17,8 +18,8 @@ _PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin"}
 _FILE = Path(__file__).with_name("casebook.toml")
 
 
-def _case(engines: list[str], links: tuple[str, ...] = (), **rest: Any) -> Case:
-    return Case(engines=tuple(engines), links=tuple(links), **rest)
+def _case(**entry: Any) -> Case:
+    return Case(**{key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()})
 
 
 #: Name -> case, in the order of the file.
@@ -46,6 +47,16 @@ def reproduce(id: str) -> CaseResult:
             return CaseResult(case, versions, run())
     except Exception as error:  # an engine of another version may raise anything
         return CaseResult(case, versions, failure=f"{type(error).__name__}: {error}")
+
+
+def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[CaseResult]:
+    """Discrepancies that make quantities wrong, but not those that are right, and that installed packages show."""
+    for case in CASES.values():
+        touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
+        if touches & bad and not touches & good and takes_part <= packages:
+            found = reproduce(case.id)
+            if found.status == "shown":
+                yield found
 
 
 def _version(engine: str) -> str:

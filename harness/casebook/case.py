@@ -28,6 +28,7 @@ class Case:
         versions: Those that show it, as far as tried.
         links: Reports of users.
         why_not: Why it cannot be shown.
+        touches: Quantities that it makes wrong, all of them, on model files that are right.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Case:
     within: float = math.nan
     links: tuple[str, ...] = ()
     why_not: str = ""
+    touches: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,7 @@ def view(options: argparse.Namespace) -> int:
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
     if options.png:
+        _kind(options.png, "png", ".png")
         from vl_convert import svg_to_png
 
         from screwgauge.models.shapes import differing
@@ -109,6 +110,13 @@ def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     return scene, found.solutions
 
 
+def _kind(file: Path, option: str, *endings: str) -> None:
+    """Refuses a file whose name promises another kind of picture."""
+    if file.suffix not in endings:
+        wanted = f"name a file that ends with {' or '.join(endings)}"
+        raise DescriptionError(f"cannot write {file.name}", f"view --{option}", wanted)
+
+
 def _put(file: Path, content: bytes) -> None:
     try:
         file.write_bytes(content)
@@ -125,8 +133,7 @@ def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
     kinds = {".gif": "GIF", ".webp": "WEBP"}
     if not isinstance(what, Scene) or other is not None:
         raise DescriptionError("shows one scene in motion", "view --video", "name a scene alone, or use --png")
-    if file.suffix not in kinds:
-        raise DescriptionError(f"cannot write {file.name}", "view --video", "name a file that ends with .gif or .webp")
+    _kind(file, "video", *kinds)
     if find_spec("PIL") is None:
         raise OutputError("--video needs pillow, which is not installed", "view", "run pip install 'screwgauge[video]'")
     from PIL import Image

@@ -19,6 +19,7 @@ from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, loops
 from screwgauge.diagnosis.differences.static import differences
+from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
@@ -146,7 +147,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
     common = brought(ours, b.reading, pairing)
     found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
-    found = marked(_said(found, a, b), (a.digits, b.digits))
+    found = compiled((a, b), marked(_said(found, a, b), (a.digits, b.digits)))
     states = drawn(common, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)

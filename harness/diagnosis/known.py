@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.casebook.book import reproduce
 from screwgauge.diagnosis.differences.change import PROPERTIES, Change, Difference
 from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.model import Model
@@ -23,6 +25,23 @@ CASES = {
     ("pinocchio", "stiffness"): "pin-mjcf-springs",
     ("pinocchio", "rest"): "pin-mjcf-springs",
 }
+
+
+#: Case of tensors that MuJoCo's compiler turns inexactly, and more than it changes of them.
+AXES, INEXACT = "mj-axes-before-3.14", 1e-6
+
+
+def compiled(models: tuple[Model, Model], found: Sequence[Difference]) -> list[Difference]:
+    """The differences, those of tensors marked that are no larger than what the installed MuJoCo makes of a file."""
+    small = [each.what == "inertia" and each.kind == "model" and each.size <= INEXACT for each in found]
+    readers = {model.library for model in models}
+    if not any(small) or "mujoco" not in readers or reproduce(AXES).status != "shown":
+        return list(found)
+    why = f"as MuJoCo compiles it (casebook: {AXES})"
+    return [
+        replace(each, kind="digits", sentence=f"{each.sentence}: {why}") if of_it else each
+        for each, of_it in zip(found, small, strict=True)
+    ]
 
 
 def one_file(models: tuple[Model, Model]) -> bool:

@@ -44,6 +44,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "warnings": results.warnings,
         "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
         "first_difference": first_difference(results),
+        "known": results.known,
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],

@@ -69,7 +69,7 @@ def _difference(results: Comparison, *, beside: bool) -> str:
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
-    return f"{differ}{_otherwise(results, row)}{more}"
+    return " ".join([f"{differ}{_otherwise(results, row)}{more}", *results.known])
 
 
 def _otherwise(results: Comparison, row: Row) -> str:

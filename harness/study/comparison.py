@@ -37,6 +37,7 @@ class Comparison:
         warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
         coverage: What the scene could have seen of mistakes.
+        known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
         provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
     """
 
@@ -51,6 +52,7 @@ class Comparison:
     warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
     coverage: Coverage = field(default_factory=Coverage)
+    known: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from screwgauge.casebook.book import suspects
 from screwgauge.engines.parts import Names, described
-from screwgauge.engines.registry import check_engines
+from screwgauge.engines.registry import ENGINES, check_engines
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
@@ -114,8 +115,19 @@ def run(
         warnings=warnings,
         refusals=(*refused, *missing),
         coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
+        known=[*_known(pairs, solutions)],
         provenance=judged_files,
     )
+
+
+def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[str]:
+    """Discrepancies of the casebook that the installed engines show and that touch what is out of tolerance."""
+    bad = pairs[~pairs["ok"].astype(bool)]
+    wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*solutions} & {*ENGINES}}
+    for found in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
+        installed = " and ".join(f"{engine} {version}" for engine, version in found.versions.items())
+        symptom = found.sentence.rstrip(".")
+        yield f"Known of {installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {found.case.id})."
 
 
 def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:

@@ -106,7 +106,9 @@ def heard() -> Iterator[list[str]]:
 def _disabled(model: Any, flag: str) -> bool:
     import mujoco
 
-    return bool(model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")))
+    flags = mujoco.mjtDisableBit
+    older = flags.mjDSBL_PASSIVE if not hasattr(flags, "mjDSBL_DAMPER") else None  # one for springs and dampers
+    return bool(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{flag}", older)))
 
 
 def _single(model: Any, joint: int) -> bool:

@@ -127,15 +127,9 @@ class Cut:
         angular = sub(self._less(child.b, parent.b), cross(w_p, w))
         if self.joint.kind == "U":
             normal = self.rows()[-1].u
-            rates = dot(axes[0], self._in_parent(w)), dot(axes[1], self._in_child(w))
-            angular = sub(angular, scale(rates[0] * rates[1], normal))
+            on_parent, on_child = (turn(self.M, w), w) if self.outer else (w, turn_back(self.M, w))
+            angular = sub(angular, scale(dot(axes[0], on_parent) * dot(axes[1], on_child), normal))
         return [dot(row.u, linear if row.force else angular) for row in self.rows()]
-
-    def _in_parent(self, v: Vector) -> Vector:
-        return turn(self.M, v) if self.outer else v
-
-    def _in_child(self, v: Vector) -> Vector:
-        return v if self.outer else turn_back(self.M, v)
 
     def chart(self) -> Chart:
         """Sines, cosines and axes of its angles."""
@@ -200,7 +194,7 @@ class Chart:
 
 
 def along(cut: Cut) -> tuple[Wrench, Wrench]:
-    """A unit of what acts along the freedom of a cut R or P joint, on child and on parent."""
+    """A unit of what acts along the freedom of a cut R joint, or the slide of another, on child and on parent."""
     axis = vector(cut.joint.axes[0])
     on_child = turn_back(cut.M, axis)
     if cut.joint.kind == "R":

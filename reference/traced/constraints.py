@@ -14,17 +14,15 @@ from screwgauge.reference.traced.crossing import Wrench
 from screwgauge.reference.traced.elimination import solve
 from screwgauge.reference.traced.equations import Dynamics
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tree import NOTHING, plus
+from screwgauge.reference.traced.tree import NOTHING, plus, summed
 from screwgauge.reference.traced.vectors import (
     ZERO,
     Scalar,
     Vector,
-    add,
     cross,
     dot,
     matrix,
     rotation,
-    scale,
     turn,
     turn_back,
     vector,
@@ -79,12 +77,13 @@ class Constraints:
 
     def _read(self, amounts: Sequence[Scalar], *, particular: bool) -> tuple[list[Scalar], dict[int, Scalar]]:
         """All reaction components, and what is left along the tree's coordinates."""
-        external = self.at.between(self.between, amounts)
+        acting = summed(self.between, amounts)
+        external = self.at.between(acting)
         if particular:
             cuts = self.at.cuts
             driven = [(cuts[self.question.lay.tree.cuts.index(j)], f) for j, f in self._cut_drives()]
             pulls = [(cut, Row(False, ZERO, *along(cut), 0.0)) for cut, _ in driven]
-            for body, wrench in self.at.between(pulls, [f for _, f in driven]).items():
+            for body, wrench in self.at.between(summed(pulls, [f for _, f in driven])).items():
                 external[body] = plus(external.get(body, NOTHING), wrench)
         wrenches = dict(self.dynamics.required) if particular else {}
         for body, wrench in external.items():
@@ -92,10 +91,8 @@ class Constraints:
                 wrenches[body] = plus(wrenches.get(body, NOTHING), wrench, -1.0)
         joints = dict[str, Wrench]()
         rest = self.at.inward(wrenches, joints)
-        cut_values = dict[str, list[Scalar]]()
-        for (cut, _), amount in zip(self.between, amounts, strict=True):
-            cut_values.setdefault(cut.joint.name, []).append(amount)
-        each = {j.name: iter(self._components(j, joints, cut_values)) for j in self.question.lay.mechanism.joints}
+        last = {cut.joint.name: amount for (cut, _), amount in zip(self.between, amounts, strict=True)}
+        each = {j.name: iter(self._components(j, joints, acting, last)) for j in self.question.lay.mechanism.joints}
         mechanism = self.question.lay.mechanism
         return [next(each[mechanism.joints[i].name]) for i in self.components.joints], rest
 
@@ -105,13 +102,18 @@ class Constraints:
         return [(joint, force) for joint, force in pairs if joint in self.question.lay.tree.cuts]
 
     def _components(
-        self, joint: Joint, joints: Mapping[str, Wrench], amounts: Mapping[str, Sequence[Scalar]]
+        self,
+        joint: Joint,
+        joints: Mapping[str, Wrench],
+        acting: Mapping[str, tuple[Wrench, Wrench]],
+        last: Mapping[str, Scalar],
     ) -> list[Scalar]:
         """Components of one joint, in the order of `reactions`.
 
         Args:
             joints: Wrench of parent on child of each tree joint, in its frame of the child.
-            amounts: Of the wrenches of each cut joint.
+            acting: On child and parent of each cut joint, see `summed`.
+            last: Amount of the last wrench of each cut joint.
         """
         if joint.kind == "F":
             return []
@@ -119,7 +121,7 @@ class Constraints:
         if joint.name in joints:
             (force, moment), world, normal = self._of_tree(joint, joints[joint.name])
         else:
-            (force, moment), world, normal = self._of_cut(joint, amounts[joint.name])
+            (force, moment), world, normal = self._of_cut(joint, *acting[joint.name], last[joint.name])
         forces = [dot(u, force) for u in closing.across(axis)] if joint.kind in "PC" else [*world]
         moments = {"U": [dot(normal, moment)], "P": [*moment], "S": []}
         return forces + moments.get(joint.kind, [dot(u, moment) for u in closing.across(axis)])
@@ -133,18 +135,11 @@ class Constraints:
         first, second = (vector(axis) for axis in joint.axes)
         return wrench, world, turn_back(rotation(second, s, c), cross(first, second))
 
-    def _of_cut(self, joint: Joint, amounts: Sequence[Scalar]) -> tuple[Wrench, Vector, Vector]:
+    def _of_cut(self, joint: Joint, child: Wrench, parent: Wrench, last: Scalar) -> tuple[Wrench, Vector, Vector]:
         """The same of a cut joint."""
         c = self.question.lay.tree.cuts.index(joint)
-        cut, (force, moment) = self.at.cuts[c], NOTHING
-        rows = [row for other, row in self.between if other is cut]
-        for row, amount in zip(rows, amounts, strict=True):
-            if row.force:
-                force = add(force, scale(amount, row.u))
-            else:
-                moment = add(moment, scale(amount, row.u))
-        world = turn(self.at.sides[c][cut.outer].R, force)
+        outer = self.at.cuts[c].outer
+        world = turn(self.at.sides[c][outer].R, (child if outer else parent)[0])
         if joint.kind == "U":  # its direction is a unit vector where the loop is closed
-            return ((force, (amounts[-1], 0.0, 0.0)), world, (1.0, 0.0, 0.0))
-        wrench = (force, moment) if cut.outer else (turn_back(cut.M, force), turn_back(cut.M, moment))
-        return wrench, world, ZERO
+            return ((child[0], (last, 0.0, 0.0)), world, (1.0, 0.0, 0.0))
+        return child, world, ZERO

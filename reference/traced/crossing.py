@@ -22,7 +22,6 @@ from screwgauge.reference.traced.vectors import (
     product,
     rotation,
     scale,
-    transpose,
     turn,
     turn_back,
     vector,
@@ -63,9 +62,22 @@ class Motion:
     b: Vector = ZERO
     a: Vector = ZERO
 
+    @property
+    def acceleration_matrix(self) -> Matrix:
+        """Acceleration of points that are fixed in the frame, beside that of its origin, is this times their place.
+
+        ``[b] + [w]^2``: its entries serve all points, and Euler's equations.
+        """
+        (x, y, z), (bx, by, bz) = self.w, self.b
+        return (
+            (-(y * y + z * z), x * y - bz, x * z + by),
+            (x * y + bz, -(x * x + z * z), y * z - bx),
+            (x * z - by, y * z + bx, -(x * x + y * y)),
+        )
+
     def of_point(self, r: Vector) -> Vector:
         """Acceleration of a point that is fixed in the frame."""
-        return add(add(self.a, cross(self.b, r)), cross(self.w, cross(self.w, r)))
+        return add(self.a, turn(self.acceleration_matrix, r))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +148,3 @@ def crossing(joint: Joint, columns: Sequence[int], q: Coordinates, *, reverse: b
     """All steps from the body on one side of a joint to that on the other."""
     start, end = (joint.child_frame, joint.parent_frame) if reverse else (joint.parent_frame, joint.child_frame)
     return [fixed(start), *freedoms(joint, columns, q, reverse=reverse), unfixed(end)]
-
-
-def relative(R: Matrix, other: Matrix) -> Matrix:
-    """Orientation of the second frame in the first."""
-    return product(transpose(R), other)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from screwgauge.reference.applied import Load
 from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import GROUND
@@ -22,7 +24,6 @@ from screwgauge.reference.traced.elimination import Entries, Factors, solve
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tree import TreeAt, plus
 from screwgauge.reference.traced.vectors import (
-    ZERO,
     Scalar,
     Vector,
     add,
@@ -30,6 +31,7 @@ from screwgauge.reference.traced.vectors import (
     cross,
     dot,
     matrix,
+    product,
     scale,
     squares,
     sub,
@@ -151,9 +153,10 @@ def newton(question: Question, y: Mapping[int, Scalar], guess: Mapping[int, Scal
 def wrench_of_inertia(question: Question, name: str, at: Motion) -> Wrench:
     """What a body needs for its motion and against gravity, about its origin, in its axes."""
     body = question.lay.mechanism.body(name)
-    com, J = vector(body.com), matrix(body.inertia)
+    com, J = vector(body.com), body.inertia
     force = scale(float(body.mass), sub(at.of_point(com), turn_back(at.R, question.gravity)))
-    moment = add(turn(J, at.b), cross(at.w, turn(J, at.w)))
+    E = product(at.acceleration_matrix, matrix(0.5 * np.trace(J) * np.eye(3) - J))  # by its second moments
+    moment = E[2][1] - E[1][2], E[0][2] - E[2][0], E[1][0] - E[0][1]
     return force, add(moment, cross(com, force))
 
 
@@ -182,10 +185,7 @@ class Dynamics:
         cut = at.cuts[c]
         if not cut.slides:
             return 0.0
-        axis = vector(cut.joint.axes[0])
-        on_child = turn_back(cut.M, axis)
-        powers = at.row(cut, (on_child, ZERO), (axis, cross(cut.d, axis)))
-        return sum((x * self.v[i] for i, x in powers.items()), start=0.0)
+        return sum((x * self.v[i] for i, x in at.row(cut, *along(cut)).items()), start=0.0)
 
     def _accelerations(self, known: Coordinates) -> dict[int, Scalar]:
         """Accelerations of the dependent coordinates."""

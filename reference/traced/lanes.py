@@ -13,7 +13,28 @@ from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.trace import OPERATIONS
 
 #: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
-CHUNK = 4096
+CHUNK = 6144
+#: Numbers in a line of the cache.
+LINE = 8
+
+
+def columns(n: int, m: int) -> Array:
+    """An array of shape (n, m) in which the numbers of one column lie side by side.
+
+    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
+    """
+    wide = n + LINE - n % LINE
+    room = np.empty(m * wide + LINE)
+    first = -(room.ctypes.data // room.itemsize) % LINE
+    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
+
+
+def _maximum(a: Array, b: Array, out: Array) -> None:
+    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument
+
+
+#: A square reads its number once.
+_FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
 class Lanes:
@@ -30,28 +51,36 @@ class Lanes:
         operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
         known = dict.fromkeys(x for x in operands if isinstance(x, float))
         self.constants = {x: i - len(known) for i, x in enumerate(known)}  # the last rows
-        # rows that are not a whole number of pages apart: these would share the same few lines of the cache
-        self.buffers = np.empty((self._plan(program), chunk + 8))
+        self.buffers = columns(chunk, self._plan(program)).T
 
     def _plan(self, program: Program) -> int:
         """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
-        at, free = [*range(program.inputs)], list[int]()
-        own = {x: row for row, x in enumerate(program.outputs, program.inputs) if isinstance(x, int)}
+        at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
+        for row, x in enumerate(program.outputs, program.inputs):
+            if isinstance(x, int):
+                wanted.setdefault(x, []).append(row)
 
         def place(x: Operand) -> int:
             return at[x] if isinstance(x, int) else self.constants[x]
 
+        def copy(source: int, rows: Sequence[int]) -> None:
+            self.code.extend((np.copyto, itemgetter(row, source)) for row in rows)
+
         for value, (op, args) in enumerate(program.code, program.inputs):
-            rows = [place(x) for x in args]
+            rows, own = [place(x) for x in args], wanted.pop(value, [])
             free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == value and at[x] >= first]
-            if value not in own and not free:
+            if not own and not free:
                 free, count = [count], count + 1
-            at.append(own[value] if value in own else free.pop())
-            self.code.append((_maximum if op == "max" else OPERATIONS[op], itemgetter(*rows, at[value])))
-        pairs = [(row, place(x)) for row, x in enumerate(program.outputs, program.inputs)]
-        self.code += [(np.copyto, itemgetter(row, source)) for row, source in pairs if source != row]
+            at.append(own[0] if own else free.pop())
+            if op == "mul" and rows[0] == rows[1]:
+                op, rows = "square", rows[:1]
+            self.code.append((_FUNCTIONS[op], itemgetter(*rows, at[value])))
+            copy(at[value], own[1:])  # while it is in the cache
+        for row, x in enumerate(program.outputs, program.inputs):
+            if isinstance(x, float) or x < program.inputs:
+                copy(place(x), [row])
         return count - first
 
     def bind(
@@ -79,7 +108,3 @@ class Lanes:
     def again(self) -> Lanes:
         """One that may run at the same time."""
         return Lanes(self.program, self.chunk)
-
-
-def _maximum(a: Array, b: Array, out: Array) -> None:
-    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument

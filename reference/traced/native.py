@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from screwgauge.reference.traced.vectormath import VectorMath
 ENTRY = "samples"
 #: Programs of fewer operations hold sines and angles in line; a call costs all registers.
 SMALL = 6000
+#: Lines of the cache that are asked for before they are written to: a line that is not there yet holds up all others.
+AHEAD = 40
 
 
 @cache
@@ -49,9 +53,8 @@ def _ir(program: Program, width: int) -> str:
     """
     import llvmlite.ir as ir
 
-    module = ir.Module("screwgauge")
-    number, i64 = ir.DoubleType(), ir.IntType(64)
-    vector, pointer = ir.VectorType(number, width), number.as_pointer()
+    module, i64 = ir.Module("screwgauge"), ir.IntType(64)
+    pointer = ir.DoubleType().as_pointer()
     table = pointer.as_pointer()
     block = ir.Function(module, ir.FunctionType(i64, [table, table, pointer, i64]), "block")
     block.linkage, block.attributes.alignstack = "internal", 64
@@ -59,32 +62,48 @@ def _ir(program: Program, width: int) -> str:
     source, target, weights, offset = block.args
     b = ir.IRBuilder(block.append_basic_block())
     maths = VectorMath(module, b, width, inline=len(program.code) < SMALL)
+    outputs, total = _statements(maths, program, source, target, offset), maths.constant(0.0)
+    for i, x in enumerate(outputs[len(outputs) - program.checks :]):
+        total = maths.fma(x, maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
+    doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
+    b.ret(b.zext(doubt, i64))
+    _loop(ir, module, block, width)
+    return str(module)
+
+
+def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> list[Any]:
+    """The program, each output stored as soon as it is there. Returns the outputs."""
+    b, i64 = maths.b, maths.ir.IntType(64)
 
     def place(rows: Any, row: int) -> Any:
-        start = b.load(b.gep(rows, [ir.Constant(i64, row)]))
-        return b.bitcast(b.gep(start, [offset]), vector.as_pointer())
+        start = b.load(b.gep(rows, [maths.ir.Constant(i64, row)]))
+        return b.bitcast(b.gep(start, [offset]), maths.vector.as_pointer())
 
     values = {i: b.load(place(source, i), align=8) for i in range(program.inputs)}
 
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
 
-    stored: dict[Operand, list[int]] = {}
-    for row, x in enumerate(program.outputs):
-        stored.setdefault(x if isinstance(x, int) and x >= program.inputs else -1, []).append(row)
-    for row in stored.get(-1, ()):
-        b.store(operand(program.outputs[row]), place(target, row), align=8)
+    made = [x if isinstance(x, int) else 0 for x in program.outputs]
+    waiting = deque(sorted(range(len(made)), key=made.__getitem__))
+    coming = (place(target, row) for row in [*waiting])
+
+    def fetch(count: int) -> None:
+        for line in islice(coming, count):
+            maths.fetch(line)
+
+    def store(value: int) -> None:
+        while waiting and made[waiting[0]] <= value:
+            row = waiting.popleft()
+            fetch(1)
+            b.store(operand(program.outputs[row]), place(target, row), align=8)
+
+    fetch(AHEAD)
+    store(program.inputs - 1)
     for i, (op, args) in enumerate(program.code, program.inputs):
         values[i] = maths.operation(op, [operand(x) for x in args])
-        for row in stored.get(i, ()):
-            b.store(values[i], place(target, row), align=8)
-    total = maths.constant(0.0)
-    for i, x in enumerate(program.outputs[len(program.outputs) - program.checks :]):
-        total = maths.fma(operand(x), maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
-    doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
-    b.ret(b.zext(doubt, i64))
-    _loop(ir, module, block, width)
-    return str(module)
+        store(i)
+    return [operand(x) for x in program.outputs]
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
@@ -160,7 +179,7 @@ class Native:
             return self._padded(inputs, outputs, weights)
         limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
         tables = rows(inputs), rows(outputs), limits
-        function, arguments = self.function, (*(table.ctypes.data for table in tables), n)
+        function, arguments = self.function, [*(ctypes.c_void_p(x.ctypes.data) for x in tables), ctypes.c_int64(n)]
 
         def run(_kept: Any = (self, tables, inputs, outputs)) -> bool:
             return not function(*arguments)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from screwgauge.reference.traced.trace import Node
@@ -28,9 +28,18 @@ class Program:
     outputs: tuple[Operand, ...]
     checks: int = 0
 
+    def formulas(self, shown: Callable[[Operand], str]) -> Iterator[tuple[int, str]]:
+        """Each value and its formula, which C and Python read alike. `shown`: how an operand is written."""
+        signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+        for i, (op, args) in enumerate(self.code, self.inputs):
+            first, *rest = map(shown, args)
+            if op in signs:
+                yield i, f"{first} {signs[op]} {rest[0]}"
+            else:
+                yield i, f"-{first}" if op == "neg" else f"{op}({', '.join([first, *rest])})"
+
     def as_c(self, name: str = "sample") -> str:
         """The program as C, for reading."""
-        signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
         def shown(x: Operand) -> str:
             if isinstance(x, float):
@@ -38,13 +47,7 @@ class Program:
             return f"x[{x}]" if x < self.inputs else f"v{x}"
 
         lines = [f"void {name}(const double *x, double *out)", "{"]
-        for i, (op, args) in enumerate(self.code, self.inputs):
-            first, *rest = map(shown, args)
-            if op in signs:
-                right = f"{first} {signs[op]} {rest[0]}"
-            else:
-                right = f"-{first}" if op == "neg" else f"{op}({', '.join([first, *rest])})"
-            lines.append(f"    double v{i} = {right};")
+        lines += [f"    double v{i} = {formula};" for i, formula in self.formulas(shown)]
         lines += [f"    out[{i}] = {shown(x)};" for i, x in enumerate(self.outputs)]
         return "\n".join([*lines, "}", ""])
 

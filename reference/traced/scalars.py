@@ -9,8 +9,6 @@ from typing import Any
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Operand, Program
 
-_SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-
 
 class Scalars:
     """A program as a function of floats. NaN where an operation has no result."""
@@ -57,12 +55,5 @@ def _source(program: Program) -> str:
         return repr(x) if isinstance(x, float) else f"v{x}"
 
     lines = [f"def sample({', '.join(f'v{i}' for i in range(program.inputs))}):"]
-    for i, (op, args) in enumerate(program.code, program.inputs):
-        operands = [*map(shown, args)]
-        if op in _SIGNS:
-            right = _SIGNS[op].join(operands)
-        else:
-            right = f"-{operands[0]}" if op == "neg" else f"{op}({', '.join(operands)})"
-        lines.append(f" v{i}={right}")
-    lines.append(f" return ({', '.join(map(shown, program.outputs))},)")
-    return "\n".join(lines)
+    lines += [f" v{i} = {formula}" for i, formula in program.formulas(shown)]
+    return "\n".join([*lines, f" return ({', '.join(map(shown, program.outputs))},)"])

@@ -109,7 +109,7 @@ class Trace:
         return self._values[index]
 
     def _make(self, op: str, *args: Scalar) -> Node:
-        key = (op, *(("node", arg.index) if isinstance(arg, Node) else arg for arg in args))
+        key = (op, *args)
         if key not in self._known:
             if len(self.nodes) == MOST:
                 raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
@@ -147,8 +147,8 @@ class Trace:
             return self.add(a, b.args[0])
         if _negated(a):
             return self.neg(self.add(a.args[0], b))
-        # a difference and its opposite are one node
-        return self._make("sub", a, b) if _order(a) < _order(b) else self.neg(self._make("sub", b, a))
+        opposite = self._known.get(("sub", b, a))
+        return self._make("sub", a, b) if opposite is None else self.neg(opposite)
 
     def mul(self, a: Scalar, b: Scalar) -> Scalar:
         a, b = sorted((a, b), key=_order)

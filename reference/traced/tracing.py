@@ -116,29 +116,24 @@ def everything(found: Dynamics, wanted: Collection[str], tree: Mapping[int, Scal
     lay = found.lay
     count = range(len(lay.mechanism.coordinates))
     cut = found.cut_values if lay.tree.cuts else {}
-    out = dict[str, list[Scalar]]()
 
     def position(c: int) -> Scalar:
         value = cut[c][0] if c in cut else tree[c]
         return apply("atan2", *value) if isinstance(value, tuple) else value
 
-    if "joint_position" in wanted:
-        out["joint_position"] = [position(c) for c in count]
-    if "joint_velocity" in wanted:
-        out["joint_velocity"] = [cut[c][1] if c in cut else found.v[c] for c in count]
-    if "joint_acceleration" in wanted:
-        out["joint_acceleration"] = [cut[c][2] if c in cut else found.a[c] for c in count]
-    for name, what in (("body_angular_velocity", "w"), ("body_angular_acceleration", "b"), ("com_acceleration", "a")):
-        if name in wanted:
-            out[name] = found.bodies(what)
-    if "tree_force" in wanted or "tree_force_soft" in wanted:
-        force = open_forces(found)
-        out |= {name: force for name in ("tree_force", "tree_force_soft") if name in wanted}
-    if "generalized_force" in wanted:
-        out["generalized_force"] = found.generalized
-    if "actuator_force" in wanted:
-        out["actuator_force"] = found.forces
-    return out
+    made: dict[str, Callable[[], list[Scalar]]] = {
+        "joint_position": lambda: [position(c) for c in count],
+        "joint_velocity": lambda: [cut[c][1] if c in cut else found.v[c] for c in count],
+        "joint_acceleration": lambda: [cut[c][2] if c in cut else found.a[c] for c in count],
+        "body_angular_velocity": lambda: found.bodies("w"),
+        "body_angular_acceleration": lambda: found.bodies("b"),
+        "com_acceleration": lambda: found.bodies("a"),
+        "tree_force": lambda: open_forces(found),
+        "tree_force_soft": lambda: open_forces(found),
+        "generalized_force": lambda: found.generalized,
+        "actuator_force": lambda: found.forces,
+    }
+    return {name: numbers() for name, numbers in made.items() if name in wanted}
 
 
 def balance_left(found: Dynamics, constraints: Constraints) -> Scalar:

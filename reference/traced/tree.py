@@ -10,8 +10,8 @@ from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.traced.closing import Cut, Row
-from screwgauge.reference.traced.crossing import Coordinates, Motion, Step, Wrench, crossing, fixed, relative
-from screwgauge.reference.traced.vectors import ZERO, Scalar, Vector, add, scale, sub, turn_back
+from screwgauge.reference.traced.crossing import Coordinates, Motion, Step, Wrench, crossing, fixed
+from screwgauge.reference.traced.vectors import ZERO, Scalar, Vector, add, product, scale, sub, transpose, turn_back
 
 NOTHING: Wrench = (ZERO, ZERO)
 
@@ -19,6 +19,15 @@ NOTHING: Wrench = (ZERO, ZERO)
 def plus(a: Wrench, b: Wrench, factor: Scalar = 1.0) -> Wrench:
     """``a + factor b``."""
     return add(a[0], scale(factor, b[0])), add(a[1], scale(factor, b[1]))
+
+
+def summed(rows: Iterable[tuple[Cut, Row]], amounts: Iterable[Scalar]) -> dict[str, tuple[Wrench, Wrench]]:
+    """Cut joint -> what acts between its bodies, in its frames of the child and of the parent."""
+    found = dict[str, tuple[Wrench, Wrench]]()
+    for (cut, row), amount in zip(rows, amounts, strict=True):
+        child, parent = found.get(cut.joint.name, (NOTHING, NOTHING))
+        found[cut.joint.name] = plus(child, row.child, amount), plus(parent, row.parent, amount)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +83,7 @@ class TreeAt:
             outer = joint.kind not in "PC" and len(self._own(joint.child, joint.parent)) >= len(
                 self._own(joint.parent, joint.child)
             )
-            cuts.append(Cut(joint, relative(parent.R, child.R), d, outer))
+            cuts.append(Cut(joint, product(transpose(parent.R), child.R), d, outer))
         return cuts
 
     def way(self, body: str) -> list[Edge]:
@@ -111,17 +120,14 @@ class TreeAt:
             found[column] = found.get(column, 0.0) - power
         return found
 
-    def between(self, rows: Iterable[tuple[Cut, Row]], amounts: Iterable[Scalar]) -> dict[str, Wrench]:
-        """Wrenches on the bodies of what acts between those of cut joints."""
+    def between(self, acting: Mapping[str, tuple[Wrench, Wrench]]) -> dict[str, Wrench]:
+        """Wrenches on the bodies of what acts between those of cut joints, see `summed`."""
         on = dict[str, Wrench]()
-        for (cut, row), amount in zip(rows, amounts, strict=True):
-            joint = cut.joint
-            for body, frame, wrench, sign in (
-                (joint.child, joint.child_frame, row.child, 1.0),
-                (joint.parent, joint.parent_frame, row.parent, -1.0),
-            ):
-                moved = fixed(frame).inward(wrench, {})
-                on[body] = plus(on.get(body, NOTHING), moved, sign * amount)
+        for joint in self.lay.tree.cuts:
+            child, parent = acting.get(joint.name, (NOTHING, NOTHING))
+            child, parent = fixed(joint.child_frame).inward(child, {}), fixed(joint.parent_frame).inward(parent, {})
+            on[joint.child] = plus(on.get(joint.child, NOTHING), child)
+            on[joint.parent] = plus(on.get(joint.parent, NOTHING), parent, -1.0)
         return on
 
     def inward(self, wrenches: Mapping[str, Wrench], joints: dict[str, Wrench] | None = None) -> dict[int, Scalar]:

@@ -20,7 +20,7 @@ _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
 _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
 
 
-def _arc_coefficients(count: int = 12) -> list[float]:
+def _arc_coefficients(count: int = 11) -> list[float]:
     """Of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2`` up to that of pi/8, by interpolation."""
     nodes = (1.0 + np.cos(np.pi * (np.arange(count) + 0.5) / count)) * (0.5 * 1.02 * EIGHTH**2)
     u = nodes.astype(np.longdouble)
@@ -67,6 +67,13 @@ class VectorMath:
         full = f"llvm.{name}.v{self.width}f64"
         known = self.module.globals.get(full) or self.ir.Function(self.module, kind, full)
         return self.b.call(known, x)
+
+    def fetch(self, place: Any) -> None:
+        """Asks for the line of the cache at a place, to be written to soon."""
+        byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
+        kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
+        prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        self.b.call(prefetch, [self.b.bitcast(place, byte), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
         """One instruction of a program. Products may be fused with sums; nothing is reordered."""
@@ -126,7 +133,8 @@ class VectorMath:
         r = self.fma(back, self.constant(HALF_PI[1]), first)
         low = self.fma(back, self.constant(HALF_PI[2]), self.fma(back, self.constant(HALF_PI[1]), b.fsub(first, r)))
         u = b.fmul(r, r)
-        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, self._flat(u))))
+        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
+        sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
         half = b.fmul(u, self.constant(0.5))
         top = b.fsub(one, half)
         slip = b.fsub(b.fsub(one, top), half)  # what rounding took from it
@@ -142,10 +150,6 @@ class VectorMath:
             below = b.icmp_signed("!=", b.and_(count, whole[2]), whole[0])
             results.append(b.select(near, b.select(below, b.fneg(chosen), chosen), lost))
         return results[0], results[1]
-
-    def _flat(self, u: Any) -> Any:
-        """Slope of the sine, to the few digits that its correction needs."""
-        return self.fma(u, self.constant(-0.5), self.constant(1.0))
 
     def _angle(self, y: Any, x: Any) -> Any:
         b = self.b

@@ -44,8 +44,9 @@ def _begun(
     model = loaded(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
-    for entry in ("stiffness", "damping", "armature"):  # tendons are in no reading, which says that it ignores them
-        getattr(model, f"tendon_{entry}")[:] = 0.0
+    for entry in ("tendon_stiffness", "tendon_damping", "tendon_armature"):  # are in no reading, which says so
+        if hasattr(model, entry):  # MuJoCo 3.3.0 has no armature there
+            getattr(model, entry)[:] = 0.0
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}

@@ -179,8 +179,3 @@ class Settings:
     def _constraints(self, most: str = "") -> str:
         solimp = "default" if self.solimp is None else f"{self.solimp:g}"
         return f"solimp {solimp}, {f'{most}{self.passes} refinements' if self.passes else 'raw'}"
-
-
-def has_integrator(name: str) -> bool:
-    """Whether this version of MuJoCo has an integrator."""
-    return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import is_
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy import ndarray
 
 from screwgauge import __version__
 from screwgauge.models.layout import lay_out
@@ -22,8 +24,6 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.truth import cache
 
 FLOAT = np.dtype(float)
-#: Numbers in a line of the cache.
-LINE = 8
 
 
 class Runner(Protocol):
@@ -44,28 +44,24 @@ class Bound:
 
     Attributes:
         values: What it fills; they are kept, so that no others can take their places.
-        ids: Which arrays these are.
         inputs: What it is given. Shape (n, m) each.
         run: Says whether no sample is in doubt.
     """
 
-    values: Mapping[str, Array]
-    ids: list[int]
+    values: tuple[Array, ...]
     inputs: tuple[Array, ...]
     run: Callable[[], bool]
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Whether these are its arrays, and such inputs."""
-        if [*map(id, values.values())] != self.ids[: len(values)]:
-            return False
-        for x, place in zip(inputs, self.inputs, strict=True):
-            if type(x) is not np.ndarray or x.dtype is not FLOAT or x.shape != place.shape:
-                return False
-        return True
+        """Whether these are the first of its arrays, and such inputs."""
+        alike = [x.shape for x in inputs] == [place.shape for place in self.inputs]
+        return alike and all(map(is_, values.values(), self.values))
 
     def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs."""
+        """Fills its arrays with what follows from some inputs; says whether they are such, and no sample in doubt."""
         for x, place in zip(inputs, self.inputs, strict=True):
+            if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
+                return False
             place[...] = x
         return self.run()
 
@@ -126,17 +122,6 @@ def open_links(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
         (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
         for link in links
     )
-
-
-def columns(n: int, m: int) -> Array:
-    """An array of shape (n, m) in which the numbers of one column lie side by side.
-
-    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
-    """
-    wide = n + LINE - n % LINE
-    room = np.empty(m * wide + LINE)
-    first = -(room.ctypes.data // room.itemsize) % LINE
-    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:

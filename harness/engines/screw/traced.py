@@ -17,7 +17,7 @@ from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor
-from screwgauge.engines.screw.programs import Bound, check_traceable, columns, flat, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, flat, open_links, runner
 from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
@@ -25,6 +25,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.equations import Question
+from screwgauge.reference.traced.lanes import columns
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHECKS, traced
 from screwgauge.reference.traced.vectors import Scalar, vector
@@ -167,7 +168,7 @@ class TracedWork:
             run = self.runner.bind(
                 [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
             )
-            self.bound = Bound(values, [*map(id, values.values())], tuple(np.split(given, ends, axis=1)), run)
+            self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
     def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -23,8 +24,12 @@ from screwgauge.study.bench.timing import Protocol, measure
 
 FORCES = ("actuator_force",)
 #: Samples of a call, so that buffers stay in the cache: of all quantities, and of forces alone.
-SAMPLES = {"llvm": (256, 1024), "numpy": (4096, 4096)}
+SAMPLES = {"llvm": (384, 1024), "numpy": (6144, 6144)}
+#: Samples of a measurement: as many of every contestant, in calls one after the other.
+SHARE = 6144
 ROUNDS, MILLION = 15, 2**20
+Calls = Mapping[str, tuple[Callable[[], object], int]]
+"""Name -> what is called, and its samples."""
 
 
 def bare(n: int) -> Callable[[], None]:
@@ -47,32 +52,34 @@ def samples(scene: Scene, n: int) -> tuple[Array, ...]:
     return motion.y.copy(), motion.yd.copy(), motion.ydd.copy()
 
 
-def contestants(backends: Sequence[str]) -> dict[str, tuple[Callable[[], object], int]]:
-    """Name -> what is called, and its samples: whole calls with buffers that are used again."""
+def contestants(backends: Sequence[str]) -> Calls:
+    """Whole calls with buffers that are used again; a name says if something else had to run."""
     scene = load_scene("3ups-upu-s")
     calls: dict[str, tuple[Callable[[], object], int]] = {"rnea": (bare(256), 256)}
     for backend in backends:
         for what, wanted, n in zip(("all", "forces"), (None, FORCES), SAMPLES[backend], strict=True):
             solver, given = compile(scene, wanted, backend=backend), samples(scene, n)
-            for estimates in (False, True):
-                calls[f"{backend} {what}{', estimates' * estimates}"] = _call(solver, given, estimates=estimates), n
+            for estimates in ((), ("estimates",)):
+                call = partial(solver, *given, out=solver.buffers(n), estimates=bool(estimates))
+                calls[", ".join((f"{backend} {what}", *estimates, *solver.notes, *call().by_array))] = call, n
     return calls
 
 
-def _call(solver: Callable[..., object], given: tuple[Array, ...], *, estimates: bool) -> Callable[[], object]:
-    out = solver.buffers(len(given[0]))  # type: ignore[attr-defined]
-    return lambda: solver(*given, out=out, estimates=estimates)
-
-
-def measured(calls: Mapping[str, tuple[Callable[[], object], int]], rounds: int = ROUNDS) -> dict[str, float]:
+def measured(calls: Calls, rounds: int = ROUNDS, clock: Callable[[], int] = thread_time_ns) -> dict[str, float]:
     """Seconds of the processor a sample of each, the median of interleaved rounds: no other process counts."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
-    for call, _ in calls.values():
-        call()
-    protocol = Protocol(rounds, float("inf"), thread_time_ns)
-    only = {name: call for name, (call, _) in calls.items()}
-    measure(only, protocol, lambda name, s: spent[name].append(s), spent, dict.fromkeys(calls, 1e-3))
-    return {name: median(times) / calls[name][1] for name, times in spent.items()}
+    counts = {name: -(-SHARE // n) for name, (_, n) in calls.items()}
+
+    def repeated(name: str) -> None:
+        for _ in range(counts[name]):
+            calls[name][0]()
+
+    shares = {name: partial(repeated, name) for name in calls}
+    for share in shares.values():
+        share()
+    protocol = Protocol(rounds, float("inf"), clock)
+    measure(shares, protocol, lambda name, s: spent[name].append(s), spent, dict.fromkeys(calls, 1e-3))
+    return {name: median(times) / counts[name] / calls[name][1] for name, times in spent.items()}
 
 
 def million(n: int = 1024) -> tuple[float, float]:
@@ -96,7 +103,7 @@ def main() -> None:
     print(f"{MILLION} samples, forces only, streamed: {seconds:.2f} s, peak {peak:.0f} MB")
     found = measured(contestants(("llvm", "numpy")))
     for name, each in found.items():
-        print(f"{name:25} {each * 1e6:8.3f} us a sample, {found['rnea'] / each:6.2f} times as fast as rnea")
+        print(f"{name:22} {each * 1e6:8.3f} us a sample, {found['rnea'] / each:6.2f} times as fast as rnea")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import numpy as np
 from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
+from screwgauge.diagnosis.known import INEXACT
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
@@ -189,8 +190,10 @@ def _pair(item: Item, settings: Settings) -> Row:
     rounded = bool(found.differences) and all(each.kind == "digits" for each in found.differences)
     tolerance, reason = given or SAME, "from --tolerances" if given else "rounding"
     n = min(found.a.digits, found.b.digits)
-    if not given and rounded and n < ALL:
+    if not given and rounded:
         tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
+        if n >= ALL:  # whose rounding it is not
+            tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
     errors = []
     if found.attribution is not None:
         most = found.attribution.before
