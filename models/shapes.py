@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -185,6 +186,7 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
             yield Shape("joints", "foot", 0, p / unit, p / unit, 2.0 * JOINT, STANDING, name)
 
 
+@lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
     """Direction to who looks: face-on where it is flat, else from above, so that joints do not hide each other."""
     points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])

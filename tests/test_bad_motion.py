@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.reference.errors import ClosureError, SingularPoseError
+from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import closure_system, positions
 from screwgauge.reference.linear import SINGULAR, condition
 from screwgauge.reference.pose import layout
@@ -43,6 +44,15 @@ def test_the_limit_message_tells_the_pose(changed_scene, refused):
 
 def test_a_motion_within_the_limits_is_accepted(changed_scene):
     check_scene(load_scene(changed_scene(LIMITS, motion=b_over_time(0, 0.01))))
+
+
+def test_limits_of_cut_joints_count() -> None:
+    scene = load_scene("five-bar")
+    (cut,) = layout(scene.mechanism).tree.cuts
+    limited = replace(cut, limits=np.column_stack([cut.home - 0.01, cut.home + 0.01]))
+    joints = tuple(limited if joint is cut else joint for joint in scene.mechanism.joints)
+    with pytest.raises(JointLimitError, match=f"t = 0.05 s: joint coordinate '{cut.coordinates[0]}' = 1.05802 rad"):
+        check_scene(replace(scene, mechanism=replace(scene.mechanism, joints=joints)))
 
 
 def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, refused):

@@ -16,7 +16,7 @@ import pytest
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.bench import _error_and_time
-from screwgauge.report.figures.chart import thin
+from screwgauge.report.figures.chart import straight, thin
 from screwgauge.report.figures.looks import by_camp
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
@@ -99,6 +99,17 @@ def test_peaks_and_ends_survive(at: int) -> None:
     assert len(some) <= 2 * 60 + 2
     assert np.abs(np.interp(t, t[some], v[some]) - np.sin(t))[np.abs(t - t[at]) > 0.4].max() < 0.08
     assert at in thin(np.abs(v - np.sin(t)), 120, lows=False)
+
+
+def test_points_on_a_line_between_others_are_left_out() -> None:
+    t = np.linspace(0.0, 10.0, 240)
+    v = np.where(t < 5.0, np.sin(t), np.nan)
+    v[200] = 7.0
+    some = straight(t, v, 0.01)
+    assert {0, 200, 239} <= set(some)
+    assert len(some) < 160
+    assert np.array_equal(np.isnan(v), np.isnan(np.interp(t, t[some], v[some])))
+    assert np.nanmax(np.abs(np.interp(t, t[some], v[some]) - v)) <= 0.01
 
 
 def test_gaps_stay_gaps() -> None:

@@ -107,7 +107,7 @@ def _walked(scene: Scene) -> Mobility:
                 "shorten the motion or widen the limits",
             )
         looked_at += [q[i - first] for i in rows if first <= i < first + PART]
-    return _mobility(lay, looked_at)
+    return _mobility(lay, [*walk.read(np.array(looked_at))])
 
 
 def check_actuation(
@@ -184,7 +184,8 @@ class Walk:
         self.before: float | None = None
 
     def part(self, motion: GivenMotion) -> Array:
-        """All joint coordinates of a part, whose poses are regular. Shape (n, n_q).
+        """Joint coordinates of a part, whose poses are regular; those of cut joints, if nothing limits them, as they
+        are nearby. Shape (n, n_q).
 
         Raises:
             ClosureError: The loops cannot close.
@@ -197,11 +198,21 @@ class Walk:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
-        found.near[:, self.lay.mechanism.independent_columns] = motion.y
-        q = self.system.coordinates(found.z, found.near)
-        check_regular(self.lay, q, motion.t, motion.y, found.matrix)
+        q, unknown, mechanism = found.near, self.system.unknown, self.lay.mechanism
+        q[:, mechanism.independent_columns] = motion.y
+        q[:, unknown] = found.z * self.system.size[unknown]
+        regular = (linear.condition(found.matrix) <= linear.SINGULAR).all()
+        if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
+            q = self.system.coordinates(found.z, q)
+        if not regular:
+            check_regular(self.lay, q, motion.t, motion.y, found.matrix)
         self.before = float(motion.t[-1])
         return q
+
+    def read(self, near: Array) -> Array:
+        """Joint coordinates with those of the cut joints, of which others nearby are given. Shape (n, n_q)."""
+        unknown = self.system.unknown
+        return self.system.coordinates(near[:, unknown] / self.system.size[unknown], near)
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """That a motion passes a singular pose, in words."""

@@ -30,6 +30,8 @@ T = TypeVar("T")
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
 TICK = 0.2  # s between looks at progress and clock
 IDLE = 60.0  # s after which a process that nobody asks again ends
+#: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
+ENVIRONMENT = {**dict.fromkeys(VARIABLES, "1"), "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
 
@@ -136,7 +138,7 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
     try:
         future: Future[T] = _EXECUTORS[name].submit(work)
     except (KeyError, BrokenProcessPool):
-        _EXECUTORS[name] = ProcessPoolExecutor(max_workers=1, timeout=IDLE, env=dict.fromkeys(VARIABLES, "1"))
+        _EXECUTORS[name] = ProcessPoolExecutor(max_workers=1, timeout=IDLE, env=ENVIRONMENT)
         future = _EXECUTORS[name].submit(work)
     return future
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,12 +40,13 @@ OTHERS = "published by others"
 
 def make_plots(bench: Bench) -> list[Picture]:
     """All pictures of the report; none where there is nothing to draw."""
-    return _of_simulation(bench) if bench.scene.simulated else _of_given_motion(bench)
+    drawn = _of_simulation(bench) if bench.scene.simulated else _of_given_motion(bench)
+    return [replace(one, name=f"{i:02d}-{one.name}") for i, one in enumerate(drawn, 1)]
 
 
-def _of_given_motion(bench: Bench) -> list[Picture]:
+def _of_given_motion(bench: Bench) -> Iterator[Picture]:
     drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.max_scaled) and bool(r.per_sample > 0)]
-    looks, plots = by_camp(row.contestant.line for row in bench.rows), list[Picture]()
+    looks, notes = by_camp(row.contestant.line for row in bench.rows), [note.format(bench.reference) for note in NOTES]
     for quantity in QUANTITIES[::-1]:
         points, rows = list[Spec](), [row for row in drawable if row.quantity == quantity]
         for row in rows:
@@ -52,31 +54,27 @@ def _of_given_motion(bench: Bench) -> list[Picture]:
             joined = any(other.parameter for other in group) or len({other.name for other in group}) == 1
             point = _point(row, row.contestant.line, row.per_sample, row.max_scaled)
             points.append(point | {"hollow": row.contestant.given, "joined": joined})
+        axes = f"Error against run time: {WORDS[quantity]}", "run time for each sample delivered", ERROR
         if points:
-            name, notes = (
-                f"{len(plots) + 1:02d}-{quantity.replace('_', '-')}",
-                [n.format(bench.reference) for n in NOTES],
-            )
-            axes = f"Error against run time: {WORDS[quantity]}", "run time for each sample delivered", ERROR
-            plots.append(_error_and_time(name, axes, points, looks, notes))
-    return [*plots, _slopes(f"{len(plots) + 1:02d}-slopes", bench.fits)] if bench.fits else plots
+            yield _error_and_time(quantity.replace("_", "-"), axes, points, looks, notes)
+    if bench.fits:
+        yield _slopes("slopes", bench.fits)
 
 
-def _of_simulation(bench: Bench) -> list[Picture]:
+def _of_simulation(bench: Bench) -> Iterator[Picture]:
     """Error of the observables and of the energy against processor time."""
     sensible = {r.contestant for r in bench.rows if r.quantity == "observable" and r.max_scaled < SENSELESS}
     done = [row for row in bench.rows if row.contestant in sensible and row.work_s > 0.0]
-    looks, plots = by_camp(row.contestant.family for row in done), list[Picture]()
+    looks = by_camp(row.contestant.family for row in done)
     for measure, title in MEASURES.items():
         errors = [(row, max(row.largest.values(), default=np.nan)) for row in done if row.quantity == measure]
         found = [(row, _point(row, row.contestant.family, row.work_s, e)) for row, e in errors if np.isfinite(e)]
         points = [point | {"hollow": row.status != OK, "joined": True} for row, point in found]
         theirs = [item for item in bench.scene.published if item.measure == measure or np.isnan(item.accuracy)]
         others = [(item.cpu_s, item.accuracy, item.who.split(",")[0].split(":")[0]) for item in theirs]
+        axes = f"Error against processor time: {measure}", "processor time of the integration", title
         if points:
-            axes = f"Error against processor time: {measure}", "processor time of the integration", title
-            plots.append(_error_and_time(f"{len(plots) + 1:02d}-{measure}", axes, points, looks, SIMULATED, others))
-    return plots
+            yield _error_and_time(measure, axes, points, looks, SIMULATED, others)
 
 
 def _point(row: Row, family: str, seconds: float, error: float) -> Spec:

@@ -106,7 +106,8 @@ def _curves(
                 series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
     told = chart.ways("curve", looks) | chart.ways("engine", engines)
-    return {**chart.curves(series, moving), **told, **grid, "height": HEIGHTS[grid["columns"]], "title": title}
+    more = {**told, **grid, "height": HEIGHTS[grid["columns"]], "title": title}
+    return {**chart.curves(series, moving, linear=True), **more}
 
 
 def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:

@@ -14,22 +14,13 @@ from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import theirs
 from screwgauge.report.pages.scene import judged, short
 from screwgauge.study.bench.contestant import count
-from screwgauge.study.bench.rows import (
-    CUT,
-    FAILED,
-    LEVELS,
-    OK,
-    absolute_table,
-    bench_table,
-    pairs,
-    reach,
-    timing_table,
-)
+from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, OK, absolute_table, bench_table, pairs, reach, timing_table
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.slopes import table as slope_table
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
+NO_STEPS = {"steps": None, "evaluations": None}
 DIGITS = {3: "three", 6: "six", 9: "nine"}
 
 
@@ -45,13 +36,16 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
     found = []
     for level in LEVELS:
         for best, *others in [reached[key]] if (key := (quantity, False, level)) in reached else []:
-            lead = {"next": "none", "times_as_long": ""}
-            if others:
-                times = others[0]["seconds_per_sample"] / best["seconds_per_sample"]
-                lead = {"next": others[0]["family"], "times_as_long": number(times, 3)}
+            cost, second = best["seconds_per_sample"], others[0] if others else {}
+            lead = _lead(second.get("family"), second.get("seconds_per_sample", 0.0) / cost)
             digits = {"digits": number(-np.log10(level)), "level": level}
-            found.append({**digits, "cheapest": best["family"], "a_sample": best["seconds_per_sample"], **lead})
+            found.append({**digits, "cheapest": best["family"], "a_sample": cost, **lead})
     return found
+
+
+def _lead(second: str | None, times: float) -> Row:
+    """Who comes next, after how many times the cost."""
+    return {"next": second or "none", "times_as_long": number(times, 3) if second else ""}
 
 
 def headline(bench: Bench) -> str:
@@ -128,8 +122,7 @@ def _quickest(found: Bench) -> list[Row]:
         for best, *others in [sorted(reached, key=lambda row: row.work_s)] if reached else []:
             family = best.contestant.family
             other = next((row for row in others if row.contestant.family != family), None)
-            lead = {"next": other.contestant.family if other else "none"}
-            lead |= {"times_as_long": number(other.work_s / best.work_s, 3) if other else ""}
+            lead = _lead(other.contestant.family, other.work_s / best.work_s) if other else _lead(None, 0.0)
             who = {"digits": str(digits), "cheapest": family, "setting": best.contestant.setting}
             told.append({**who, "cpu": best.work_s, **lead})
     return told
@@ -152,36 +145,20 @@ def _simulated_headline(found: Bench) -> str:
 
 def _measured(found: Bench) -> list[Row]:
     """What was found of a simulation, and what others have published."""
-    ours = [
-        {
-            "family": row.contestant.family,
-            "setting": row.contestant.setting,
-            "label": row.contestant.label,
-            "status": row.status,
-            "observable": ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items()),
-            "scaled": "" if missing(row.max_scaled) else size(row.max_scaled),
-            "energy": "".join(size(value) for value in energy.largest.values() if not missing(value)),
-            "cpu": row.cost.cpu_s,
-            "wall": row.cost.wall_s,
-            "steps": row.cost.steps or None,
-            "evaluations": row.cost.evaluations if row.cost.steps else None,
-            "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}",
-        }
-        for row, energy in pairs(found.rows)
-    ]
-    published = [
-        {
-            **theirs(item),
-            "family": Marked("*published*"),
-            "setting": item.who,
-            "label": item.who[:18],
-            "status": "other machine",
-            "cpu": item.cpu_s,
-            "remark": " - ".join(part for part in (item.remark, item.source, "other machine") if part),
-        }
-        for item in found.scene.published
-    ]
-    return [*ours, *({**row, "scaled": row["observable"]} for row in published)]
+    told = list[Row]()
+    for row, energy in pairs(found.rows):
+        line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
+        line["observable"] = ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items())
+        line["scaled"] = "" if missing(row.max_scaled) else size(row.max_scaled)
+        line["energy"] = "".join(size(value) for value in energy.largest.values() if not missing(value))
+        line |= {"cpu": row.cost.cpu_s, "wall": row.cost.wall_s, "status": row.status}
+        line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS
+        told.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})
+    for item in found.scene.published:
+        line = theirs(item) | {"family": Marked("*published*"), "setting": item.who, "label": item.who[:18]}
+        line |= {"scaled": line["observable"], "status": "other machine", "cpu": item.cpu_s}
+        told.append({**line, "remark": " - ".join(filter(None, (item.remark, item.source, "other machine")))})
+    return told
 
 
 def _about(bench: Bench) -> dict[str, Any]:

@@ -40,7 +40,7 @@ def _differences(found: Diagnosis) -> list[Row]:
 def _ranking(found: Diagnosis) -> list[Row]:
     """What each change explains alone."""
     ranking = found.attribution.ranking if found.attribution else ()
-    return [{"change": hypothesis.name, "share": f"{100.0 * share:.4f} %"} for hypothesis, share in ranking[:_RANKED]]
+    return [{"change": change.name, "share": f"{100.0 * share:.4f} %"} for change, share in ranking[:_RANKED]]
 
 
 def _taken(found: Diagnosis) -> list[str]:
@@ -62,19 +62,6 @@ def _witnesses(found: Diagnosis) -> list[Row]:
     return [
         {"model": x.side, "library": x.library, "apart": x.failed or size(max(x.scaled.values())), "omits": x.omits}
         for x in found.witnesses
-    ]
-
-
-def _pairs(found: Diagnosis) -> list[Row]:
-    pairs = found.matrix.pairs if found.matrix else ()
-    return [
-        {
-            "one": " ".join(p.first),
-            "other": " ".join(p.second),
-            "kind": p.kind,
-            "which": "; ".join(p.differences) or "none",
-        }
-        for p in pairs
     ]
 
 
@@ -121,7 +108,7 @@ PAGE = Report(
         "witnesses": _witnesses,
         "readings": lambda found: found.matrix.sentences if found.matrix else (),
         "cells": lambda found: found.matrix.cells if found.matrix else (),
-        "pairs": _pairs,
+        "pairs": lambda found: found.matrix.pairs if found.matrix else (),
         "map": _map,
         "ignored": lambda found: [f"{side}: {what}" for side, m in _sides(found) for what in m.reading.ignored],
         "models": lambda found: {side: _file(m) for side, m in _sides(found)},

@@ -79,11 +79,5 @@ def _costs(found: pd.DataFrame) -> Table:
 
 
 PAGE = study(
-    "random.csv",
-    "Random mechanisms",
-    _banner,
-    sentence=_sentence,
-    families=_families,
-    reasons=_reasons,
-    costs=_costs,
+    "random.csv", "Random mechanisms", _banner, sentence=_sentence, families=_families, reasons=_reasons, costs=_costs
 )

@@ -10,6 +10,7 @@ from screwgauge.reference.pose import Layout, Pose
 from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array
+from screwgauge.report import formatting
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 #: What elements are called by their `kind`, how a line and a direction are told, and all six of them.
@@ -59,7 +60,7 @@ def _legs(first: Held, places: Mapping[str, Array]) -> str:
     does: dict[str, list[str]] = {}
     for leg, system in zip(first.legs, first.wrenches, strict=True):
         does.setdefault(listed(system, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
-    parts = [f"{_and(names)} take{'s' * (len(names) == 1)} {what}" for what, names in does.items()]
+    parts = [f"{formatting.listed(names)} take{'s' * (len(names) == 1)} {what}" for what, names in does.items()]
     hangs = f"{first.body} hangs on {_many(len(first.legs), 'leg')}: {'; '.join(parts)}."
     return hangs if parts else f"Nothing holds {first.body}."
 
@@ -70,25 +71,22 @@ def listed(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[st
     lines, ways, screws = ([one for one in system if kind(one) == k] for k in range(3))
     said, many = [], _many(len(lines), force)
     if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
-        directions = f", {along} {_and([_way(one) for one in lines])}" if len(lines) == 2 else ""
+        directions = f", {along} {formatting.listed([_way(one) for one in lines])}" if len(lines) == 2 else ""
         said.append(f"{many} through {_place(lines[0], places)}{directions}")
     elif lines:
-        said.append(f"{many} {along} {_and([f'{_way(one)} through {_place(one, places)}' for one in lines])}")
+        each = [f"{_way(one)} through {_place(one, places)}" for one in lines]
+        said.append(f"{many} {along} {formatting.listed(each)}")
     for one in screws:
         pitch = f"{1e3 * one.pitch:.3g} mm/rad"
         said.append(f"a {wrench} about {_way(one)} through {_place(one, places)} of {pitch}")
     if ways:
-        directions = "every axis" if len(ways) == 3 else _and([_way(one) for one in ways])
+        directions = "every axis" if len(ways) == 3 else formatting.listed([_way(one) for one in ways])
         said.append(f"{_many(len(ways), couple)} {about} {directions}")
-    return all_six if len(system) == 6 else _and(said) if said else "nothing"
+    return all_six if len(system) == 6 else formatting.listed(said) if said else "nothing"
 
 
 def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:
     return f"{NUMBERS[n] if n < len(NUMBERS) else n} {what if n == 1 else plural if whole else what + plural}"
-
-
-def _and(parts: Sequence[str]) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def _way(one: Element) -> str:
