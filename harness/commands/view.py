@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.report.console import complain, say
+from screwgauge.report.console import complain, say, stopped
 
 if TYPE_CHECKING:
     from screwgauge.reference.mechanism import Mechanism
@@ -166,8 +166,16 @@ def _serve(text: bytes, port: int) -> int:
         def log_message(self, *arguments: object) -> None:
             """Silence."""
 
+    class Server(ThreadingHTTPServer):
+        def service_actions(self) -> None:
+            if stopped():  # while a thread was started, which does not let it through
+                raise KeyboardInterrupt
+
+        def handle_error(self, *request: object) -> None:
+            """Silence: a browser may go away at any time."""
+
     try:
-        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        server = Server(("127.0.0.1", port), Handler)
     except (OSError, OverflowError) as error:
         what = f"port {port} cannot be served at ({getattr(error, 'strerror', None) or error})".lower()
         raise OutputError(what, "view", "leave --port out: a free one is taken") from None

@@ -58,6 +58,11 @@ def _stop(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def stopped() -> bool:
+    """Whether a signal has asked the command to end, even if a library has swallowed what that raised."""
+    return bool(_stopped_by)
+
+
 def say(text: str, end: str = "\n") -> None:
     """Prints; a reader of the pipe who has gone changes nothing about the exit status.
 
