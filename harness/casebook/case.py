@@ -79,10 +79,14 @@ class CaseResult:
         return self.status == "cannot be shown" or self.works
 
     @property
+    def installed(self) -> str:
+        """The engines that take part, with their versions."""
+        return " and ".join(f"{name} {version}" for name, version in self.versions.items())
+
+    @property
     def sentence(self) -> str:
         """Symptom, cause and remedy in one sentence, with the numbers that were measured."""
-        case = self.case
-        engines = " and ".join(f"{name} {version}" for name, version in self.versions.items())
+        case, engines = self.case, self.installed
         if self.status == "failed":
             return f"The reproduction failed with {engines}: {self.failure}."
         if self.status == "cannot be shown":

@@ -41,14 +41,16 @@ class Trust:
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
-        gain: Norm of its inverse, without dimension, of its worst loop. Shape (n,).
+        gain: Norm of its inverse, without dimension: of the worst loop in its own length, or of all of them at once in
+            that of the mechanism, see `stretch`. Shape (n,).
         charts: Condition number of the charts of cut joints, 1 at best; only joint coordinates suffer. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
         speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
             that rate. Shape (n,).
         load: Largest force [N], whose parts may cancel. Shape (n,).
         open: How far the loops are open beyond rounding, without dimension. Shape (n,).
-        stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism. (n,).
+        stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism, where
+            gains are those of loops. (n,).
     """
 
     condition: Array

@@ -125,9 +125,8 @@ def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[s
     bad = pairs[~pairs["ok"].astype(bool)]
     wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*solutions} & {*ENGINES}}
     for found in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
-        installed = " and ".join(f"{engine} {version}" for engine, version in found.versions.items())
         symptom = found.sentence.rstrip(".")
-        yield f"Known of {installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {found.case.id})."
+        yield f"Known of {found.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {found.case.id})."
 
 
 def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:

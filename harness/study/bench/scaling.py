@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -17,11 +18,10 @@ import numpy as np
 from screwgauge.engines.screw.compiled import Solver
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.models.fourbars import four_bars
-from screwgauge.problem import GivenMotion
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.bench import ladders
-from screwgauge.study.bench.volume import FORCES, measured
+from screwgauge.study.bench.volume import FORCES, measured, samples
 from screwgauge.study.campaigns.compiled import near_home
 from screwgauge.study.table import columns_of, frame
 
@@ -62,26 +62,22 @@ MOTIONS = (100, 1000, 10_000, 100_000, 1_000_000)
 
 def climbed(ladder: str, sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
     """Forces of actuators of growing mechanisms, all of a motion in one call; sizes are measured in turn."""
-    text, _, samples = MECHANISMS[ladder]
+    text, _, many = MECHANISMS[ladder]
     made, calls = {}, dict[str, tuple[Callable[[], object], int]]()
     for n in sizes:
         with TemporaryDirectory(prefix="screwgauge-") as folder:
             file = Path(folder) / "mechanism.toml"
             file.write_text(text(n), encoding="utf-8")
-            scene = near_home(file, samples)
+            scene = near_home(file, many)
             start = process_time()
             solver = Solver(scene, FORCES, backend, 1)
-        spent, given, out = process_time() - start, scene.motion, solver.buffers(samples)
-        left = sum(solver(given.y, given.yd, given.ydd, out=out).by_array.values())
-        calls[str(n)] = _call(solver, given, out), samples
-        made[n] = _operations(solver), left, spent
+        spent, given = process_time() - start, scene.motion
+        call = partial(solver, given.y, given.yd, given.ydd, out=solver.buffers(many))
+        calls[str(n)] = call, many
+        made[n] = _operations(solver), sum(call().by_array.values()), spent
     seconds = measured(calls, rounds)
     for n, numbers in made.items():
         yield Rung(ladder, n, *numbers, seconds[str(n)] * 1e6)
-
-
-def _call(solver: Solver, given: GivenMotion, out: Mapping[str, np.ndarray]) -> Callable[[], object]:
-    return lambda: solver(given.y, given.yd, given.ydd, out=out)
 
 
 def _operations(solver: Solver) -> int:
@@ -100,8 +96,7 @@ def lengthened(sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iter
 
 
 def _streamed(solver: Solver, scene: Scene, n: int) -> Callable[[], object]:
-    some = scene.at(np.linspace(scene.t[0], scene.t[-1], min(n, CHUNK))).motion
-    chunk = some.y.copy(), some.yd.copy(), some.ydd.copy()
+    chunk = samples(scene, min(n, CHUNK))
 
     def call() -> None:
         for _ in solver.stream(tuple(x[: n - i] for x in chunk) for i in range(0, n, CHUNK)):
