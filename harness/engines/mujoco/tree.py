@@ -223,31 +223,40 @@ class MujocoTree:
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""
-        out, tolerance = np.empty_like(q), 0.0
+        out, rows, data, force = np.empty_like(q), list[tuple[Array, ...]](), self.data, self.data.qfrc_inverse
         for i in self._inverse(q, v, a, soft=True):
-            out[i] = self.data.qfrc_inverse
-            tolerance = max(tolerance, self._soft_tolerance(residuals))
-        return out, tolerance
+            out[i] = force
+            if m := data.nefc:
+                kept = data.efc_KBIP.ravel()[: 4 * m], data.efc_D[:m], data.efc_J.ravel()[: m * len(force)]
+                rows.append(tuple(view.copy() for view in kept))
+        return out, self._soft_tolerance(rows, residuals)
 
-    def _soft_tolerance(self, residuals: Array) -> float:
-        """Largest joint force of ``f = D (k r + b rdot + rddot)`` for residuals r as large as those measured."""
-        data, rows = self.data, self.data.nefc
-        K, B, imp, _ = data.efc_KBIP.reshape(-1, 4)[:rows].T
-        f = data.efc_D[:rows] * (K * imp * residuals[0] + B * residuals[1] + residuals[2])
-        return float((np.abs(data.efc_J[: rows * self.model.nv].reshape(rows, self.model.nv)).T @ f).max(initial=0.0))
+    def _soft_tolerance(self, rows: list[tuple[Array, ...]], residuals: Array) -> float:
+        """Largest joint force of ``f = D (k r + b rdot + rddot)`` for residuals r as large as those measured.
+
+        Args:
+            rows: K, B, impedance and power of the constraints of each sample, their D and their Jacobian.
+        """
+        if not rows:
+            return 0.0
+        (KBIP, D, J), first = (np.concatenate(x) for x in zip(*rows, strict=True)), [len(D) for _, D, _ in rows[:-1]]
+        K, B, imp, _ = KBIP.reshape(-1, 4).T
+        f = D * (K * imp * residuals[0] + B * residuals[1] + residuals[2])
+        J = np.abs(J.reshape(len(f), -1)) * f[:, None]
+        return float(np.add.reduceat(J, np.cumsum([0, *first])).max())
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        n, b = len(q), len(self.ids)
-        model, data, ids = self.model, self.data, self.ids
-        moments, forces, arms = np.empty((3, n, b, 3))
-        out = np.zeros((n, b + 1, 6))
-        about = model.body_rootid[ids]
+        model, data, ids, out = self.model, self.data, self.ids, np.zeros_like(wrench)
+        force, moment = wrench[:, 1:, :3], wrench[:, 1:, 3:]
+        external, kept = np.zeros((len(q), model.nbody, 6)), (data.cfrc_int, data.subtree_com)
+        external[:, ids, :3] = force  # applied at the centre of mass
+        external[:, ids, 3:] = moment - cross((at.R[:, 1:] @ self.com[..., None])[..., 0], force)
+        felt, about = (np.empty((len(q), *view.shape)) for view in kept)
+        applied = data.xfrc_applied
         for i in self._inverse(q, v, a):
-            origins, force = data.xpos[ids], wrench[i, 1:, :3]
-            data.xfrc_applied[ids, :3] = force  # applied at the centre of mass
-            data.xfrc_applied[ids, 3:] = wrench[i, 1:, 3:] - cross(data.xipos[ids] - origins, force)
+            applied[:] = external[i]
             mujoco.mj_rnePostConstraint(model, data)
-            moments[i], forces[i] = data.cfrc_int[ids, :3], data.cfrc_int[ids, 3:]
-            arms[i] = data.subtree_com[about] - origins
-        out[:, 1:, :3], out[:, 1:, 3:] = forces, moments + cross(arms, forces)
+            felt[i], about[i] = kept
+        out[:, 1:, :3] = felt[:, ids, 3:]
+        out[:, 1:, 3:] = felt[:, ids, :3] + cross(about[:, model.body_rootid[ids]] - at.p[:, 1:], out[:, 1:, :3])
         return out
