@@ -49,8 +49,8 @@ class Reactions:
         Returns:
             Shape (n, m).
         """
-        rows = list(self.joints)
-        return np.asarray(np.sum(force[:, rows] * self.force + moment[:, rows] * self.moment, axis=2))
+        rows, along = list(self.joints), "nmx,nmx->nm"
+        return np.asarray(np.einsum(along, force[:, rows], self.force) + np.einsum(along, moment[:, rows], self.moment))
 
     def with_couplings(self, couplings: Sequence[Coupling], units: Mapping[str, str]) -> Reactions:
         """The same with a component for each coupling after them.

@@ -16,7 +16,7 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.dynamics import across_direction, min_norm
+from screwgauge.reference.dynamics import across_direction
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
@@ -53,12 +53,12 @@ def closed_forces(
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
     Args:
-        system: Closing system without dimension, shape (n, m + k, n_v), and velocities of the tree per velocity of y,
-            shape (n, n_v, k).
+        system: Inverse of the closing system without dimension, shape (n, n_v, m + k), and velocities of the tree per
+            velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
         state: The same motion as springs and motors see it, if there are any.
     """
-    (A, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
+    (inverse, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
     wrench = _applied(closed, problem.applied, at, state)
     need = tau - along_coordinates(at, wrench)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
@@ -67,7 +67,8 @@ def closed_forces(
     if not wanted & {"actuator_force", "reaction"}:
         return ClosedForces(values, {}, largest)
     driven = closed.driven
-    f, condition = min_norm(K[:, driven], Q), linear.condition(K[:, driven])
+    back, condition = linear.inverted(K[:, driven])
+    f = (Q[:, None] @ back)[:, 0]  # of all that make Q the smallest
     conditions = {"actuator_force": condition}
     if problem.rule == "spherical_axial":
         alone = closed.tree.transmitted(at, *motion[:3], wrench)
@@ -78,9 +79,8 @@ def closed_forces(
         return ClosedForces(values, conditions, largest)
     rest = need.copy()
     rest[:, driven] -= f
-    G = A[:, : A.shape[1] - K.shape[2]]
-    scaled = linear.solve(G.swapaxes(1, 2), (rest * sizes.q)[..., None])[..., 0]
-    multipliers = np.asarray(scaled / sizes.rows[: G.shape[1]])
+    # what actuators leave over moves no y: the rows of y take nothing of it
+    multipliers = ((rest * sizes.q)[:, None] @ inverse[..., : -K.shape[2]])[:, 0] / sizes.rows[: -K.shape[2]]
     transmitted = closed.tree.transmitted(at, *motion[:3], wrench + closed.loops.wrenches(at, multipliers))
     reactions, values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))

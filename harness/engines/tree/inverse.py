@@ -246,7 +246,7 @@ class _Pass:
         if self.acting:
             state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
         motion = (self.poses.q, self.v, self.a, self.tau)
-        forces = closed_forces(self.closed, self.work.problem, at, (self.poses.A, self.K), motion, state)
+        forces = closed_forces(self.closed, self.work.problem, at, (self.inverse, self.K), motion, state)
         self.values |= forces.values
         self.conditions |= forces.conditions
         self.work.reaction_names = forces.reactions or self.work.reaction_names
