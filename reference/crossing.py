@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.graph import Edge
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, times
 
 Index = NDArray[np.intp]
 Step = tuple[Index | slice, Index, Array, bool, bool]
@@ -21,9 +21,9 @@ class Crossing:
 
     Attributes:
         near, far: These bodies. Shape (m,).
-        R_start, p_start: Frames of the joints in the first. Shapes (m, 3, 3), (m, 3, 1).
+        R_start, p_start: Frames of the joints in the first. Shapes (m, 3, 3), (m, 3).
         R_end, p_end: Those in the second, the rotation being the inverse one.
-        steps: Of the first, second, ... freedom on the way: joints that have one, columns, axes (k, 3, 1), and whether
+        steps: Of the first, second, ... freedom on the way: joints that have one, columns, axes (k, 3), and whether
             some of them turn, and some slide.
     """
 
@@ -45,17 +45,17 @@ class Crossing:
             directions, points: Are given direction and point of each freedom's axis. Shape (n, n_q, 3).
         """
         (turned, slid), R = moved, R[:, self.near]
-        p = p[:, self.near] + (R @ self.p_start)[..., 0]
+        p = p[:, self.near] + times(R, self.p_start)
         R = R @ self.R_start
         for joints, columns, axes, turning, sliding in self.steps:
-            e = (R[:, joints] @ axes)[..., 0]
+            e = times(R[:, joints], axes)
             directions[:, columns], points[:, columns] = e, p[:, joints]
             if turning:
                 R[:, joints] = R[:, joints] @ turned[:, columns]
             if sliding:
                 p[:, joints] += e * slid[:, columns, None]
         R = R @ self.R_end
-        return R, p - (R @ self.p_end)[..., 0]
+        return R, p - times(R, self.p_end)
 
 
 def crossing(
@@ -74,7 +74,7 @@ def crossing(
     for i in range(max(map(len, ways))):
         having = np.array([k for k, way in enumerate(ways) if len(way) > i], dtype=np.intp)
         place = np.array([ways[k][i][0] for k in having], dtype=np.intp)
-        axes, turning = np.array([ways[k][i][1][1] for k in having])[..., None], turns[place]
+        axes, turning = np.array([ways[k][i][1][1] for k in having]), turns[place]
         rows = having if len(having) < len(ways) else slice(None)
         steps.append((rows, place, axes, bool(turning.any()), not turning.all()))
     frames = [(edge.joint.parent_frame, edge.joint.child_frame)[:: -1 if edge.reverse else 1] for edge in edges]
@@ -82,8 +82,8 @@ def crossing(
         near=np.array([index[edge.near] for edge in edges], dtype=np.intp),
         far=np.array([index[edge.far] for edge in edges], dtype=np.intp),
         R_start=np.array([start.R for start, _ in frames]),
-        p_start=np.array([start.p for start, _ in frames])[..., None],
+        p_start=np.array([start.p for start, _ in frames]),
         R_end=np.array([end.R.T for _, end in frames]),
-        p_end=np.array([end.p for _, end in frames])[..., None],
+        p_end=np.array([end.p for _, end in frames]),
         steps=tuple(steps),
     )

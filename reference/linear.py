@@ -89,17 +89,27 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
     if A.shape[1] != A.shape[2]:
         return inverted(A)
     for i in range(0, len(A), BLOCK):
-        some = A[i : i + BLOCK]
+        some, x, left = A[i : i + BLOCK], X[i : i + BLOCK], 1.0
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
-        x, left = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)], 1.0
+        x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
+        E, more = np.empty_like(x), np.empty_like(x)
         while left > 1e-8:
-            E = eye - some @ x
+            np.subtract(eye, np.matmul(some, x, out=E), out=E)
             before, left = left, max(E.max(), -E.min())
             if not left < 0.1 * before:
                 return inverted(A)
-            x += x @ E
-        X[i : i + BLOCK] = x
+            x += np.matmul(x, E, out=more)
     return X, _norm(A) * _norm(X)
+
+
+def departure(A: Array, X: Array, near: NDArray[np.intp]) -> Array:
+    """Norms of ``X A - 1``, X being one of several, in blocks of cache size. (n, m, k), (p, k, m), (n,) -> (n,)."""
+    out, eye = np.empty(len(A)), np.eye(A.shape[2])
+    for some in (slice(i, i + BLOCK) for i in range(0, len(A), BLOCK)):
+        E = X[near[some]] @ A[some]
+        E -= eye
+        out[some] = _norm(E)
+    return out
 
 
 def _norm(A: Array) -> Array:

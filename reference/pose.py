@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from screwgauge.reference.crossing import Crossing, crossing
 from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
-from screwgauge.reference.rotations import Array, cross, skew, vee
+from screwgauge.reference.rotations import Array, cross, skew, times, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +144,8 @@ def _side(bodies: list[int], frames: Sequence[Frame]) -> Side:
 def side_frames(side: Side, R: Array, p: Array) -> tuple[Array, Array]:
     """World frames of the cut joints on one of their sides. Shapes (n, n_cut, 3, 3), (n, n_cut, 3)."""
     body, R_joint, p_joint = side
-    return R[:, body] @ R_joint, p[:, body] + (R[:, body] @ p_joint[..., None])[..., 0]
+    R = np.asarray(R[:, body])
+    return R @ R_joint, p[:, body] + times(R, p_joint)
 
 
 def layout(mechanism: Mechanism, tree: SpanningTree | None = None) -> Layout:
@@ -245,8 +246,8 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
     child, at_child = lay.sides[1][:3:2]
     turn = vee(R_via @ R[:, child].swapaxes(-1, -2))
     # measured at the joint, where the lever arms are short, then moved to O
-    at = p[:, child] + (R[:, child] @ at_child[..., None])[..., 0]
-    shift = p_via + (R_via @ at_child[..., None])[..., 0] - at
+    at = p[:, child] + times(R[:, child], at_child)
+    shift = p_via + times(R_via, at_child) - at
     residual[..., :3], residual[..., 3:] = turn, shift - cross(turn, at)
     return Pose(q, R, p, S, residual)
 
@@ -254,7 +255,7 @@ def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
 def centres_of_mass(lay: Layout, at: Pose) -> Array:
     """Where the bodies' centres of mass are [m]. Shape (n, n_body, 3)."""
     com = np.stack([body.com for body in lay.mechanism.bodies])
-    return np.asarray(at.p[:, 1:] + (at.R[:, 1:] @ com[..., None])[..., 0])
+    return np.asarray(at.p[:, 1:] + times(at.R[:, 1:], com))
 
 
 def length(lay: Layout) -> float:

@@ -201,7 +201,7 @@ class Walk:
         q, unknown, mechanism = found.near, self.system.unknown, self.lay.mechanism
         q[:, mechanism.independent_columns] = motion.y
         q[:, unknown] = found.z * self.system.size[unknown]
-        regular = (linear.condition(found.matrix) <= linear.SINGULAR).all()
+        regular = (linear.inverted_along(found.matrix)[1] <= linear.SINGULAR).all()
         if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
             q = self.system.coordinates(found.z, q)
         if not regular:

@@ -194,7 +194,7 @@ class Follower:
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
             z, matrix, error, *_ = found = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
-            change = np.linalg.norm(inverse[near] @ matrix - np.eye(matrix.shape[2]), axis=(1, 2))
+            change = linear.departure(matrix, inverse, near)
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
                 return found
         self.anchor, self.reach = anchor, reach

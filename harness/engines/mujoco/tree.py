@@ -23,7 +23,7 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, times
 
 _SITE = mujoco.mjtObj.mjOBJ_SITE
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -250,7 +250,7 @@ class MujocoTree:
         force, moment = wrench[:, 1:, :3], wrench[:, 1:, 3:]
         external, kept = np.zeros((len(q), model.nbody, 6)), (data.cfrc_int, data.subtree_com)
         external[:, ids, :3] = force  # applied at the centre of mass
-        external[:, ids, 3:] = moment - cross((at.R[:, 1:] @ self.com[..., None])[..., 0], force)
+        external[:, ids, 3:] = moment - cross(times(at.R[:, 1:], self.com), force)
         felt, about = (np.empty((len(q), *view.shape)) for view in kept)
         applied = data.xfrc_applied
         for i in self._inverse(q, v, a):

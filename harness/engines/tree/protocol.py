@@ -17,7 +17,7 @@ from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.rotations import Array, cross, skew
+from screwgauge.reference.rotations import Array, cross, skew, times
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class BodyPoses:
 
     def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
         """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
-        return np.asarray(self.p[:, bodies] + np.einsum("nmij,mj->nmi", self.R[:, bodies], places))
+        return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array) -> Array:
         """Derivative of points by the coordinates, shape (n, m, 3, n_v).
@@ -73,7 +73,7 @@ class BodyPoses:
 
     def _summed(self, screws: Array, v: Array) -> Array:
         """Over the coordinates that move each body, about its origin."""
-        V = (self.moves * v[:, None]) @ screws.swapaxes(1, 2)
+        V = self.moves @ np.ascontiguousarray((screws * v[:, None]).swapaxes(1, 2))
         V[..., 3:] += cross(V[..., :3], self.p)
         return V
 
