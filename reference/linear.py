@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,14 +54,14 @@ def condition(A: Array) -> Array:
 
     At most n times the one in the 2-norm, and an order of magnitude cheaper over a trajectory.
     """
-    size = _norm(A)
+    size = norms(A)
     if A.shape[-2] > A.shape[-1]:  # the triangular factor has the same singular values
         A = np.asarray(np.linalg.qr(A, mode="r"))
     if A.shape[-1] != A.shape[-2]:
         s = np.linalg.svd(A, compute_uv=False)
         with np.errstate(divide="ignore"):
             return np.asarray(size * np.sqrt(np.sum(s**-2.0, axis=-1)))
-    found = size * _norm(inverse(A))
+    found = size * norms(inverse(A))
     return np.asarray(np.where(np.isnan(found) & np.isfinite(size), np.inf, found))
 
 
@@ -68,13 +70,13 @@ def inverted(A: Array) -> tuple[Array, Array]:
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)
-        found = _norm(A) * _norm(back)
+        found = norms(A) * norms(back)
         if (found < 1e7).all():
             return back @ Q.swapaxes(-1, -2), found
     if A.shape[-1] == A.shape[-2]:
         try:
             found = np.asarray(np.linalg.inv(A))
-            return found, _norm(A) * _norm(found)
+            return found, norms(A) * norms(found)
         except np.linalg.LinAlgError:
             pass  # one matrix of the stack is exactly singular
     return solve(A, np.broadcast_to(np.eye(A.shape[-2]), (*A.shape[:-1], A.shape[-2]))), condition(A)
@@ -83,13 +85,14 @@ def inverted(A: Array) -> tuple[Array, Array]:
 def inverted_along(A: Array) -> tuple[Array, Array]:
     """The same of matrices that change little from each to the next, where they are square. Shape (n, m, m).
 
-    One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X (1 - A X)``, in blocks of cache size.
+    One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
+    blocks of cache size.
     """
     X, eye = np.empty_like(A), np.eye(A.shape[-1])
     if A.shape[1] != A.shape[2]:
         return inverted(A)
-    for i in range(0, len(A), BLOCK):
-        some, x, left = A[i : i + BLOCK], X[i : i + BLOCK], 1.0
+    for rows in blocks(len(A)):
+        some, x, left = A[rows], X[rows], 1.0
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
@@ -99,20 +102,27 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
             if not left < 0.1 * before:
                 return inverted(A)
             x += np.matmul(x, E, out=more)
-    return X, _norm(A) * _norm(X)
+            if left > 1e-8:
+                x += more @ E
+    return X, norms(A) * norms(X)
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Rows that are worked on at a time, so that what is made of them stays in the cache."""
+    return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
 
 
 def departure(A: Array, X: Array, near: NDArray[np.intp]) -> Array:
     """Norms of ``X A - 1``, X being one of several, in blocks of cache size. (n, m, k), (p, k, m), (n,) -> (n,)."""
     out, eye = np.empty(len(A)), np.eye(A.shape[2])
-    for some in (slice(i, i + BLOCK) for i in range(0, len(A), BLOCK)):
-        E = X[near[some]] @ A[some]
+    for rows in blocks(len(A)):
+        E = X[near[rows]] @ A[rows]
         E -= eye
-        out[some] = _norm(E)
+        out[rows] = norms(E)
     return out
 
 
-def _norm(A: Array) -> Array:
+def norms(A: Array) -> Array:
     """Frobenius norms of a stack, faster than `numpy.linalg.norm` on small matrices. Shape (..., m, n) -> (...)."""
     return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))
 

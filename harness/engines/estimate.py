@@ -112,7 +112,7 @@ class Part:
 
 def gain(A: Array, condition: Array) -> Array:
     """Norm of the inverse of a matrix of known condition number (Frobenius). Shape (n, m, k), (n,) -> (n,)."""
-    return np.asarray(condition / np.linalg.norm(A, axis=(1, 2)))
+    return np.asarray(condition / linear.norms(A))
 
 
 def shakes(A: Array, k: int) -> list[Array]:

@@ -170,10 +170,10 @@ class MujocoTree:
             mujoco.mj_kinematics(model, data)
             turn[:], place[:], axis[:], anchor[:] = kept
         R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
-        screws = np.zeros((n, model.nv, 6))
-        screws[:, self.hinges, :3] = axes[:, self.hinges]
-        screws[..., 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes)
-        return BodyPoses(R, p, np.ascontiguousarray(screws.swapaxes(1, 2)), self.moves)
+        screws = np.empty((n, 6, model.nv))
+        screws[:, :3] = (axes * self.hinges[:, None]).swapaxes(1, 2)
+        screws[:, 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes).swapaxes(1, 2)
+        return BodyPoses(R, p, screws, self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data = self.model, self.data

@@ -70,8 +70,10 @@ class PinocchioTree:
         self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
         self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
-        # origins and centres of mass of the bodies in the frames of the joints that carry them
+        # origins, attitudes and centres of mass of the bodies in the frames of the joints that carry them
         self.origins = np.array([place.translation for place, _ in placed])
+        self.turned = np.array([place.rotation for place, _ in placed])
+        self.placed = [k for k, (place, _) in enumerate(placed, 1) if not place.isIdentity(0.0)]
         self.centres = np.array([place.act(at) for (place, _), at in zip(placed, self.com, strict=True)])
         carriers = [[], *(self.model.supports[joint] for joint in self.joints)]
         self.moves = np.array([[j in some for j in columns] for some in carriers], dtype=float)
@@ -89,16 +91,18 @@ class PinocchioTree:
         return "ground"
 
     def poses(self, q: Array) -> BodyPoses:
-        n, frames, twists = len(q), self.views.frames, self.views.twists
-        placed, screws = np.empty((n, *frames.shape)), np.empty((n, *twists.shape))
+        n, joints, twists = len(q), self.views.joints, self.views.twists
+        placed, screws = np.empty((n, *joints.shape)), np.empty((n, *twists.shape))
         model, data = self.model, self.data
         for x, place, screw in zip(q, placed, screws, strict=True):
             pin.computeJointJacobians(model, data, x)
-            pin.updateFramePlacements(model, data)
-            place[:], screw[:] = frames, twists
-        bodies = placed[:, [0, *self.frames]]  # the first frame is the world
-        R, p = bodies[..., :9].reshape(n, -1, 3, 3).swapaxes(2, 3), bodies[..., 9:]
-        return BodyPoses(np.ascontiguousarray(R), p, screws[:, _ANGULAR_FIRST], self.moves)
+            place[:], screw[:] = joints, twists
+        bodies = placed.reshape(n, -1, 4, 3)[:, [0, *self.joints]]  # the first joint is the world
+        R, p = np.ascontiguousarray(bodies[:, :, :3].swapaxes(2, 3)), bodies[:, :, 3]
+        for k in self.placed:  # links behind fixed joints
+            p[:, k] += R[:, k] @ self.origins[k - 1]
+            R[:, k] = R[:, k] @ self.turned[k - 1]
+        return BodyPoses(R, p, screws[:, _ANGULAR_FIRST], self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, turning = self.model, self.data, self.views.turning
@@ -141,7 +145,7 @@ class PinocchioTree:
         """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""
         n, out, origin = len(q), np.zeros_like(wrench), self.origins
         # orientation of the joint that carries each body
-        R = at.R[:, 1:] @ np.stack([self.model.frames[i].placement.rotation.T for i in self.frames])
+        R = at.R[:, 1:] @ self.turned.swapaxes(1, 2)
         inside = (wrench[:, 1:].reshape(n, -1, 2, 3) @ R).reshape(n, -1, 6)
         inside[..., 3:] += cross(origin, inside[..., :3])
         external, felt = np.zeros((n, self.model.njoints, 6)), np.empty((n, self.model.njoints, 6))
@@ -161,14 +165,14 @@ class _Views:
     """What Pinocchio's functions write to `data`, as arrays on the same memory: each sample is copied at once.
 
     Attributes:
-        frames, joints: Rotation by columns, then translation. Shapes (n_frame, 12), (n_joint, 12).
+        joints: Their rotation by columns, then translation. Shape (n_joint, 12).
         velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
         pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
         twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
     """
 
     def __init__(self, data: Any) -> None:
-        self.frames, self.joints = (_rows([M.rotation for M in placed], 12) for placed in (data.oMf, data.oMi))
+        self.joints = _rows([M.rotation for M in data.oMi], 12)
         self.pushed = pin.StdVec_Force([pin.Force.Zero() for _ in data.f])
         kept = data.v, data.a, data.f, self.pushed
         self.velocities, self.accelerations, self.forces, self.external = (

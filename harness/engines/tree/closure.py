@@ -15,6 +15,7 @@ from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
+from screwgauge.reference.linear import blocks
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array, cross, vee
 
@@ -70,8 +71,10 @@ class Loops:
         gap of rounding then costs the accelerations all their digits.
         """
         (n, _, n_v), m, (bodies, places) = at.screws.shape, len(self.anchors), self._points
-        ends = at.jacobian(at.moves[bodies], at.points(bodies, places))
-        out = ends[:, :m] - ends[:, m:]
+        out, ends, moves = np.empty((n, m, 3, n_v)), at.points(bodies, places), at.moves[bodies]
+        for rows in blocks(n):
+            J = at.jacobian(moves, ends[rows], rows)
+            np.subtract(J[:, :m], J[:, m:], out=out[rows])
         for k, anchor in enumerate(self.anchors):
             if anchor.angular:
                 out[:, k] = self.turning(at, anchor.parent, anchor.child)

@@ -236,10 +236,13 @@ class _Pass:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        J = at.jacobian(at.moves[1:], at.points(range(1, len(tree.com) + 1), tree.com))
-        weights = (tree.masses[:, None] * most[:, None]).reshape(len(J), 1, -1)
-        along = (weights @ np.abs(J, out=J).reshape(len(J), weights.shape[2], -1))[:, 0]
-        return np.asarray((along * sizes.q).max(axis=1) / sizes.length)
+        com, weights = at.points(range(1, len(tree.com) + 1), tree.com), tree.masses[:, None] * most[:, None]
+        largest = np.empty(len(com))
+        for rows in linear.blocks(len(com)):
+            J, some = at.jacobian(at.moves[1:], com[rows], rows), weights[rows].reshape(-1, 1, com.shape[1] * 3)
+            along = some @ np.abs(J, out=J).reshape(len(J), some.shape[2], -1)
+            largest[rows] = (along[:, 0] * sizes.q).max(axis=1)
+        return largest / sizes.length
 
     def _forces(self) -> None:
         at, t, state = self.poses.at, self.poses.motion.t, None

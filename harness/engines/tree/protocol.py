@@ -44,15 +44,17 @@ class BodyPoses:
         """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
-    def jacobian(self, moves: Array, at: Array) -> Array:
-        """Derivative of points by the coordinates, shape (n, m, 3, n_v).
+    def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
+        """Derivative of points by the coordinates, shape (n_row, m, 3, n_v).
 
         Args:
             moves: By how much of its screw a coordinate moves each of them. Shape (m, n_v).
-            at: In the world. Shape (n, m, 3).
+            at: In the world. Shape (n_row, m, 3).
+            rows: Of which poses.
         """
-        out: Array = (skew(at).reshape(len(at), -1, 3) @ self.screws[:, :3]).reshape(*at.shape, self.screws.shape[2])
-        np.subtract(self.screws[:, None, 3:], out, out=out)
+        screws = self.screws[rows]
+        out: Array = (skew(at).reshape(len(at), -1, 3) @ screws[:, :3]).reshape(*at.shape, screws.shape[2])
+        np.subtract(screws[:, None, 3:], out, out=out)
         out *= moves[:, None]
         return out
 
