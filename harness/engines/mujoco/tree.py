@@ -170,9 +170,9 @@ class MujocoTree:
             mujoco.mj_kinematics(model, data)
             turn[:], place[:], axis[:], anchor[:] = kept
         R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
-        screws = np.empty((n, 6, model.nv))
-        screws[:, :3] = (axes * self.hinges[:, None]).swapaxes(1, 2)
-        screws[:, 3:] = np.where(self.hinges[:, None], cross(anchors, axes), axes).swapaxes(1, 2)
+        screws, slides = np.empty((n, 6, model.nv)), ~self.hinges
+        screws[:, :3], screws[:, 3:] = axes.swapaxes(1, 2), cross(anchors, axes).swapaxes(1, 2)
+        screws[:, :3, slides], screws[:, 3:, slides] = 0.0, axes[:, slides].swapaxes(1, 2)
         return BodyPoses(R, p, screws, self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:

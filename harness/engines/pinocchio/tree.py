@@ -124,7 +124,8 @@ class PinocchioTree:
         return np.asarray((shifted(V, A, self.centres)[..., None, :] @ R)[..., 0, :])
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        return np.array([pin.rnea(self.model, self.data, q[i], v[i], a[i]) for i in range(len(q))])
+        model, data = self.model, self.data
+        return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
 
     def bare(self, q: Array, v: Array, a: Array) -> dict[str, Callable[[], None]]:
         """`rnea` and nothing else, called from Python for each sample or for all at once: what a clock is held to."""

@@ -19,7 +19,7 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.following import Follower
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
 
@@ -236,13 +236,14 @@ class _Pass:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        com, weights = at.points(range(1, len(tree.com) + 1), tree.com), tree.masses[:, None] * most[:, None]
-        largest = np.empty(len(com))
+        bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few of them
+        weights = np.eye(len(sizes.q))[columns] * tree.masses[bodies, None] * sizes.q / sizes.length
+        com, largest = at.points(range(1, len(tree.com) + 1), tree.com), np.empty(len(at.p))
         for rows in linear.blocks(len(com)):
-            J, some = at.jacobian(at.moves[1:], com[rows], rows), weights[rows].reshape(-1, 1, com.shape[1] * 3)
-            along = some @ np.abs(J, out=J).reshape(len(J), some.shape[2], -1)
-            largest[rows] = (along[:, 0] * sizes.q).max(axis=1)
-        return largest / sizes.length
+            screws = at.screws[rows][:, :, columns].swapaxes(1, 2)
+            J = screws[..., 3:] - cross(com[rows][:, bodies], screws[..., :3])
+            largest[rows] = (np.einsum("npx,nx->np", np.abs(J, out=J), most[rows]) @ weights).max(axis=1)
+        return largest
 
     def _forces(self) -> None:
         at, t, state = self.poses.at, self.poses.motion.t, None

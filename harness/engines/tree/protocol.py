@@ -45,12 +45,12 @@ class BodyPoses:
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
-        """Derivative of points by the coordinates, shape (n_row, m, 3, n_v).
+        """Derivative of points by the coordinates at some poses, shape (n_row, m, 3, n_v).
 
         Args:
             moves: By how much of its screw a coordinate moves each of them. Shape (m, n_v).
             at: In the world. Shape (n_row, m, 3).
-            rows: Of which poses.
+            rows: These poses.
         """
         screws = self.screws[rows]
         out: Array = (skew(at).reshape(len(at), -1, 3) @ screws[:, :3]).reshape(*at.shape, screws.shape[2])
