@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from screwgauge.engines.registry import Engine, Model, engine_names, get_engine, keep, load_entry, not_loaded
+from screwgauge.engines.registry import Engine, engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
-from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
-from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.method import Method
+from screwgauge.study.question import Question, failure
 from screwgauge.study.whole import Expected, check_components, check_whole, excepted, left_out, without
 
 if TYPE_CHECKING:
@@ -71,21 +70,6 @@ def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
     return ModelFiles(model, beside if beside.is_file() else folder / f"{base}.loops.toml")
 
 
-def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that could not be imported."""
-    package = engine.package if engine is not None else (error.name or "it").split(".")[0]
-    return f"not installed ({error}); pip install {package}"
-
-
-def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """What a method raised, in one line and without the folder of generated files, which goes with them."""
-    said = str(error) or "nothing more is said"  # as Python does of memory
-    reason = f"{type(error).__name__}: {' '.join(said.split()).replace(f'{folder}/', '')}"
-    if isinstance(error, ImportError):
-        reason = missing(error, engine)
-    return Failure(name, reason, "".join(traceback.format_exception(error)))
-
-
 class TooLongError(Exception):
     """A method that was stopped, as it took too long."""
 
@@ -112,66 +96,6 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
         return failure(error, method.name, files.model.parent, entry)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Question:
-    """A problem for an engine, wherever it is asked. Data only; it pickles.
-
-    Attributes:
-        scene: What the problem is of.
-        folder: Where the generated models are.
-    """
-
-    engine: Engine
-    files: ModelFiles
-    problem: Problem
-    scene: Scene
-    folder: Path
-
-    @property
-    def own(self) -> bool:
-        """Whether the model file is the user's own: what is wrong with it is bad input."""
-        return self.engine.name in self.scene.models
-
-    def __call__(self, progress: Progress) -> Solution | Failure:
-        """Loads the model and puts the problem to it; whatever the engine raises becomes a failure.
-
-        Raises:
-            ScrewgaugeError: The user's own model file is bad input.
-            MemoryError: There is not enough memory.
-        """
-        try:
-            model = self.engine.load(self.files)
-            answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
-            return self._told(answer) if self.own else answer
-        except MemoryError:
-            raise
-        except (Exception, SystemExit) as error:
-            return self.failure(error)
-
-    def _told(self, answer: Solution) -> Solution:
-        """The answer with what the user's own model file says otherwise than the description."""
-        from screwgauge.study.departures import departures
-        from screwgauge.study.otherwise import otherwise
-
-        said = departures(self.scene, self.engine.name, self.files)
-        physical = otherwise(self.scene, self.engine.name, self.files) if said else ()
-        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
-        return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
-
-    def failure(self, error: BaseException) -> Failure:
-        """What was raised, as a failure."""
-        if self.own and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
-            raise error
-        return failure(error, self.engine.name, self.folder, self.engine)
-
-    def _ordered(self, model: Model) -> Problem:
-        """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
-        labels, own, task = list(self.scene.mechanism.independent), getattr(model, "independent", ()), self.problem.task
-        if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
-            return self.problem
-        return replace(self.problem, task=task.ordered([labels.index(label) for label in own]))
-
-
 def ask_engines(
     scene: Scene,
     names: Iterable[str],
@@ -195,10 +119,11 @@ def ask_engines(
         ScrewgaugeError: A model file of the user's own is bad input.
     """
     wanted = frozenset(wanted)
-    questions: dict[str, _Question] = {}
+    questions: dict[str, Question] = {}
     for name in names:
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
-        questions[name] = _Question(get_engine(name), files, problem, scene, folder)
+        own, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
+        questions[name] = Question(get_engine(name), files, problem, folder, labels, own)
     if limits is None:
         answers = in_turn(questions, progress)
     else:
@@ -235,7 +160,7 @@ def _load_entry(entry: EntryPoint, progress: Progress) -> Engine | None:
     return load_entry(entry)
 
 
-def in_turn(questions: Mapping[str, _Question], progress: Report) -> dict[str, Solution | Failure]:
+def in_turn(questions: Mapping[str, Question], progress: Report) -> dict[str, Solution | Failure]:
     """Asks engines in this process, one after the other."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():

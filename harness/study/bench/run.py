@@ -20,7 +20,7 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, failure, silent
+from screwgauge.study.ask import Report, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
@@ -32,6 +32,7 @@ from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.journal import Journal
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
+from screwgauge.study.question import failure
 from screwgauge.study.whole import check_whole
 
 

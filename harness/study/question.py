@@ -1,0 +1,89 @@
+"""A problem for an engine, wherever it is asked, and why one is not answered. Imported by processes that answer."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from screwgauge.engines.registry import Engine, Model
+from screwgauge.problem import ModelFiles, Problem, Progress, States
+from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.solution import Failure, Solution
+
+if TYPE_CHECKING:
+    from screwgauge.scene.scene import Scene
+
+
+def missing(error: ImportError, engine: Engine | None = None) -> str:
+    """What to install for a module that could not be imported."""
+    package = engine.package if engine is not None else (error.name or "it").split(".")[0]
+    return f"not installed ({error}); pip install {package}"
+
+
+def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
+    """What a method raised, in one line and without the folder of generated files, which goes with them."""
+    said = str(error) or "nothing more is said"  # as Python does of memory
+    reason = f"{type(error).__name__}: {' '.join(said.split()).replace(f'{folder}/', '')}"
+    if isinstance(error, ImportError):
+        reason = missing(error, engine)
+    return Failure(name, reason, "".join(traceback.format_exception(error)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """A problem for an engine, wherever it is asked. Data only; it pickles.
+
+    Attributes:
+        folder: Where the generated models are.
+        labels: Of the independent coordinates, in the order of the problem.
+        scene: What the problem is of, where the model file is the user's own: what is wrong with it is bad input. Where
+            it was generated, None: a process that answers has no need to know what scenes are.
+    """
+
+    engine: Engine
+    files: ModelFiles
+    problem: Problem
+    folder: Path
+    labels: tuple[str, ...]
+    scene: Scene | None = None
+
+    def __call__(self, progress: Progress) -> Solution | Failure:
+        """Loads the model and puts the problem to it; whatever the engine raises becomes a failure.
+
+        Raises:
+            ScrewgaugeError: The user's own model file is bad input.
+            MemoryError: There is not enough memory.
+        """
+        try:
+            model = self.engine.load(self.files)
+            answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
+            return answer if self.scene is None else self._told(answer, self.scene)
+        except MemoryError:
+            raise
+        except (Exception, SystemExit) as error:
+            return self.failure(error)
+
+    def _told(self, answer: Solution, scene: Scene) -> Solution:
+        """The answer with what the user's own model file says otherwise than the description."""
+        from screwgauge.study.departures import departures
+        from screwgauge.study.otherwise import otherwise
+
+        said = departures(scene, self.engine.name, self.files)
+        physical = otherwise(scene, self.engine.name, self.files) if said else ()
+        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+        return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
+
+    def failure(self, error: BaseException) -> Failure:
+        """What was raised, as a failure."""
+        if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
+            raise error
+        return failure(error, self.engine.name, self.folder, self.engine)
+
+    def _ordered(self, model: Model) -> Problem:
+        """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
+        labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
+        if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
+            return self.problem
+        return replace(self.problem, task=task.ordered([labels.index(label) for label in own]))
