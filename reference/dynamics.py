@@ -152,7 +152,7 @@ def force_matrix(lay: Layout, at: Pose, com: Array, reactions: Reactions) -> Arr
     return c[:, 1:].reshape(n, 6 * len(mechanism.bodies), c.shape[3])
 
 
-def min_norm(B: Array, Q: Array) -> Array:
+def min_norm(B: Array, Q: Array) -> tuple[Array, Array]:
     """The actuator forces of smallest norm with ``B^T f = Q``.
 
     Args:
@@ -160,9 +160,10 @@ def min_norm(B: Array, Q: Array) -> Array:
         Q: Generalised forces. Shape (n, k).
 
     Returns:
-        Shape (n, n_actuator).
+        Shape (n, n_actuator), and the condition number of B, (n,).
     """
-    return np.asarray((linear.inverted(B)[0].swapaxes(1, 2) @ Q[..., None])[..., 0])
+    back, condition = linear.inverted(B)
+    return (Q[:, None] @ back)[:, 0], condition
 
 
 def preload_space(B: Array) -> Array:

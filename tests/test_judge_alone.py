@@ -116,7 +116,8 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     right = dynamics.min_norm
 
     def preloaded(B, Q):
-        return right(B, Q) + dynamics.preload_space(B)[..., 0]
+        forces, condition = right(B, Q)
+        return forces + dynamics.preload_space(B)[..., 0], condition
 
     for module in (dynamics, closed_forces):
         monkeypatch.setattr(module, "min_norm", preloaded)

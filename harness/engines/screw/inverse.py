@@ -156,7 +156,7 @@ class Work:
         if not problem.wanted & {"actuator_force", "reaction"}:
             return
         B = rate.K[:, lay.mechanism.actuated_columns]
-        f = dynamics.min_norm(B, Q)
+        f = dynamics.min_norm(B, Q)[0]
         size, mechanism = rate.system.size, lay.mechanism
         driven = B * size[mechanism.independent_columns] / size[mechanism.actuated_columns, None]
         # rounding of rates is that of the fastest coordinates, however slow the actuators are beside these

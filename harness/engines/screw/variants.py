@@ -186,7 +186,7 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
         loads = [_rounded(load, q.dtype) for load in applied.loads]
         F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(q.dtype), loads)
         Q = dynamics.generalized_force(lay, velocity, moving, F, T)
-        out["actuator_force"] = dynamics.min_norm(velocity.K[:, lay.mechanism.actuated_columns], Q)
+        out["actuator_force"] = dynamics.min_norm(velocity.K[:, lay.mechanism.actuated_columns], Q)[0]
     if any(array.dtype != lay.path.dtype for array in out.values()):
         raise TypeError(f"not all of it was computed in {lay.path.dtype}")
     return {name: array for name, array in out.items() if name in wanted}

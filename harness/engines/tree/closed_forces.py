@@ -16,7 +16,7 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.dynamics import across_direction
+from screwgauge.reference.dynamics import across_direction, min_norm
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
@@ -67,8 +67,7 @@ def closed_forces(
     if not wanted & {"actuator_force", "reaction"}:
         return ClosedForces(values, {}, largest)
     driven = closed.driven
-    back, condition = linear.inverted(K[:, driven])
-    f = (Q[:, None] @ back)[:, 0]  # of all that make Q the smallest
+    f, condition = min_norm(K[:, driven], Q)
     conditions = {"actuator_force": condition}
     if problem.rule == "spherical_axial":
         alone = closed.tree.transmitted(at, *motion[:3], wrench)

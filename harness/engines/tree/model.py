@@ -180,4 +180,4 @@ def _actuator_forces(
     A = closed.closing_rows(q, at, closed.loops.charts(at))
     K = velocity_map(A, len(closed.loops.independent))
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-    return min_norm(K[:, closed.driven], Q), linear.condition(A)
+    return min_norm(K[:, closed.driven], Q)[0], linear.condition(A)

@@ -67,7 +67,7 @@ class Case:
 
     def driving(self, F: Array, T: Array) -> Array:
         """Actuator forces of smallest norm [N]. Shape (n, 4)."""
-        return dynamics.min_norm(self.B, self.generalized(F, T))
+        return dynamics.min_norm(self.B, self.generalized(F, T))[0]
 
 
 def every(step: float) -> Array:
