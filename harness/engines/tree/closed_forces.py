@@ -79,7 +79,8 @@ def closed_forces(
     rest = need.copy()
     rest[:, driven] -= f
     # what actuators leave over moves no y: the rows of y take nothing of it
-    multipliers = ((rest * sizes.q)[:, None] @ inverse[..., : -K.shape[2]])[:, 0] / sizes.rows[: -K.shape[2]]
+    m = inverse.shape[2] - K.shape[2]
+    multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], wrench + closed.loops.wrenches(at, multipliers))
     reactions, values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
