@@ -16,7 +16,7 @@ LIMITS = {
     "MB of CSV": 256,
     "CSV columns": 1000,
     "samples": 10_000_000,
-    "bodies": 1000,
+    "bodies": 500,
     "joints": 1000,
     "links": 2000,
     "closures": 1000,

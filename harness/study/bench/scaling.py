@@ -54,7 +54,7 @@ class Rung:
 #: Name -> description of each size, sizes, and samples of a motion: what closes loops step by step looks at whole
 #: motions, what does not is called with what the cache holds.
 MECHANISMS: Mapping[str, tuple[Callable[[int], str], tuple[int, ...], int]] = {
-    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 32, 40, 80, 160, 320), 4096),
+    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 32, 40, 80, 160), 4096),
     "legs": (ladders.legs, (3, 6, 12, 24), 256),
     "joints": (ladders.arm, (3, 6, 12, 24, 48, 96), 256),
 }
