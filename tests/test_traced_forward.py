@@ -14,6 +14,7 @@ from screwgauge.engines.screw.model import ScrewModel, Settings
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import InitialValue, Integration, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
+from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.forward import forces_at, forward, power
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import layout
@@ -121,6 +122,19 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     assert strict.one(0.0, state) is None
     programs.at.q[0] += 0.2  # another branch is no place to predict from
     assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("backend", backends())
+def test_a_way_too_long_for_one_prediction_is_gone_in_steps(backend):
+    scene = screwgauge.load_scene("a03-andrews-ivp")
+    lay, y = layout(scene.mechanism), scene.start.start
+    programs, state = traced(lay, scene.applied, y, backend), np.array([[y[0] + 1.5], [3.0], [0.0]])
+    assert not programs.place(state[:1])
+    rate = velocities(lay, Branch(lay, lay.mechanism.home).poses(state[:1].T), state[1:2].T)
+    right = forward(lay, rate, forces_at(lay.mechanism, scene.applied, 0.0)).ydd[0, 0]
+    assert abs(programs.slope(0.0, state)[1, 0] / right - 1.0) < 1e-9
+    programs.at.q[0] += 0.2  # from another branch no step leads there
+    assert programs.slope(0.0, state + 0.5) is None
 
 
 def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():

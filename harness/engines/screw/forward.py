@@ -30,6 +30,8 @@ MOST, SETTLED = 10, 1e-20
 #: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; the array solver
 #: walks farther step by step.
 FARTHEST = 1.0
+#: Shortest step on a long way, as a share of it.
+SHORTEST = 2.0**-6
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 1.5
 #: So many states of good condition that a program could not answer make new pivots worth while, so often.
@@ -144,9 +146,30 @@ class TracedForward:
         near = off <= limits.bend * far + limits.slack and far <= limits.farthest
         return bool(there and near and residual <= limits.residual)
 
+    def reach(self, y: Array) -> bool:
+        """The same over a way that is too long for one prediction, in steps towards the first. Shape (k, m)."""
+        if self.place(y):
+            return True
+        done, step, start = 0.0, 0.5, self.at.y.copy()
+        while step >= SHORTEST:
+            if self.place((start + (done + step) * (y[:, 0] - start))[:, None]):
+                self.respond()
+                self._go_on()
+                if self.place(y):
+                    return True
+                done, step = done + step, min(2.0 * step, 0.5 * (1.0 - done - step))
+            else:
+                step *= 0.5
+        return False
+
+    def _go_on(self) -> None:
+        """Predicts from the first of the states that were answered."""
+        at, (d, k) = self.at, self.at.K.shape
+        at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
+
     def pose(self, y: Array) -> Array | None:
         """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""
-        if not self.place(y[:, None]):
+        if not self.reach(y[:, None]):
             return None
         q = self.lay.mechanism.home.copy()
         q[self.columns], q[self.dependent] = y, self.at.given[: len(self.at.q), 0]
@@ -176,7 +199,7 @@ class TracedForward:
         for first in range(0, states.shape[1], self.width):
             some = states[:-1, first : first + self.width]
             m = some.shape[1]
-            if not self.place(some[:k]):
+            if not (self.place if first else self.reach)(some[:k]):
                 return None
             at.given[d:-1, :m] = some
             self.respond()
@@ -185,8 +208,8 @@ class TracedForward:
             if not (condition <= self.limits.condition and inertia <= self.limits.inertia):
                 return None
             out[k:, first : first + m] = found[:-2]
-            if d and not first:
-                at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
+            if not first:
+                self._go_on()
         return out
 
     def notes(self) -> tuple[str, ...]:
