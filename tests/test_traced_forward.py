@@ -9,6 +9,7 @@ import pytest
 from tolerances import LINEAR
 
 import screwgauge
+from screwgauge.engines.methods import StagedDOP853
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.model import ScrewModel, Settings
 from screwgauge.models.catalog import load_mechanism
@@ -122,6 +123,36 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     assert strict.one(0.0, state) is None
     programs.at.q[0] += 0.2  # another branch is no place to predict from
     assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None
+
+
+@pytest.mark.parametrize(("name", "rtol"), [("a01-pendulum", 1e-4), ("a01-pendulum", 1e-9), ("a02-fourbar-2", 1e-9)])
+def test_steps_by_machine_code_are_those_of_scipy(name, rtol):
+    pytest.importorskip("llvmlite")
+    scene = screwgauge.load_scene(name)
+    integration = Integration("DOP853", rtol, rtol)
+    task = replace(scene.start, t=np.linspace(0.0, scene.start.t[-1] / 3.0, 4), integration=integration)
+    asked = Problem(scene.applied, task, MOTION)
+    mine, other = (ScrewModel(layout(scene.mechanism), settings=Settings(backend=b)).solve(asked) for b in backends())
+    assert (mine.cost.steps, mine.cost.evaluations) == (other.cost.steps, other.cost.evaluations)
+    a, b = (found.values["joint_position"].array for found in (mine, other))
+    assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
+
+
+def test_steps_by_machine_code_end_before_a_doubtful_pose():
+    pytest.importorskip("llvmlite")
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay, state = layout(scene.mechanism), np.array([0.3, 2.0, 0.0])
+    programs = traced(lay, scene.applied, state[:1], "llvm", near=60.0)
+    solver = StagedDOP853(programs.one, 0.0, state, 5.0, rtol=1e-9, atol=1e-9)
+    assert programs.walk(solver, 5.0)
+    assert 0.1 < solver.t < 1.0
+    assert programs.slope(solver.t, solver.y[:, None]) is not None
+    evaluations, after = programs.steps()
+    assert evaluations >= 12 * len(after)
+    assert after[-1][0] == solver.t
+    assert np.array_equal(after[-1][1], programs.pose(solver.y[:1]))
+    ahead = solver.y + np.array([0.2, 0.0, 0.0])
+    assert programs.slope(solver.t, ahead[:, None]) is None
 
 
 @pytest.mark.parametrize("backend", backends())

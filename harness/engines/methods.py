@@ -25,16 +25,6 @@ class StagedDOP853(DOP853):  # type: ignore[misc]  # scipy has no types
     """
 
     walk: Callable[[StagedDOP853], bool]
-    t: float
-    t_bound: float
-    rtol: float
-    atol: float
-    h_abs: float
-    h_previous: float
-    y: Array
-    y_old: Array
-    f: Array
-    K: Array
 
     def step(self) -> str | None:
         message: str | None = super().step()

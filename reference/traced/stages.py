@@ -165,16 +165,21 @@ class StageCode:
     def _state(self, t: Any, h: Any, s: Any) -> None:
         """The state at a stage, its time and the slope of y."""
         b, buffers, zero = self.b, self.buffers, self.whole(0)
-        (d, k), (n, m) = buffers.K.shape, buffers.slopes.shape
+        d, k = buffers.K.shape
         with self.loop(zero, self.whole(2 * k)) as i:
-            b.store(self.real(0.0), self.place["sum"])
-            with self.loop(zero, s) as j:
-                a = self.get(buffers.A, b.add(b.mul(s, self.whole(n)), j))
-                self.increase("sum", b.fmul(a, self.get(buffers.slopes, b.add(b.mul(j, self.whole(m)), i))))
-            x = b.fadd(self.get(buffers.state, i), b.fmul(h, b.load(self.place["sum"])))
+            x = b.fadd(self.get(buffers.state, i), b.fmul(h, self.weighed(buffers.A, s, i, s)))
             b.store(x, self.at(buffers.given, self.row(buffers.given, i, d)))
         now = b.fadd(t, b.fmul(h, self.get(buffers.c, s)))
         b.store(now, self.at(buffers.given, self.row(buffers.given, d + 2 * k)))
+
+    def weighed(self, weights: Array, row: Any, i: Any, count: Any) -> Any:
+        """Sum of component i of the first slopes, times a row of weights."""
+        b, (n, m) = self.b, self.buffers.slopes.shape
+        b.store(self.real(0.0), self.place["sum"])
+        with self.loop(self.whole(0), count) as j:
+            weight = self.get(weights, b.add(b.mul(row, self.whole(n)), j))
+            self.increase("sum", b.fmul(weight, self.get(self.buffers.slopes, b.add(b.mul(j, self.whole(m)), i))))
+        return b.load(self.place["sum"])
 
     def _predict(self) -> None:
         """Dependent coordinates by the velocity map, and the length of the way there."""

@@ -108,20 +108,13 @@ class _StepCode(StageCode):
             b.store(self.real(0.0), self.place[name])
         size = self.module.declare_intrinsic("llvm.fabs", [self.number])
         with self.loop(self.whole(0), self.whole(m)) as i:
-            sums = []
-            for weights in (buffers.A[-1], *buffers.E):
-                b.store(self.real(0.0), self.place["sum"])
-                with self.loop(self.whole(0), self.whole(n)) as j:
-                    slope = self.get(buffers.slopes, b.add(b.mul(j, self.whole(m)), i))
-                    self.increase("sum", b.fmul(self.get(weights, j), slope))
-                sums.append(b.load(self.place["sum"]))
             old = self.get(buffers.state, i)
-            new = b.fadd(old, b.fmul(h, sums[0]))
+            new = b.fadd(old, b.fmul(h, self.weighed(buffers.A, self.whole(n - 1), i, self.whole(n))))
             b.store(new, self.at(buffers.new, i))
             old, new = b.call(size, [old]), b.call(size, [new])
             scale = b.fadd(atol, b.fmul(rtol, b.select(b.fcmp_ordered(">", old, new), old, new)))
-            for name, x in zip(("three", "five"), sums[1:], strict=True):
-                share = b.fdiv(x, scale)
+            for row, name in enumerate(("three", "five")):
+                share = b.fdiv(self.weighed(buffers.E, self.whole(row), i, self.whole(n)), scale)
                 self.increase(name, b.fmul(share, share))
         five = b.load(self.place["five"])
         both = b.fadd(five, b.fmul(self.real(0.01), b.load(self.place["three"])))

@@ -209,9 +209,8 @@ class TracedForward:
         at, rows, k = self.at, self.at.log[: int(self.at.control[TAKEN])], len(self.at.y)
         q = np.tile(self.lay.mechanism.home, (len(rows), 1))
         q[:, self.columns], q[:, self.dependent] = rows[:, 1 : 1 + k], rows[:, 2 + 2 * k :]
-        return int(at.control[TRIED]) * (len(at.slopes) - 1), [
-            *zip(rows[:, 0], q, rows[:, 1 + k : 1 + 2 * k].copy(), strict=True)
-        ]
+        after = [*zip(rows[:, 0].tolist(), q, rows[:, 1 + k : 1 + 2 * k].copy(), strict=True)]
+        return int(at.control[TRIED]) * (len(at.slopes) - 1), after
 
     def slope(self, t: float, states: Array) -> Array | None:
         """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""
