@@ -77,8 +77,9 @@ class Node:
         return self.trace.neg(self)
 
 
-def _order(x: Scalar) -> tuple[int, float]:
-    return (1, x.index) if isinstance(x, Node) else (0, x)
+def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+    """A number first, nodes as they were made; one at least is a node."""
+    return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
 
 
 def _negated(x: Scalar) -> bool:
@@ -129,7 +130,7 @@ class Trace:
     def add(self, a: Scalar, b: Scalar) -> Scalar:
         if a is b:
             return self.mul(2.0, a)
-        a, b = sorted((a, b), key=_order)
+        a, b = _ordered(a, b)
         if not isinstance(a, Node) and a == 0.0:
             return b
         if _negated(b):
@@ -151,7 +152,7 @@ class Trace:
         return self._make("sub", a, b) if opposite is None else self.neg(opposite)
 
     def mul(self, a: Scalar, b: Scalar) -> Scalar:
-        a, b = sorted((a, b), key=_order)
+        a, b = _ordered(a, b)
         if _negated(b):
             return self.neg(self.mul(a, b.args[0]))
         if isinstance(a, Node):
