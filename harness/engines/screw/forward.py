@@ -29,8 +29,8 @@ from screwgauge.solution import Stopwatch
 
 #: Steps of Newton's method, and the square of one, without dimension, after which the next would be rounding.
 MOST, SETTLED = 10, 1e-20
-#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; the array solver
-#: walks farther step by step.
+#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; what lies farther
+#: is reached in steps.
 FARTHEST = 1.0
 #: Shortest step on a long way, as a share of it.
 SHORTEST = 2.0**-6

@@ -168,12 +168,14 @@ class _Run:
 
     def walk(self, solver: StagedDOP853) -> bool:
         """Takes steps by machine code until the next wanted time, the next doubt, or for a while."""
-        if self.traced is None or not self.traced.walk(solver, self.times[len(self.work)]):
+        if self.traced is None:
             return False
+        moved = self.traced.walk(solver, self.times[len(self.work)])
         tried, steps = self.traced.steps()
-        self.evaluations, self.taken = self.evaluations + tried, self.taken + len(steps) - 1
+        self.evaluations += tried
+        self.taken += max(0, len(steps) - 1)
         self.passed += steps[:-1]
-        return True
+        return moved
 
     def steps(
         self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
