@@ -178,7 +178,7 @@ def test_a_contestant_whose_engine_is_missing_or_that_raises_is_a_row(monkeypatc
 
 @pytest.mark.parametrize(
     "chosen",
-    [registry.contestants(quick=False), registry.simulators("DOP853", 1.0, stiff=False, quick=False)],
+    [registry.contestants(quick=False), registry.simulators("DOP853", 1.0, quick=False)],
     ids=["given motion", "simulation"],
 )
 def test_all_contestants_are_data(chosen):

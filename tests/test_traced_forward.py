@@ -9,11 +9,13 @@ import pytest
 from tolerances import LINEAR
 
 import screwgauge
+from screwgauge.engines.methods import StagedDOP853
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.model import ScrewModel, Settings
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import InitialValue, Integration, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
+from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.forward import forces_at, forward, power
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.pose import layout
@@ -121,6 +123,49 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     assert strict.one(0.0, state) is None
     programs.at.q[0] += 0.2  # another branch is no place to predict from
     assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None
+
+
+@pytest.mark.parametrize(("name", "rtol"), [("a01-pendulum", 1e-4), ("a01-pendulum", 1e-9), ("a02-fourbar-2", 1e-9)])
+def test_steps_by_machine_code_are_those_of_scipy(name, rtol):
+    pytest.importorskip("llvmlite")
+    scene = screwgauge.load_scene(name)
+    integration = Integration("DOP853", rtol, rtol)
+    task = replace(scene.start, t=np.linspace(0.0, scene.start.t[-1] / 3.0, 4), integration=integration)
+    asked = Problem(scene.applied, task, MOTION)
+    mine, other = (ScrewModel(layout(scene.mechanism), settings=Settings(backend=b)).solve(asked) for b in backends())
+    assert (mine.cost.steps, mine.cost.evaluations) == (other.cost.steps, other.cost.evaluations)
+    a, b = (found.values["joint_position"].array for found in (mine, other))
+    assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
+
+
+def test_steps_by_machine_code_end_before_a_doubtful_pose():
+    pytest.importorskip("llvmlite")
+    scene = screwgauge.load_scene("a02-fourbar-2")
+    lay, state = layout(scene.mechanism), np.array([0.3, 2.0, 0.0])
+    programs = traced(lay, scene.applied, state[:1], "llvm", near=60.0)
+    solver = StagedDOP853(programs.one, 0.0, state, 5.0, rtol=1e-9, atol=1e-9)
+    assert programs.walk(solver, 5.0)
+    assert 0.1 < solver.t < 1.0
+    assert programs.slope(solver.t, solver.y[:, None]) is not None
+    evaluations, after = programs.steps()
+    assert evaluations >= 12 * len(after)
+    assert after[-1][0] == solver.t
+    assert np.array_equal(after[-1][1], programs.pose(solver.y[:1]))
+    ahead = solver.y + np.array([0.2, 0.0, 0.0])
+    assert programs.slope(solver.t, ahead[:, None]) is None
+
+
+@pytest.mark.parametrize("backend", backends())
+def test_a_way_too_long_for_one_prediction_is_gone_in_steps(backend):
+    scene = screwgauge.load_scene("a03-andrews-ivp")
+    lay, y = layout(scene.mechanism), scene.start.start
+    programs, state = traced(lay, scene.applied, y, backend), np.array([[y[0] + 1.5], [3.0], [0.0]])
+    assert not programs.place(state[:1])
+    rate = velocities(lay, Branch(lay, lay.mechanism.home).poses(state[:1].T), state[1:2].T)
+    right = forward(lay, rate, forces_at(lay.mechanism, scene.applied, 0.0)).ydd[0, 0]
+    assert abs(programs.slope(0.0, state)[1, 0] / right - 1.0) < 1e-9
+    programs.at.q[0] += 0.2  # from another branch no step leads there
+    assert programs.slope(0.0, state + 0.5) is None
 
 
 def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():

@@ -6,16 +6,12 @@ Ordinary Differential Equations I, 1993, section II.1. Addresses of the buffers 
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced import native
 
 ENTRY = "stages"
 
@@ -56,8 +52,14 @@ class Buffers:
         y, q, K: Where poses are predicted from: y, dependent coordinates and velocity map. Shapes (k,), (d,), (d, k).
         size: Unit of each dependent coordinate. Shape (d,).
         state: From which a step starts: y, yd and work. Shape (2 k + 1,).
-        A, c: Tableau of the method. Shapes (s, s), (s,).
+        pose, start: y, q and K one after the other, and what they were when a step began. Shape (k + d + d k,).
+        A, c: Tableau of the method, the end being its last stage. Shapes (s, s), (s,).
+        E: Its error estimates of order 3 and 5. Shape (2, s).
         slopes: Slope at each stage. Shape (s, 2 k + 1).
+        new: Where a step leads. Shape (2 k + 1,).
+        control: Time, size of the next step and of the last [s], steps taken and tried, how much the next may grow,
+            tolerances, time of the end, and the one after which to pause [s].
+        log: Time, state and dependent coordinates after each step taken. Shape (n, 2 k + 2 + d).
     """
 
     given: Array
@@ -68,36 +70,19 @@ class Buffers:
     K: Array
     size: Array
     state: Array
+    pose: Array
+    start: Array
     A: Array
     c: Array
+    E: Array
     slopes: Array
+    new: Array
+    control: Array
+    log: Array
 
 
-class Stages:
-    """The compiled loop over stages."""
-
-    def __init__(self, close: native.Native, respond: native.Native, buffers: Buffers, limits: Limits) -> None:
-        import llvmlite.binding as llvm
-
-        d, k = buffers.K.shape
-        self.kept = [close, respond, buffers]
-        closing = self._call(close, [buffers.given[: d + k]], [buffers.step])
-        code = _Code(buffers, limits, closing, self._call(respond, [buffers.given], [buffers.answer]))
-        self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(code.module)), native.machine())
-        self.engine.finalize_object()
-        number, count = ctypes.c_double, ctypes.c_int64
-        #: (t, h, first, last) -> whether these stages of a step h from t are beyond doubt.
-        self.run = ctypes.CFUNCTYPE(count, number, number, count, count)(self.engine.get_function_address(ENTRY))
-
-    def _call(self, program: native.Native, inputs: Sequence[Array], outputs: Sequence[Array]) -> list[int]:
-        """Address of a program's code, and its arguments."""
-        tables = native.rows(inputs), native.rows(outputs), np.zeros(program.program.checks + 1)
-        self.kept += tables
-        return [program.address, *(table.ctypes.data for table in tables), program.width]
-
-
-class _Code:
-    """Writes the loop."""
+class StageCode:
+    """Writes a function (t, h, first, last) -> whether these stages of a step h from t are beyond doubt."""
 
     def __init__(self, buffers: Buffers, limits: Limits, close: list[int], respond: list[int]) -> None:
         from llvmlite import ir
@@ -105,11 +90,8 @@ class _Code:
         self.ir, self.limits, self.buffers = ir, limits, buffers
         self.number, self.i64 = ir.DoubleType(), ir.IntType(64)
         self.module = ir.Module(ENTRY)
-        kind = ir.FunctionType(self.i64, [self.number, self.number, self.i64, self.i64])
-        self.function = ir.Function(self.module, kind, ENTRY)
-        t, h, first, last = self.function.args
-        self.b = ir.IRBuilder(self.function.append_basic_block())
-        self.place = {name: self.b.alloca(self.number) for name in ("sum", "far", "off", "size")}
+        self.stages = self.begin(ENTRY, self.number, self.number, self.i64, self.i64)
+        t, h, first, last = self.stages.args
         with self.loop(first, self.b.add(last, self.whole(1))) as s:
             self._state(t, h, s)
             if len(buffers.q):
@@ -121,6 +103,13 @@ class _Code:
             self.unless(self.b.fcmp_ordered("<=", self.lane(buffers.answer, k + 2), self.real(limits.inertia)))
             self._answer(s)
         self.b.ret(self.whole(1))
+
+    def begin(self, name: str, *arguments: Any) -> Any:
+        """A function to write."""
+        self.function = self.ir.Function(self.module, self.ir.FunctionType(self.i64, arguments), name)
+        self.b = self.ir.IRBuilder(self.function.append_basic_block())
+        self.place = {name: self.b.alloca(self.number) for name in ("sum", "far", "off")}
+        return self.function
 
     def whole(self, x: int) -> Any:
         return self.ir.Constant(self.i64, x)
@@ -176,16 +165,21 @@ class _Code:
     def _state(self, t: Any, h: Any, s: Any) -> None:
         """The state at a stage, its time and the slope of y."""
         b, buffers, zero = self.b, self.buffers, self.whole(0)
-        (d, k), (n, m) = buffers.K.shape, buffers.slopes.shape
+        d, k = buffers.K.shape
         with self.loop(zero, self.whole(2 * k)) as i:
-            b.store(self.real(0.0), self.place["sum"])
-            with self.loop(zero, s) as j:
-                a = self.get(buffers.A, b.add(b.mul(s, self.whole(n)), j))
-                self.increase("sum", b.fmul(a, self.get(buffers.slopes, b.add(b.mul(j, self.whole(m)), i))))
-            x = b.fadd(self.get(buffers.state, i), b.fmul(h, b.load(self.place["sum"])))
+            x = b.fadd(self.get(buffers.state, i), b.fmul(h, self.weighed(buffers.A, s, i, s)))
             b.store(x, self.at(buffers.given, self.row(buffers.given, i, d)))
         now = b.fadd(t, b.fmul(h, self.get(buffers.c, s)))
         b.store(now, self.at(buffers.given, self.row(buffers.given, d + 2 * k)))
+
+    def weighed(self, weights: Array, row: Any, i: Any, count: Any) -> Any:
+        """Sum of component i of the first slopes, times a row of weights."""
+        b, (n, m) = self.b, self.buffers.slopes.shape
+        b.store(self.real(0.0), self.place["sum"])
+        with self.loop(self.whole(0), count) as j:
+            weight = self.get(weights, b.add(b.mul(row, self.whole(n)), j))
+            self.increase("sum", b.fmul(weight, self.get(self.buffers.slopes, b.add(b.mul(j, self.whole(m)), i))))
+        return b.load(self.place["sum"])
 
     def _predict(self) -> None:
         """Dependent coordinates by the velocity map, and the length of the way there."""

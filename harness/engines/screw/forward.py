@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import DOP853
 
+from screwgauge.engines.methods import StagedDOP853
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.closed.branch import BEND, Branch
@@ -20,16 +21,19 @@ from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.forward import forward_programs
 from screwgauge.reference.traced.native import Native
 from screwgauge.reference.traced.scalars import Scalars
-from screwgauge.reference.traced.stages import Buffers, Limits, Stages
+from screwgauge.reference.traced.stages import Buffers, Limits
+from screwgauge.reference.traced.steps import GROW, LAST, SIZE, STEPS, TAKEN, TRIED, UNTIL, Stages, T
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Stopwatch
 
 #: Steps of Newton's method, and the square of one, without dimension, after which the next would be rounding.
 MOST, SETTLED = 10, 1e-20
-#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; the array solver
-#: walks farther step by step.
+#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; what lies farther
+#: is reached in steps.
 FARTHEST = 1.0
+#: Shortest step on a long way, as a share of it.
+SHORTEST = 2.0**-6
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 1.5
 #: So many states of good condition that a program could not answer make new pivots worth while, so often.
@@ -40,7 +44,7 @@ class TracedForward:
     """Slopes of states (y, yd, work) by programs, each pose predicted from the one before.
 
     Attributes:
-        stages: The same for all stages of a step, where there is machine code.
+        stages: The same for whole steps, where there is machine code.
         by_array: Evaluations that were left to the array solver.
         setup: What tracing and compiling took [s of processor time].
     """
@@ -76,20 +80,26 @@ class TracedForward:
         self.width, s = getattr(respond, "width", 1), len(DOP853.C) + 1
         farthest, condition = FARTHEST * d**0.5, (self.near / MARGIN) ** 2
         self.limits = Limits(MOST, SETTLED, ROUNDING**2, OPEN**2, BEND, 1e-9, farthest, condition, SINGULAR)
-        A = np.zeros((s, s))
+        A, m, pose = np.zeros((s, s)), 2 * k + 1, np.zeros(k + d + d * k)
         A[:-1, :-1], A[-1, :-1] = DOP853.A, DOP853.B
         self.at = at = Buffers(
             given=np.zeros((programs.respond.inputs, self.width)),
             step=np.zeros((d + 2, self.width)),
             answer=np.zeros((len(programs.respond.outputs), self.width)),
-            y=np.zeros(k),
-            q=np.zeros(d),
-            K=np.zeros((d, k)),
+            y=pose[:k],
+            q=pose[k : k + d],
+            K=pose[k + d :].reshape(d, k),
             size=system.size[self.dependent],
-            state=np.zeros(2 * k + 1),
+            state=np.zeros(m),
+            pose=pose,
+            start=np.zeros_like(pose),
             A=A,
             c=np.append(DOP853.C, 1.0),
-            slopes=np.zeros((s, 2 * k + 1)),
+            E=np.array([DOP853.E3, DOP853.E5]),
+            slopes=np.zeros((s, m)),
+            new=np.zeros(m),
+            control=np.zeros(UNTIL + 1),
+            log=np.zeros((STEPS, 1 + m + d)),
         )
         self.close = close.bind([at.given[: d + k]], [at.step])
         self.respond = respond.bind([at.given], [at.answer])
@@ -144,9 +154,30 @@ class TracedForward:
         near = off <= limits.bend * far + limits.slack and far <= limits.farthest
         return bool(there and near and residual <= limits.residual)
 
+    def reach(self, y: Array) -> bool:
+        """The same over a way that is too long for one prediction, in steps towards the first. Shape (k, m)."""
+        if self.place(y):
+            return True
+        done, step, start = 0.0, 0.5, self.at.y.copy()
+        while step >= SHORTEST:
+            if self.place((start + (done + step) * (y[:, 0] - start))[:, None]):
+                self.respond()
+                self._go_on()
+                if self.place(y):
+                    return True
+                done, step = done + step, min(2.0 * step, 0.5 * (1.0 - done - step))
+            else:
+                step *= 0.5
+        return False
+
+    def _go_on(self) -> None:
+        """Predicts from the first of the states that were answered."""
+        at, (d, k) = self.at, self.at.K.shape
+        at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
+
     def pose(self, y: Array) -> Array | None:
         """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""
-        if not self.place(y[:, None]):
+        if not self.reach(y[:, None]):
             return None
         q = self.lay.mechanism.home.copy()
         q[self.columns], q[self.dependent] = y, self.at.given[: len(self.at.q), 0]
@@ -160,13 +191,26 @@ class TracedForward:
         self.at.state[:] = state
         return self.at.slopes[0].copy() if self.stages.run(t, 0.0, 0, 0) else None
 
-    def step(self, t: float, state: Array, slope: Array, h: float) -> Array | None:
-        """Slopes at all stages of a step of DOP853, None where one is doubtful. Shape (s, 2 k + 1)."""
-        at = self.at
-        at.state[:], at.slopes[0] = state, slope
-        if self.stages is None or not self.stages.run(t, h, 1, len(at.slopes) - 1):
-            return None
-        return at.slopes
+    def walk(self, solver: StagedDOP853, until: float) -> bool:
+        """Steps of DOP853 until one leads past a time [s] or is doubtful, see `Buffers.log`; whether there were any."""
+        at, control = self.at, self.at.control
+        at.state[:], at.slopes[0], at.start[:] = solver.y, solver.f, at.pose
+        control[:] = solver.t, solver.h_abs, 0.0, 0.0, 0.0, GROW, solver.rtol, solver.atol, solver.t_bound, until
+        past = bool(self.stages and self.stages.walk())
+        solver.h_abs = control[SIZE]
+        if not control[TAKEN]:
+            return False
+        solver.t, solver.h_previous, solver.y_old, solver.K[:] = control[T], control[LAST], at.state.copy(), at.slopes
+        solver.y, solver.f = (at.new.copy(), at.slopes[-1].copy()) if past else (at.state.copy(), at.slopes[0].copy())
+        return True
+
+    def steps(self) -> tuple[int, list[tuple[float, Array, Array]]]:
+        """Evaluations that the last steps took, and time, joint coordinates and yd after each."""
+        at, rows, k = self.at, self.at.log[: int(self.at.control[TAKEN])], len(self.at.y)
+        q = np.tile(self.lay.mechanism.home, (len(rows), 1))
+        q[:, self.columns], q[:, self.dependent] = rows[:, 1 : 1 + k], rows[:, 2 + 2 * k :]
+        after = [*zip(rows[:, 0].tolist(), q, rows[:, 1 + k : 1 + 2 * k].copy(), strict=True)]
+        return int(at.control[TRIED]) * (len(at.slopes) - 1), after
 
     def slope(self, t: float, states: Array) -> Array | None:
         """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""
@@ -176,7 +220,7 @@ class TracedForward:
         for first in range(0, states.shape[1], self.width):
             some = states[:-1, first : first + self.width]
             m = some.shape[1]
-            if not self.place(some[:k]):
+            if not (self.place if first else self.reach)(some[:k]):
                 return None
             at.given[d:-1, :m] = some
             self.respond()
@@ -185,8 +229,8 @@ class TracedForward:
             if not (condition <= self.limits.condition and inertia <= self.limits.inertia):
                 return None
             out[k:, first : first + m] = found[:-2]
-            if d and not first:
-                at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
+            if not first:
+                self._go_on()
         return out
 
     def notes(self) -> tuple[str, ...]:

@@ -163,14 +163,19 @@ class _Run:
         """One of scipy's, at a state."""
         staged = method is DOP853 and self.traced is not None and self.traced.stages is not None
         solver = (StagedDOP853 if staged else method)(self.slope, t, state, self.times[-1], **options)
-        solver.fun, solver.stages = self.one, self.stages
+        solver.fun, solver.walk = self.one, self.walk
         return solver
 
-    def stages(self, t: float, state: Array, slope: Array, h: float) -> Array | None:
-        """Slopes at all stages of a step, if none of them is doubtful. Shape (s, 2 k + 1)."""
-        found = None if self.traced is None else self.traced.step(t, state, slope, h)
-        self.evaluations += 0 if found is None else len(found) - 1
-        return found
+    def walk(self, solver: StagedDOP853) -> bool:
+        """Takes steps by machine code until the next wanted time, the next doubt, or for a while."""
+        if self.traced is None:
+            return False
+        moved = self.traced.walk(solver, self.times[len(self.work)])
+        tried, steps = self.traced.steps()
+        self.evaluations += tried
+        self.taken += max(0, len(steps) - 1)
+        self.passed += steps[:-1]
+        return moved
 
     def steps(
         self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch

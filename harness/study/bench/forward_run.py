@@ -74,9 +74,8 @@ def contest(
     if plan.share < 1.0:
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
-    stiff = _stiff(short, lay)
-    waiting = _chosen(short, contestants, stiff=stiff, quick=plan.quick)
-    late = {f"screw-{name}" for name in EXPLICIT} if stiff else set[str]()
+    waiting = _chosen(short, contestants, quick=plan.quick)
+    late = {f"screw-{name}" for name in EXPLICIT} if _stiff(short, lay) else set[str]()
     rows: list[Row] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
@@ -112,9 +111,9 @@ def _stiff(scene: Scene, lay: Layout) -> bool:
     return bool(stiff_warning(fast, explicit))
 
 
-def _chosen(scene: Scene, names: Iterable[str] | None, *, stiff: bool, quick: bool) -> list[Contestant]:
+def _chosen(scene: Scene, names: Iterable[str] | None, *, quick: bool) -> list[Contestant]:
     start = scene.start
-    everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, stiff=stiff, quick=quick)
+    everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, quick=quick)
     if names is None:
         return everyone
     known = dict.fromkeys(name for c in everyone for name in (c.family, c.method.engine))

@@ -92,27 +92,25 @@ def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contest
     return [contestant for contestant in everyone if {contestant.family, contestant.name} & chosen]
 
 
-def simulators(method: str, duration: float, *, stiff: bool, quick: bool) -> list[Contestant]:
+def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]:
     """Who takes part in the bench of a simulation, the coarse settings of all families first.
 
     Args:
         method: That of the scene.
         duration: Of the motion [s].
-        stiff: Whether an explicit method would have to take very many steps.
     """
-    families = *_climbing(method, stiff, quick), *_stepping(duration, quick)
+    families = *_climbing(method, quick), *_stepping(duration, quick)
     return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
 
 
-def _climbing(own: str, stiff: bool, quick: bool) -> Iterator[list[Contestant]]:
+def _climbing(own: str, quick: bool) -> Iterator[list[Contestant]]:
     """Engines by scipy's methods, each a ladder of tolerances."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
         for method in METHODS if screw else (own,):
             least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
             rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
-            # in a quick bench only the scene's own method climbs; a stiff scene asks for steps to be stable on any rung
-            if screw and ((quick and method != own) or (stiff and method in EXPLICIT)):
+            if screw and quick and method != own:  # which alone climbs
                 rungs = rungs[:1]
             family, found = f"screw-{method}" if screw else engine, list[Contestant]()
             for rtol in rungs:
