@@ -66,13 +66,21 @@ def here():
         yield
 
 
+def first_times(calls, protocol, record, known, first) -> list[str]:
+    """In the place of `timing.measure`: the call that gave the answer is the only one, as nobody looks at its time."""
+    for key in calls:
+        if not known.get(key):
+            record(key, first[key])
+    return []
+
+
 @pytest.fixture(scope="session")
 def bench_of_all() -> Bench:
     """All contestants on five samples of the paper's scene; several files look at it, as it takes long."""
     chosen = dict.fromkeys(c.name for c in contestants(quick=True) if c.name != LEAVING_OUT)
     plan = Plan(samples=5, rounds=1, budget=1e9, quick=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(timing, "WARM_BELOW", 0.0)  # no call is made for the caches' sake: nobody looks at these times
+        patch.setattr(timing, "measure", first_times)
         return bench(load_scene("3ups-upu-s"), plan=plan, contestants=chosen)
 
 
