@@ -77,8 +77,11 @@ class Node:
         return self.trace.neg(self)
 
 
-def _order(x: Scalar) -> tuple[int, float]:
-    return (1, x.index) if isinstance(x, Node) else (0, x)
+def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+    """Constants first, nodes as they were made."""
+    if isinstance(a, Node):
+        return (a, b) if isinstance(b, Node) and b.index >= a.index else (b, a)
+    return (a, b) if isinstance(b, Node) or b >= a else (b, a)
 
 
 def _negated(x: Scalar) -> bool:
@@ -109,13 +112,13 @@ class Trace:
         return self._values[index]
 
     def _make(self, op: str, *args: Scalar) -> Node:
-        key = (op, *args)
-        if key not in self._known:
+        node = self._known.get((op, *args))
+        if node is None:
             if len(self.nodes) == MOST:
                 raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
-            self._known[key] = node = Node(self, op, args)
+            self._known[op, *args] = node = Node(self, op, args)
             self.nodes.append(node)
-        return self._known[key]
+        return node
 
     def function(self, name: str, *x: Scalar) -> Node:
         """One of `FUNCTIONS`."""
@@ -129,7 +132,7 @@ class Trace:
     def add(self, a: Scalar, b: Scalar) -> Scalar:
         if a is b:
             return self.mul(2.0, a)
-        a, b = sorted((a, b), key=_order)
+        a, b = _ordered(a, b)
         if not isinstance(a, Node) and a == 0.0:
             return b
         if _negated(b):
@@ -151,13 +154,15 @@ class Trace:
         return self._make("sub", a, b) if opposite is None else self.neg(opposite)
 
     def mul(self, a: Scalar, b: Scalar) -> Scalar:
-        a, b = sorted((a, b), key=_order)
+        a, b = _ordered(a, b)
+        if not isinstance(a, Node) and a == 0.0:
+            return 0.0
         if _negated(b):
             return self.neg(self.mul(a, b.args[0]))
         if isinstance(a, Node):
             return self.neg(self.mul(a.args[0], b)) if a.op == "neg" else self._make("mul", a, b)
-        if a <= 0.0:
-            return self.neg(self.mul(-a, b)) if a else 0.0
+        if a < 0.0:
+            return self.neg(self.mul(-a, b))
         if a == 1.0:
             return b
         if b.op == "mul" and not isinstance(b.args[0], Node):
