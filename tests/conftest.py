@@ -47,9 +47,11 @@ def paper() -> Mechanism:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory):
-    """Truths are not kept in the user's own folder."""
+    """Truths are not kept in the user's own folder, but in one that all workers of a run share."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SCREWGAUGE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("SCREWGAUGE_CACHE", str(folder))
         yield
 
 
