@@ -10,6 +10,7 @@ from screwgauge.study.bench.threads import VARIABLES
 # threads that wait for each other's cores cost forty four-bars six times the processor time.
 os.environ.update(dict.fromkeys(VARIABLES, "1"))
 
+import gc
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,6 +38,12 @@ from screwgauge.study.bench import timing
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.registry import contestants
 from screwgauge.study.bench.run import Bench, Plan, bench
+
+
+def pytest_collection_finish() -> None:
+    """What is there by now stays: the garbage collector need not go through it again and again."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 50)
 
 
 @pytest.fixture(scope="session")
