@@ -141,7 +141,8 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     links = [_link(edge, mechanism, shares, edge in copies) for edge in edges]
     _check_names(links, mechanism)
     welds = {link.joint.name: _weld(link) for link in links[len(spanning.edges) :]}
-    closures = tuple(welds.get(joint.name) or _points(joint, mechanism) for joint in cuts)
+    half = 0.5 * length_scale(mechanism)
+    closures = tuple(welds.get(joint.name) or _points(joint, half) for joint in cuts)
     _check_couplings(mechanism, closures)
     return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), closures)
 
@@ -191,12 +192,11 @@ def _weld(link: Link) -> Closure:
     return Closure(link.joint.name, "weld", link.original, link.name, none, none, frame, frame)
 
 
-def _points(joint: Joint, mechanism: Mechanism) -> Closure:
-    """Points of both bodies that a cut joint keeps together."""
+def _points(joint: Joint, half: float) -> Closure:
+    """Points of both bodies that a cut joint keeps together: of a hinge as far from its middle as `half` [m]."""
     kind, arms = "point", np.zeros((1, 3))
     if joint.kind == "R":
-        half = 0.5 * length_scale(mechanism) * joint.axes[0]
-        kind, arms = "points", np.array([half, -half])
+        kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])
     near, far = joint.parent_frame, joint.child_frame
     points = near.p + arms @ near.R.T, far.p + arms @ far.R.T
     return Closure(joint.name, kind, joint.parent, joint.child, points[0], points[1], near, far)

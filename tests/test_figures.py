@@ -48,13 +48,14 @@ AWKWARD = ([0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan
 
 
 @pytest.mark.parametrize("values", AWKWARD, ids=str)
-def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice(values: list[float]) -> None:
+def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice(values: list[float], caplog) -> None:
     plot = drawn({"screw": values}, notes=["how to read it"])
     assert plot == drawn({"screw": values}, notes=["how to read it"])
     assert {"A title", "how to read it", "q [m]", "t [s]", "screw"} <= set(texts(plot))
     assert not {"NaN", "nan", "Infinity", "inf"} & set(re.findall(r"\w+", plot.svg))
     json.loads(plot.chart, parse_constant=lambda sign: pytest.fail(sign))
     assert len(set(texts(plot))) > 6 or not np.isfinite(values).all()  # axes have ticks that differ
+    assert not caplog.records
 
 
 def test_texts_of_others_stay_texts() -> None:

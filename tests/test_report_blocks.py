@@ -230,7 +230,7 @@ Said of all {count}.
 def told(monkeypatch, tmp_path, n: int) -> Report:
     (tmp_path / f"kind-{n}.md").write_text(TEXT, encoding="utf-8")
     monkeypatch.setattr("screwgauge.report.layout.TEXTS", tmp_path)
-    (tmp_path / "glossary.md").write_text("", encoding="utf-8")
+    monkeypatch.setattr("screwgauge.report.layout._glossary", dict)
     rows = [{"name": f"row {k}", "size": k} for k in range(n)]
     values = {"worst": rows[:1], "about": {"of": "all"}, "said": "In a word.", "count": n, "many": n > 1, "rows": rows}
     values |= {"nothing": (), "rows that are not": [], "title": "A report"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ def chart() -> str:
     kept, _ = cache.read("vega", release)  # whole, or computed anew
     if kept is not None:
         return kept["script"].tobytes().decode()
+    logging.getLogger("swc_ecma_transforms_optimization").setLevel(logging.CRITICAL)  # it calls its passes errors
     bundle: Any = vl_convert.javascript_bundle  # its types ask for what is optional
     script = str(bundle())
     cache.write("vega", release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})

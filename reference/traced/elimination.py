@@ -6,11 +6,12 @@ zero somewhere may be zero at another pose.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import reduce
 
 import numpy as np
 
-from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.vectors import Scalar, squares
 
@@ -53,8 +54,8 @@ class Factors:
         self.upper: dict[int, list[tuple[int, Scalar]]] = {}
         self.pivots: list[tuple[int, int]] = []
         self.inverse: list[Scalar] = []
-        self.spare, self.unit, self.size, self.smallest = list(range(len(unit))), unit, size, smallest
-        self.sizes: dict[tuple[int, int], tuple[Scalar, Array]] = {}
+        self.spare, self.unit, self.size, self.smallest = dict.fromkeys(range(len(unit))), unit, size, smallest
+        self.shares: dict[int, dict[int, float]] = {}  # of columns that have not changed since
         for stage in stages:
             open_columns = set(stage)
             while open_columns:
@@ -64,39 +65,41 @@ class Factors:
 
     def _choose(self, columns: Collection[int]) -> tuple[int, int]:
         """Markowitz' choice among the entries that are large in their column at every sample."""
-        active = [(key, self._size(key)) for key in self.left if key[0] in self.spare and key[1] in columns]
-        largest, in_row, in_column = dict[int, Array](), dict[int, int](), dict[int, int]()
-        for (row, column), size in active:
-            largest[column] = np.maximum(largest.get(column, np.zeros(1)), size)
-            in_row[row], in_column[column] = in_row.get(row, 0) + 1, in_column.get(column, 0) + 1
+        active = [key for key in self.left if key[1] in columns]
+        in_row, in_column = (Counter(key[k] for key in active) for k in (0, 1))
+        rows: dict[int, list[int]] = {}
+        for row, column in active:
+            if column not in self.shares:
+                rows.setdefault(column, []).append(row)
+        self.shares |= {column: self._large(some, column) for column, some in rows.items()}
         best, found = (np.inf, 0.0), None
-        for (row, column), size in active:
-            with np.errstate(all="ignore"):
-                share = float(np.min(size / largest[column]))
-            if not (share >= LARGE and size.min() > self.smallest):
-                continue
-            rank = ((in_row[row] - 1) * (in_column[column] - 1), -share)
-            if rank < best:
-                best, found = rank, (row, column)
+        for row, column in active:
+            share = self.shares[column].get(row)
+            if share is not None:
+                rank = ((in_row[row] - 1) * (in_column[column] - 1), -share)
+                if rank < best:
+                    best, found = rank, (row, column)
         if found is None:
             raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
         return found
 
-    def _size(self, key: tuple[int, int]) -> Array:
-        """Magnitude of an entry at the samples, without dimension."""
-        known = self.sizes.get(key)
-        if known is None or known[0] is not self.left[key]:
-            x = self.left[key]
-            value = np.abs(np.atleast_1d(np.asarray(getattr(x, "value", x), dtype=float)))
-            self.sizes[key] = known = (x, value * (self.size[key[1]] / self.unit[key[0]]))
-        return known[1]
+    def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
+        """Row -> least share of the largest entry of a column, of those that are large at every sample."""
+        entries = (self.left[row, column] for row in rows)
+        values = (np.abs(np.atleast_1d(np.asarray(getattr(x, "value", x), dtype=float))) for x in entries)
+        sizes = [x * (self.size[column] / self.unit[row]) for row, x in zip(rows, values, strict=True)]
+        largest = reduce(np.maximum, sizes)
+        with np.errstate(all="ignore"):
+            shares = [float((size / largest).min()) for size in sizes]
+        found = zip(rows, shares, sizes, strict=True)
+        return {row: share for row, share, size in found if share >= LARGE and size.min() > self.smallest}
 
     def _eliminate(self, row: int, column: int) -> None:
         pivot = self.left.pop((row, column))
         inverse = 1.0 / pivot
-        self.spare.remove(row)
+        del self.spare[row]
         across = [(c, x) for (r, c), x in self.left.items() if r == row]
-        below = [(r, x) for (r, c), x in self.left.items() if c == column and r in self.spare]
+        below = [(r, x) for (r, c), x in self.left.items() if c == column]
         self.lower[len(self.pivots)] = multipliers = []
         for r, x in below:
             del self.left[r, column]
@@ -105,6 +108,7 @@ class Factors:
                 self.left[r, c] = self.left.get((r, c), 0.0) - multipliers[-1][1] * y
         for c, _ in across:
             del self.left[row, c]
+            self.shares.pop(c, None)
         self.upper[len(self.pivots)] = across
         self.pivots.append((row, column))
         self.inverse.append(inverse)

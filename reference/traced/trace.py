@@ -78,10 +78,8 @@ class Node:
 
 
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-    """Constants first, nodes as they were made."""
-    if isinstance(a, Node):
-        return (a, b) if isinstance(b, Node) and b.index >= a.index else (b, a)
-    return (a, b) if isinstance(b, Node) or b >= a else (b, a)
+    """A number first, nodes as they were made; one at least is a node."""
+    return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
 
 
 def _negated(x: Scalar) -> bool:
@@ -112,13 +110,13 @@ class Trace:
         return self._values[index]
 
     def _make(self, op: str, *args: Scalar) -> Node:
-        node = self._known.get((op, *args))
-        if node is None:
+        key = (op, *args)
+        if key not in self._known:
             if len(self.nodes) == MOST:
                 raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
-            self._known[op, *args] = node = Node(self, op, args)
+            self._known[key] = node = Node(self, op, args)
             self.nodes.append(node)
-        return node
+        return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
         """One of `FUNCTIONS`."""
@@ -155,14 +153,12 @@ class Trace:
 
     def mul(self, a: Scalar, b: Scalar) -> Scalar:
         a, b = _ordered(a, b)
-        if not isinstance(a, Node) and a == 0.0:
-            return 0.0
         if _negated(b):
             return self.neg(self.mul(a, b.args[0]))
         if isinstance(a, Node):
             return self.neg(self.mul(a.args[0], b)) if a.op == "neg" else self._make("mul", a, b)
-        if a < 0.0:
-            return self.neg(self.mul(-a, b))
+        if a <= 0.0:
+            return self.neg(self.mul(-a, b)) if a else 0.0
         if a == 1.0:
             return b
         if b.op == "mul" and not isinstance(b.args[0], Node):

@@ -86,11 +86,15 @@ class TreeAt:
             cuts.append(Cut(joint, product(transpose(parent.R), child.R), d, outer))
         return cuts
 
+    @cached_property
+    def _by_far(self) -> dict[str, Edge]:
+        return {edge.far: edge for edge in self.lay.tree.edges}
+
     def way(self, body: str) -> list[Edge]:
         """Edges from a body to the ground."""
-        edges, by_far = list[Edge](), {edge.far: edge for edge in self.lay.tree.edges}
+        edges = list[Edge]()
         while body != GROUND:
-            edges.append(by_far[body])
+            edges.append(self._by_far[body])
             body = edges[-1].near
         return edges
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -127,6 +128,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     """
     import vl_convert
 
+    logging.getLogger("vl_convert").setLevel(logging.ERROR)  # it warns of what has no number; notes tell of gaps
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (_plain({**head, **build(moving)}) for moving in (False, True))
@@ -139,12 +141,16 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
 
 def _still(node: Any) -> Any:
-    """Without what answers a reader."""
+    """Without what answers a reader, as points that are not seen."""
     if isinstance(node, list):
-        return [_still(item) for item in node if not (isinstance(item, dict) and "select" in item)]
+        return [_still(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))]
     if not isinstance(node, dict):
         return node
     return {k: _still(v) for k, v in node.items() if k != "tooltip" and not (k == "opacity" and "param" in str(v))}
+
+
+def _unseen(layer: Spec) -> bool:
+    return bool(layer.get("encoding", {}).get("opacity") == {"value": 0.0})
 
 
 def _labelled(spec: Spec) -> Spec:

@@ -21,6 +21,7 @@ from screwgauge.models.fourbars import four_bars
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.bench import ladders
+from screwgauge.study.bench.threads import alone
 from screwgauge.study.bench.volume import FORCES, measured, samples
 from screwgauge.study.campaigns.compiled import near_home
 from screwgauge.study.table import columns_of, frame
@@ -53,7 +54,7 @@ class Rung:
 #: Name -> description of each size, sizes, and samples of a motion: what closes loops step by step looks at whole
 #: motions, what does not is called with what the cache holds.
 MECHANISMS: Mapping[str, tuple[Callable[[int], str], tuple[int, ...], int]] = {
-    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 24, 32, 40), 4096),
+    "four-bars": (lambda n: four_bars(n, driven=True), (2, 4, 8, 16, 32, 40, 80, 160), 4096),
     "legs": (ladders.legs, (3, 6, 12, 24), 256),
     "joints": (ladders.arm, (3, 6, 12, 24, 48, 96), 256),
 }
@@ -114,6 +115,7 @@ def exponent(rungs: Sequence[Rung]) -> float:
 
 def main() -> None:
     """Prints what was measured."""
+    alone()
     names = ("samples", *MECHANISMS)
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ladders", nargs="*", metavar="LADDER", help=f"of {', '.join(names)}; all by default")

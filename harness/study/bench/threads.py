@@ -24,3 +24,9 @@ def fix_threads() -> bool:
 def one_thread() -> bool:
     """Whether every variable says one thread."""
     return all(os.environ.get(name) == "1" for name in VARIABLES)
+
+
+def alone() -> None:
+    """Starts this program again with one thread, if it has more."""
+    if not one_thread():
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **dict.fromkeys(VARIABLES, "1")})

@@ -20,6 +20,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
+from screwgauge.study.bench.threads import alone
 from screwgauge.study.bench.timing import Protocol, measure
 
 FORCES = ("actuator_force",)
@@ -102,6 +103,7 @@ def million(n: int = 1024) -> tuple[float, float]:
 
 def main() -> None:
     """Prints what was measured."""
+    alone()
     seconds, peak = million()
     print(f"{MILLION} samples, forces only, streamed: {seconds:.2f} s, peak {peak:.0f} MB")
     found = measured(contestants(("llvm", "numpy")))
