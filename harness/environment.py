@@ -83,6 +83,7 @@ def _blas() -> str:
     return f"{blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
 
 
+@cache
 def _commit() -> str | None:
     """Commit of the checkout that this package runs from, marked if files were changed; None elsewhere."""
     root = Path(__file__).resolve().parents[1]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,11 +259,14 @@ def centres_of_mass(lay: Layout, at: Pose) -> Array:
     return np.asarray(at.p[:, 1:] + times(at.R[:, 1:], com))
 
 
+_lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()
+
+
 def length(lay: Layout) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
-    if "length" not in lay.kept:
-        lay.kept["length"] = _length(lay)
-    return float(lay.kept["length"])
+    if lay.mechanism not in _lengths:
+        _lengths[lay.mechanism] = _length(lay)
+    return _lengths[lay.mechanism]
 
 
 def _length(lay: Layout) -> float:

@@ -18,10 +18,16 @@ from screwgauge.reference.pose import layout, pose
 from screwgauge.solution import Solution, Values
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def scene():
     scene = screwgauge.load_scene("3ups-upu-s-fast")
     return scene.at(scene.motion.t[:2000:100])
+
+
+@pytest.fixture(scope="module")
+def solution(scene) -> Solution:
+    """What the solver gives where nothing is wrong."""
+    return screwgauge.run(scene, engines=["screw"]).solutions["screw"]
 
 
 def faults(scene) -> dict[str, str]:
@@ -96,8 +102,7 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
         ("generalized_force", "b", "virtual_work", "b"),
     ],
 )
-def test_one_wrong_number_is_named_with_its_place_and_time(scene, quantity, component, residual, named):
-    solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+def test_one_wrong_number_is_named_with_its_place_and_time(scene, solution, quantity, component, residual, named):
     found = judge(scene.mechanism, scene.problem(()), _disturbed(solution, quantity, component, row=7))
     rows = found[(found["residual"] == residual) & ~found["ok"]]
     assert any(name.startswith(named) for name in rows["worst_component"]), found[~found["ok"]].to_string()
@@ -111,8 +116,7 @@ def _disturbed(solution: Solution, quantity: str, component: str, row: int) -> S
     return replace(solution, values={**solution.values, quantity: Values(values.components, values.units, array)})
 
 
-def test_what_is_not_a_number_fails(scene):
-    solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
+def test_what_is_not_a_number_fails(scene, solution):
     values = solution.values["reaction"]
     array = values.array.copy()
     array[3, 5] = np.nan

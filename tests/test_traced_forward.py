@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -77,17 +78,20 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     assert np.abs(one / right[:, 0] - 1.0).max() < 1e-10
 
 
+@cache
+def simulated(name, until, backend):
+    scene = screwgauge.load_scene(name)
+    task = replace(scene.start, t=np.linspace(0.0, until, 5))
+    model = ScrewModel(layout(scene.mechanism), settings=Settings(backend=backend))
+    return model.solve(Problem(scene.applied, task, MOTION))
+
+
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(
     ("name", "until"), [("a03-andrews-ivp", 0.004), ("a02-fourbar-2", 0.5), ("a05-governor", 0.02)]
 )
 def test_simulations_are_those_of_the_array_solver(name, until, backend):
-    scene = screwgauge.load_scene(name)
-    task = replace(scene.start, t=np.linspace(0.0, until, 5))
-    asked = Problem(scene.applied, task, MOTION)
-    mine, other = (
-        ScrewModel(layout(scene.mechanism), settings=Settings(backend=b)).solve(asked) for b in (backend, "array")
-    )
+    mine, other = simulated(name, until, backend), simulated(name, until, "array")
     assert any("program" in note for note in mine.notes)
     assert not any("program" in note for note in other.notes)
     for quantity in MOTION:

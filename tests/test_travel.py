@@ -71,13 +71,18 @@ def test_every_contestant_of_a_bench_of_simulations_travels(method, quick):
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
-    case = CASES[name]
-    check_travels(case)
-    mildest = max(case.quick) if case.falling else min(case.quick)
-    with np.errstate(all="ignore"):
-        questions = list(case.ask(mildest, True, tmp_path))
-    assert any(question.methods for question in questions)
-    check_travels(questions)
+    """At both ends of its quick ladder."""
+    check_travels(CASES[name])
+    case = pickle.loads(pickle.dumps(CASES[name]))
+    assert case.name == name
+    last = case.quick[1 if case.whole else -1]  # more loops or samples are more of the same
+    for severity in (case.quick[0], last):
+        folder = tmp_path / str(severity)
+        folder.mkdir()
+        with np.errstate(all="ignore"):
+            questions = list(case.ask(severity, True, folder))
+        assert any(question.methods for question in questions)
+        check_travels(questions)
 
 
 def test_what_does_not_travel_is_noticed():

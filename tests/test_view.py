@@ -180,7 +180,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, list
     assert main(["view", "slider-crank", "--out", str(file)]) == 0
     with playwright.sync_playwright() as driver:
         window = driver.chromium.launch(executable_path=program, args=FLAGS)
-        page = window.new_page(viewport={"width": 900, "height": 800})
+        page = window.new_page(viewport={"width": 600, "height": 500})
         page.set_default_timeout(SHOWN)
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))

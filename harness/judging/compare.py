@@ -122,22 +122,19 @@ def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, sc
     """Errors of each component of a unit that both have, over the samples that both have solved."""
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
-    for k, component in enumerate(first.components):
-        if first.units[k] == unit and component in columns:
-            difference = apart = np.abs(first.array[some, k] - second.array[some, columns[component]])
-            if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
-                difference = np.abs(within_half_turn(apart))
-            i = _worst(difference)
-            worst = float(difference[i]) if np.isfinite(difference[i]) else float("nan")
-            names = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
-            size = {"max_abs": worst, "rms": float(np.sqrt(np.mean(difference**2))), "max_scaled": worst / scale}
-            turned = unit == "rad" and bool((difference < apart).any())
-            yield {**names, **size, "scale": scale, "worst_t": float(t[rows[i]]), "turned": turned}
-
-
-def _worst(sizes: Array) -> int:
-    """Where the largest is; what is not a number is worse than anything."""
-    return int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
+    chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
+    names = [first.components[k] for k in chosen]
+    difference = apart = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
+    if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
+        difference = np.abs(within_half_turn(apart))
+    known = np.isfinite(difference)  # what is not a number is worse than anything
+    at = np.argmax(np.where(known, difference, np.inf), axis=0)
+    turned, rms = np.any(difference < apart, axis=0), np.sqrt(np.mean(difference**2, axis=0))
+    for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
+        worst = float(difference[i, k]) if known[i, k] else float("nan")
+        about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
+        size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
+        yield {**about, **size, "worst_t": float(t[rows[i]]), "turned": bool(turned[k])}
 
 
 def _pair(rows: Sequence[Row]) -> Row:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +49,13 @@ def load_scene(name: str | Path) -> Scene:
         ScrewgaugeError: It does not exist or is no scene.
     """
     if str(name) in scene_names():
-        path = FOLDER / f"{name}.toml"
-    elif is_path(str(name)) or is_model(name):
-        path = scene_file(beside(Path(), str(name)))
-    else:
-        raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
+        return _built_in(FOLDER / f"{name}.toml")
+    if is_path(str(name)) or is_model(name):
+        return _read(scene_file(beside(Path(), str(name))))
+    raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
+
+
+def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
     file = mechanism_path(read_text(data, "mechanism", where), path.parent, where)
@@ -75,6 +77,9 @@ def load_scene(name: str | Path) -> Scene:
         **read(data, path, mechanism),
     )
     return scene.beside(**scene.tables) if scene.tables else scene
+
+
+_built_in = cache(_read)  # what comes with the package does not change
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:

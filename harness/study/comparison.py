@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
 import pandas as pd
@@ -19,7 +20,7 @@ from screwgauge.solution import Failure, Solution, Values
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
     """Solutions of one scene, compared pair by pair and judged one by one.
 
@@ -36,7 +37,7 @@ class Comparison:
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
         refusals: Samples at which an engine gives no number, with the reason.
-        coverage: What the scene could have seen of mistakes.
+        cover: Looks at what the scene could have seen of mistakes: not everybody asks.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
         provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
     """
@@ -51,7 +52,7 @@ class Comparison:
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
-    coverage: Coverage = field(default_factory=Coverage)
+    cover: Callable[[], Coverage] = Coverage
     known: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -77,6 +78,11 @@ class Comparison:
     def guard(self) -> list[Guarded]:
         """How far each quantity of each engine can be trusted, by condition and estimated error."""
         return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """What the scene could have seen of mistakes."""
+        return self.cover()
 
     @property
     def times(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -114,7 +115,7 @@ def run(
         environment=environment(),
         warnings=warnings,
         refusals=(*refused, *missing),
-        coverage=coverage(mechanism, problem, answers, counted, scene.tolerance),
+        cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
         known=[*_known(pairs, solutions)],
         provenance=judged_files,
     )

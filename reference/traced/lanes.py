@@ -66,7 +66,7 @@ class Lanes:
             return at[x] if isinstance(x, int) else self.constants[x]
 
         def copy(source: int, rows: Sequence[int]) -> None:
-            self.code.extend((np.copyto, itemgetter(row, source)) for row in rows)
+            self.code += [(np.copyto, itemgetter(row, source)) for row in rows]
 
         for value, (op, args) in enumerate(program.code, program.inputs):
             rows, own = [place(x) for x in args], wanted.pop(value, [])
