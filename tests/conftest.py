@@ -23,6 +23,7 @@ import pytest
 
 from screwgauge.cli import main
 from screwgauge.engines.registry import ENGINES
+from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import Problem
@@ -184,7 +185,7 @@ class Answer(NamedTuple):
 
 @pytest.fixture(scope="session")
 def answer():
-    """An established problem integrated at some times of its reference, and the rows of that."""
+    """An established problem integrated at some times of its reference, by programs, and the rows of that."""
 
     def solve(name: str, until: float = float("inf"), every: int = 10, tolerance: float | None = None):
         known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]
@@ -198,7 +199,8 @@ def answer():
         def forces(t: float) -> Forces:
             return forces_at(scene.mechanism, scene.applied, t)
 
-        found = integrate(lay, task, forces)
+        problem = Problem(scene.applied, task, frozenset({"joint_position"}))
+        found = integrate(lay, task, forces, traced=TracedForward(lay, problem, task, "llvm"))
         assert found.stopped == ""
         assert len(found.t) == len(known)
         return Answer(lay, forces, found, observe(lay, scene.observables, found.rates.pose.q).array), known

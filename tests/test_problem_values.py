@@ -18,18 +18,18 @@ def test_pendulum_keeps_nine_digits_for_ten_seconds(answer):
 
 
 def test_two_four_bars_pass_their_singular_poses(answer):
-    """Three of them in three seconds; the published solutions drift by 1e-3 to 0.1 J."""
-    found, known = answer("a02-fourbar-2", until=3.0)
+    """Ten of them in ten seconds; the published solutions drift by 1e-3 to 0.1 J."""
+    found, known = answer("a02-fourbar-2")
     assert change_of_energy(found) < 1.5e-6
     assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]
     crank = found.trajectory.rates.pose.q[:, 0]
     assert np.abs(crank + known["phi"]).max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]  # no turn is lost
-    assert np.ptp(crank) > 2.0 * np.pi
+    assert np.ptp(crank) > 4.0 * np.pi
     others = found.trajectory.rates.pose.q[:, 1:3] - crank[:, None]
     assert np.abs(others).max() < 1e-13  # still parallelograms
 
 
-@pytest.mark.parametrize(("rods", "until"), [("thin", 5.0), ("box", 2.0)])
+@pytest.mark.parametrize(("rods", "until"), [("thin", 10.0), ("box", 10.0)])
 def test_bricard_moves_with_its_redundant_constraint(answer, rods, until):
     found, known = answer(f"a04-bricard-{rods}", until, tolerance=1e-10)
     assert known["t"].iloc[-1] == until
@@ -39,7 +39,8 @@ def test_bricard_moves_with_its_redundant_constraint(answer, rods, until):
     assert change_of_energy(found) < 1e-8
 
 
-def test_forty_four_bars_start_right(answer):
-    """The first half second; all ten take a minute."""
-    found, known = answer("a02-fourbar-40", until=0.5)
-    assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-40"]
+def test_forty_four_bars_pass_their_singular_poses(answer):
+    found, known = answer("a02-fourbar-40")
+    off = np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max(axis=1)
+    assert off.max() < FOLLOWED_TO_THE_END["a02-fourbar-40"]
+    assert off[known["t"] <= 0.5].max() < 2.5e-8  # before the first of them

@@ -87,7 +87,7 @@ FOLLOWED = {
 FOLLOWED_TO_THE_END = {
     "a01-pendulum": 4e-10,
     "a02-fourbar-2": 1.5e-6,
-    "a02-fourbar-40": 2.5e-8,
+    "a02-fourbar-40": 1.5e-6,
     "a03-andrews-ivp": 2e-9,
     "a03-andrews-iftomm": 2e-9,
     "a04-bricard": 4e-8,
