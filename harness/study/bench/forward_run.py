@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
@@ -75,7 +76,8 @@ def contest(
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
     waiting = _chosen(short, contestants, quick=plan.quick)
-    late = {f"screw-{name}" for name in EXPLICIT} if _stiff(short, lay) else set[str]()
+    slow = find_spec("llvmlite") is None and _stiff(short, lay)  # machine code takes very many steps in no time
+    late = {f"screw-{name}" for name in EXPLICIT} if slow else set[str]()
     rows: list[Row] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
