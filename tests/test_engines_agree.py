@@ -17,7 +17,7 @@ ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 @pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def results(request):
     scene = screwgauge.load_scene(request.param)
-    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 16).astype(int))
+    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 31).astype(int))
     return screwgauge.run(scene.at(scene.t[rows]), engines=ENGINES)
 
 

@@ -23,7 +23,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study.bench.threads import VARIABLES
+from screwgauge.study.bench.threads import ONE
 
 T = TypeVar("T")
 #: GB of memory that the machine has.
@@ -31,7 +31,7 @@ MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
 TICK = 0.2  # s between looks at progress and clock
 IDLE = 60.0  # s after which a process that nobody asks again ends
 #: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
-ENVIRONMENT = {**dict.fromkeys(VARIABLES, "1"), "MUJOCO_GL": "disable"}
+ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
 

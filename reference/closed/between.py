@@ -24,8 +24,9 @@ def knots(y: Array, every: int, step: float) -> Rows:
     """
     way = np.abs(np.diff(y, axis=0)).max(axis=1, initial=0.0)
     share = np.cumsum(np.maximum(way / step, 1.0 / every))
-    new = np.flatnonzero(np.diff(np.floor(np.concatenate([[0.0], share]))))
-    return np.array(sorted({0, *new, len(y) - 1}), dtype=np.intp)
+    chosen = np.ones(len(y), dtype=bool)
+    chosen[1:-1] = np.diff(np.floor(share)) != 0.0
+    return np.flatnonzero(chosen)
 
 
 def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:

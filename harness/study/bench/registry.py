@@ -110,7 +110,7 @@ def _climbing(own: str, quick: bool) -> Iterator[list[Contestant]]:
         for method in METHODS if screw else (own,):
             least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
             rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
-            if screw and quick and method != own:  # which alone climbs
+            if screw and quick and method != own:  # in a quick bench only the scene's own method climbs
                 rungs = rungs[:1]
             family, found = f"screw-{method}" if screw else engine, list[Contestant]()
             for rtol in rungs:

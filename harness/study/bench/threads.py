@@ -6,6 +6,7 @@ import os
 import sys
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+ONE = dict.fromkeys(VARIABLES, "1")
 
 
 def fix_threads() -> bool:
@@ -16,17 +17,16 @@ def fix_threads() -> bool:
     """
     if "numpy" in sys.modules:
         return one_thread()
-    for name in VARIABLES:
-        os.environ[name] = "1"
+    os.environ.update(ONE)
     return True
 
 
 def one_thread() -> bool:
     """Whether every variable says one thread."""
-    return all(os.environ.get(name) == "1" for name in VARIABLES)
+    return ONE.items() <= os.environ.items()
 
 
 def alone() -> None:
     """Starts this program again with one thread, if it has more."""
     if not one_thread():
-        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **dict.fromkeys(VARIABLES, "1")})
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **ONE})
