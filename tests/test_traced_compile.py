@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge.engines.screw.model import ScrewModel
+from screwgauge.reference.applied import Motor, hold
 from screwgauge.reference.pose import layout
 from screwgauge.truth import cache
 
@@ -150,6 +152,14 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     answer = solver(*motion(scene))
     assert np.array_equal(answer["actuator_force"], expected(scene))
     assert sum(answer.by_array.values()) == len(scene.t)
+
+
+def test_motors_that_change_over_time_are_refused(scene):
+    """Samples have no times: those of the motion would be forgotten without a word."""
+    waves = Motor("leg1.q3", np.zeros(1), np.array([[5.0, 1.0, 2.0]]))
+    for motor, refused in ((waves, True), (hold({"leg1.q3": 2.0})[0], False)):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="a motor changes over time") if refused else nullcontext():
+            screwgauge.compile(scene.under(motors=(motor,)), FORCES, backend="numpy")
 
 
 def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeypatch):

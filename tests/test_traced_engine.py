@@ -137,6 +137,15 @@ def test_home_at_rest_has_numbers(backend):
     assert all(np.isfinite(values.array).all() for values in found.values.values())
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_mechanism_without_weight_and_loads(backend):
+    scene = screwgauge.load_scene("five-bar").under(gravity=np.zeros(3))
+    scene = scene.at(scene.t[::10])
+    found = solved(scene, backend)
+    assert by_program(found) == len(scene.t)
+    assert worst(found, solved(scene, "array"))[1] <= SAME
+
+
 def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     b = 0.356801 - np.array([0.2, 0.1, 1e-4, 1e-7])
     y = np.stack([np.full(4, 0.1), b], axis=1)

@@ -136,7 +136,7 @@ class Bounds:
             "drive": (SAFETY * CLEAR_FORCES / ratio.drive) ** 2,
             "moved": (NEAR / most) ** 2,
             "closing": self.arrived**2,
-            "balance": (BALANCED * ratio.load * self.weight) ** 2,
+            "balance": max(BALANCED * ratio.load * self.weight, 1e-150) ** 2,  # without weight nothing is sure to load
             "charts": most**2,
         }
         free = 1.0 - self.spare_charts / most**2

@@ -224,6 +224,8 @@ def compile(
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
+    if not all(motor.constant for motor in scene.applied.motors):
+        raise DescriptionError("a motor changes over time, which samples do not say", "compile", "use run or stream")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
     solver = Solver(scene, wanted, backend, threads)
