@@ -46,7 +46,7 @@ __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 
 
 def _banners(results: Comparison) -> list[Banner]:
-    return [verdict(results), *(Banner(sentence, "Warning:") for sentence in results.warnings)]
+    return [verdict(results), *(Banner(sentence, "Warning") for sentence in results.warnings)]
 
 
 def _shown(found: Iterable[Row]) -> list[Row]:
