@@ -133,7 +133,8 @@ class _Walk:
             whole = first if kinds.get(first) == [_WITH_ALL_IN_IT] else ""
             if whole or not first:
                 if whole not in ("compared", "nothing", "held") and not self._is_nothing(element):
-                    yield Extra(whole or "unknown", _plain(tag), f" {name}" if name else owner and f" of {owner}")
+                    what = f"{tag} tendon" if parent == "tendon" else _plain(tag)
+                    yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}")
                 continue
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
             for attribute, value in {**self._absent(element, around), **element.attrib}.items():

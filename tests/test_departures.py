@@ -131,7 +131,7 @@ MJCF = {
         "applied: geom",
     ),
     "contact switched off": ("<worldbody>", '&<geom type="plane" size="1 1 1"/>', ""),
-    "tendon": ("<equality>", _TENDON.format('stiffness="3"'), "applied: fixed t"),
+    "tendon": ("<equality>", _TENDON.format('stiffness="3"'), "applied: fixed tendon t"),
     "of a class": ("<worldbody>", '<default><joint damping="1"/></default>&', "applied: joint damping"),
     "in another file": ("<worldbody>", '<include file="more.xml"/>&', "applied: joint armature"),
     "inertia that no plane motion shows": ("0.001 0.03", "0.002 0.03", "other: inertia tensor of coupler"),

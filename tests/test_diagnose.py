@@ -112,6 +112,19 @@ def test_one_joint_and_one_body_are_counted_as_such(tmp_path):
     assert screwgauge.diagnose(bar, bar).verdict.startswith("The same: 1 joint and 1 body say the same")
 
 
+def test_what_one_alone_says_and_nothing_compares_is_named(tmp_path):
+    """A spring tendon is in no reading, and its torque in no comparison."""
+    bar, tied = tmp_path / "bar.xml", tmp_path / "tied.xml"
+    inertial = '<inertial pos="0.2 0 0.1" mass="2" diaginertia="0.01 0.02 0.02"/>'
+    text = f'<mujoco><worldbody><body><joint name="a"/>{inertial}</body></worldbody>@</mujoco>'
+    tendon = '<tendon><fixed name="t" stiffness="3"><joint joint="a" coef="1"/></fixed></tendon>'
+    bar.write_text(text.replace("@", ""), encoding="utf-8")
+    tied.write_text(text.replace("@", tendon), encoding="utf-8")
+    assert screwgauge.diagnose(bar, tied).verdict.endswith(" Not compared: fixed tendon t in B.")
+    assert screwgauge.diagnose(tied, bar).verdict.endswith(" Not compared: fixed tendon t in A.")
+    assert "Not compared" not in screwgauge.diagnose(tied, tied).verdict
+
+
 def test_a_seed_is_what_makes_states_reproducible(arms):
     one, two, three = (screwgauge.diagnose(*arms, seed=seed).rows for seed in (1, 1, 2))
     assert one == two

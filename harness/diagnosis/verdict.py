@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
@@ -102,7 +102,16 @@ def _same(models: tuple[Model, Model], why: Attribution) -> str:
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
-    return f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
+    same = f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
+    beyond = [f"{what} in {side}" for side, what in _beyond(models)]
+    return f"{same} Not compared: {_listed(beyond)}." if beyond else same
+
+
+def _beyond(models: tuple[Model, Model]) -> Iterator[tuple[str, str]]:
+    """Side and phrase of what the file of one model alone says and its reading does not hold."""
+    said = [model.reading.ignored for model in models]
+    for side, mine, others in zip("AB", said, said[::-1], strict=True):
+        yield from ((side, what) for what in mine if what not in others)
 
 
 def _unexplained(grown: Growth | None) -> str:

@@ -17,7 +17,7 @@ def unread(source: Source, reading: Reading) -> tuple[str, ...]:
     equal = [row for row in source.root.iterfind("equality/tendon") if row.get("name") in reading.couplings]
     coupling = {row.get(side) for row in equal for side in ("tendon1", "tendon2")}
     for extra in beyond_reading(source.root, source.form, reading.library):
-        if extra.what != "fixed" or extra.whose.strip() not in coupling:
+        if extra.what != "fixed tendon" or extra.whose.strip() not in coupling:
             found.setdefault(extra.what, []).append(extra.whose)
     said = [f"{what}{_whose(owners)}" for what, owners in found.items()]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
