@@ -172,6 +172,29 @@ def test_numbers_of_a_csv_are_read_to_the_last_bit(csv_scene):
     assert scene.motion.y[:, 0].tolist() == values
 
 
+def test_columns_that_are_no_derivatives_get_a_warning(csv_scene):
+    """Rates in degrees, accelerations of the wrong sign: the forces would be those of no motion."""
+    t = np.linspace(0.0, 1.0, 11)
+    columns = {"t": t, "a": 0.1 * np.sin(3 * t), "ad": 0.3 * np.cos(3 * t), "add": -0.9 * np.sin(3 * t)}
+    columns |= dict.fromkeys(("b", "bd", "bdd"), 0.0 * t)
+
+    def told(**wrong):
+        given, said = columns | wrong, []
+        rows = [",".join(map(repr, map(float, row))) for row in zip(*given.values(), strict=True)]
+        scene = load_scene(csv_scene("\n".join([",".join(given), *rows])))
+        screwgauge.run(scene, engines=["screw"], quantities=["joint_position"], warn=said.append)
+        return [sentence for sentence in said if "derivative" in sentence]
+
+    assert told() == []
+    assert told(b=t * 0.0 + 1e-17) == []
+    assert [s[:40] for s in told(add=-columns["add"])] == ["motion.csv: add is no derivative of ad ("]
+    (said,) = told(ad=np.rad2deg(columns["ad"]), add=np.rad2deg(columns["add"]))
+    assert said == (
+        "motion.csv: ad is no derivative of a (its integral is up to 5.57 off, a moves by 0.0997; check units, signs "
+        "and step)"
+    )
+
+
 @pytest.mark.parametrize("column", ["t", "a", "b", "ad", "bd", "add", "bdd"])
 def test_a_missing_column_is_named(column, csv_scene, refused):
     said = refused("run", csv_scene(re.sub(rf"\b{column}\b", "other", GOOD_CSV)))

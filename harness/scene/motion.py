@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,8 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import beside, check_count
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.columns import read_columns
+
+_STILL = 1e-9  # what does not move as far as this rests [rad, m, or per s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +72,23 @@ class Sampled:
                 "ask for times of the file; none are interpolated",
             )
         return self.samples.part(rows)
+
+    def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
+        """A sentence on every column that is half of what it or its integral (trapezoidal rule) moves away from being
+        the derivative of another one, as in other units, with another sign, or sampled too coarsely to tell.
+        """
+        y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
+        said, h = [], np.diff(self.samples.t)
+        for label, x, xd, order in [*zip(labels, y, yd, repeat("")), *zip(labels, yd, ydd, repeat("d"))]:
+            with np.errstate(all="ignore"):
+                integral = np.append(0.0, np.cumsum(h * (xd[1:] + xd[:-1]) / 2.0))
+                moved, apart = np.abs(x - x[0]).max(), np.abs(x - x[0] - integral).max()
+            if not apart <= max(moved / 2.0, np.abs(integral).max() / 2.0, _STILL):
+                said.append(
+                    f"{self.file.name}: {label}d{order} is no derivative of {label}{order} (its integral is up to "
+                    f"{apart:.3g} off, {label}{order} moves by {moved:.3g}; check units, signs and step)"
+                )
+        return tuple(said)
 
 
 Drive = Analytic | Sampled

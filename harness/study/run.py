@@ -26,6 +26,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
+from screwgauge.scene.motion import Sampled
 from screwgauge.scene.preflight import check_actuation, check_scene, far_from_home
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import check_start
@@ -181,7 +182,8 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     wanted, left = check_actuation(scene, counted, wanted)
     # those of a tree are the engine's own
     given = {name: found for name, found in described(mechanism).items() if not name.startswith("tree_force")}
-    return counted, given, None, wanted, (*left, *far_from_home(scene))
+    doubts = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
+    return counted, given, None, wanted, (*left, *far_from_home(scene), *doubts)
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
