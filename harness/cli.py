@@ -50,6 +50,15 @@ def _command(arguments: Sequence[str] | None) -> int:
             raise RuntimeError(f"a library ended the program, status {error.code}") from error
 
 
+def _whole(least: int) -> Callable[[str], int]:
+    def number(text: str) -> int:
+        if (value := int(text)) < least:
+            raise argparse.ArgumentTypeError(f"{value} is less than {least}")
+        return value
+
+    return number
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="screwgauge",
@@ -109,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--engines", metavar="A,B", help="default: those of the scene")
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
-    add("--seed", type=int, metavar="N", help="of the exciting motion (0)")
+    add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
@@ -134,8 +143,13 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--budget", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
-    add("--random", type=int, metavar="N", help="instead, all engines on so many random mechanisms of all families")
-    add("--seed", type=int, default=0, help="of the first random mechanisms")
+    add(
+        "--random",
+        type=_whole(1),
+        metavar="N",
+        help="instead, all engines on so many random mechanisms of all families",
+    )
+    add("--seed", type=_whole(0), default=0, help="of the first random mechanisms")
 
     add = command(
         commands.stress,
@@ -155,12 +169,12 @@ def _parser() -> argparse.ArgumentParser:
     add("b", nargs="?", metavar="B", help="the same")
     add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
     add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
-    add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
+    add("--count", type=_whole(1), metavar="N", help="so many of them (500), and two pairs that are alike for five")
     add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
-    add("--seed", type=int, default=0, metavar="N", help="of the random states, of the self-test (0)")
+    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
@@ -180,7 +194,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print all of it as JSON")
     add("--store", type=Path, metavar="DIR", help="keep errors and run times there, see 'history'")
     add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
-    add("--count", type=int, default=1000, metavar="N", help="of these (1000)")
+    add("--count", type=_whole(1), default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from numbers import Integral
 from typing import Any
 
 
@@ -50,6 +51,16 @@ class UnknownNameError(ScrewgaugeError):
         near = get_close_matches(str(name)[:100], names, n=1)
         hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "there are none"
         super().__init__(f"unknown {kind} '{name}'", where, hint + ", ".join(names))
+
+
+def check_seed(seed: object) -> None:
+    """Refuses what is no seed of random numbers.
+
+    Raises:
+        DescriptionError: It is not.
+    """
+    if not (isinstance(seed, Integral) and int(seed) >= 0):
+        raise DescriptionError(f"{seed!r} is no seed", "seed", "give a whole number from 0 on")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:

@@ -6,10 +6,12 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 import screwgauge
+from screwgauge.cli import main
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.report.results import LINES
 
@@ -65,6 +67,46 @@ def test_names_that_are_not_there_are_said(results):
         results.values("joint_positon")
     with pytest.raises(UnknownNameError, match="none, as the engine truth was not run"):
         results.radius("joint_position")
+
+
+@pytest.mark.parametrize("what", ["slider-crank", Path("slider-crank.toml"), None])
+@pytest.mark.parametrize("call", ["run", "compile", "exciting", "stream"])
+def test_what_is_no_scene_is_refused(call, what):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=rf"{call}: .* is no scene; give what load_scene makes"):
+        next(screwgauge.stream(what, [[0.0]])) if call == "stream" else getattr(screwgauge, call)(what)
+
+
+def test_a_scene_in_the_place_of_its_name_is_refused():
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene\(.* is no name or path"):
+        screwgauge.check(screwgauge.load_scene("slider-crank"))
+
+
+@pytest.mark.parametrize("seed", [-1, "one", 1.5])
+def test_what_is_no_seed_is_refused(seed):
+    scene = screwgauge.load_scene("slider-crank")
+    for call in (
+        lambda: screwgauge.random(seed),
+        lambda: screwgauge.exciting(scene, seed),
+        lambda: screwgauge.diagnose("slider-crank", "slider-crank", seed=seed),
+    ):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="is no seed; give a whole number from 0 on"):
+            call()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "slider-crank", "--exciting", "--seed", "-1"],
+        ["bench", "--random", "0"],
+        ["check", "--self-test", "--count", "0"],
+        ["diagnose", "--self-test", "--count", "-3"],
+    ],
+)
+def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert f"argument {arguments[-2]}: {arguments[-1]} is less than" in capsys.readouterr().err
 
 
 def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):

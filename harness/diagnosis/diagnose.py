@@ -29,7 +29,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import OutputError
+from screwgauge.reference.errors import OutputError, check_seed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +124,7 @@ def diagnose(
     Raises:
         ScrewgaugeError: A file, or the map, cannot be read.
     """
+    check_seed(seed)
     deadline = Deadline(limit)
     given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
     beside = None if loops is None else Path(loops)

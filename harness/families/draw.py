@@ -16,7 +16,7 @@ from screwgauge.families import parallel, single
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
-from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError
+from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check_seed
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
@@ -89,8 +89,9 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
             with the process.
 
     Raises:
-        ScrewgaugeError: There is no such family.
+        ScrewgaugeError: There is no such family, or the seed is none.
     """
+    check_seed(seed)
     names = families()
     family = family or names[np.random.default_rng(seed).integers(len(names))]
     if family not in FAMILIES:

@@ -15,14 +15,14 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.dynamics import body_motion, partial_motion
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed
 from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import beyond_limits, check_home
-from screwgauge.scene.scene import Scene
+from screwgauge.scene.scene import Scene, check_scene_type
 
 WORSE = 4.0  # times the condition number at home is still well inside
 STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
@@ -67,6 +67,8 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         DescriptionError: Its motion is integrated, or it has no room to move about home.
         ScrewgaugeError: Its mechanism is refused.
     """
+    check_scene_type(scene, "exciting")
+    check_seed(seed)
     if scene.simulated:
         what = "an exciting motion replaces a given one, and that of this scene is integrated"
         raise DescriptionError(what, scene.name, "run it as it is")

@@ -187,6 +187,12 @@ class Scene:
         return self.tolerances.get(quantity, usual)
 
 
+def check_scene_type(what: object, where: str) -> None:
+    """Refuses what is no scene, such as the name of one."""
+    if not isinstance(what, Scene):
+        raise DescriptionError(f"{what!r:.100} is no scene", where, "give what load_scene makes of a name or path")
+
+
 def check_order(t: Array, since: float) -> None:
     """Refuses times of a simulation that do not increase from its start on."""
     if (np.diff(t) <= 0.0).any() or t[0] < since:

@@ -28,7 +28,7 @@ from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.scene.motion import Sampled
 from screwgauge.scene.preflight import check_actuation, check_scene, far_from_home
-from screwgauge.scene.scene import Scene
+from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution
 from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
@@ -69,6 +69,7 @@ def run(
     Raises:
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
+    check_scene_type(scene, "run")
     names, wanted = _asked(scene, engines, quantities)
     if limits is not None:
         load_engines(names, limits, progress)

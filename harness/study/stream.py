@@ -12,7 +12,7 @@ from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import Walk, check_home, delivered
-from screwgauge.scene.scene import Scene
+from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.ask import solve
 
@@ -56,6 +56,7 @@ def stream(
     Raises:
         ScrewgaugeError: Bad input, or a part that the engine cannot solve.
     """
+    check_scene_type(scene, "stream")
     (name,) = check_engines([engine])
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     if scene.simulated:

@@ -21,7 +21,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import CHUNK, columns
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.preflight import delivered
-from screwgauge.scene.scene import Scene
+from screwgauge.scene.scene import Scene, check_scene_type
 
 Mode = tuple[bool, bool]
 """Whether samples have their own loads, and whether errors are estimated."""
@@ -221,6 +221,7 @@ def compile(
     Raises:
         ScrewgaugeError: Bad input, or a motion that cannot be followed.
     """
+    check_scene_type(scene, "compile")
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")

@@ -40,7 +40,11 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     Raises:
         ScrewgaugeError: There is no such thing, a folder has no scene, or two are of one name.
     """
-    given = [str(each) for each in what] or scene_names()
+    what = [*what]
+    for each in what:
+        if not isinstance(each, str | Path):
+            raise DescriptionError(f"{each!r:.100} is no name or path", "check", "name scenes, files or folders")
+    given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:
         what_is = f"{len(models)} model files: the last, {models[-1]}, has no partner"
