@@ -154,12 +154,15 @@ def test_an_engine_that_refuses_is_a_row_with_its_reason(stand_in):
     assert (results.pairs["reason"] == "ValueError: no body without inertia").sum() == 2
 
 
-def test_a_motion_beyond_the_limits_of_a_joint_is_noted(sprung, write):
+def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, write):
     write("m.toml", 'extends = "a01-pendulum"\nname = "m"\n[joints.pivot]\nlimits = [["-pi/2", 0.2]]\n')
     results = screwgauge.run(sprung(mechanism="m.toml", forward="start = { angle = -0.5 }"))
     (note,) = [note for note in results.solutions["screw"].notes if "beyond" in note]
     assert note.startswith("'pivot' = 0.208")  # -0.5 cos 2 t
-    assert note.endswith("is beyond its limits [-1.5708, 0.2] at t = 1 s")
+    assert note.endswith("is beyond its limits [-1.5708, 0.2] at t = 1 s; limits are no stops here")
+    (first, *_) = str(results).splitlines()
+    assert first.startswith("✓ WITHIN TOLERANCE, but: 'pivot' = 0.208")
+    assert str(results).count("limits are no stops") == 1
 
 
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):

@@ -47,13 +47,14 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
     met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
     estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
     met = np.pad(met, (0, n - m), mode="edge")
-    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)  # limits are no stops
+    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)
+    doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits are no stops here"] if beyond else []
     notes = (
         f"stopped: {answer.stopped}" if answer.stopped else "",
         f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
         *answer.notes,
         note,
-        f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s" if beyond else "",
+        *doubts,
     )
     return replace(
         answer,
@@ -61,6 +62,7 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
         estimate=dict.fromkeys(values, estimate),
         conditions=dict.fromkeys(values, met),
         notes=tuple(filter(None, notes)),
+        warnings=(*answer.warnings, *doubts),
     )
 
 
