@@ -160,9 +160,9 @@ def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, wri
     (note,) = [note for note in results.solutions["screw"].notes if "beyond" in note]
     assert note.startswith("'pivot' = 0.208")  # -0.5 cos 2 t
     assert note.endswith("is beyond its limits [-1.5708, 0.2] at t = 1 s; limits are no stops here")
-    (first, *_) = str(results).splitlines()
-    assert first.startswith("✓ WITHIN TOLERANCE, but: 'pivot' = 0.208")
-    assert str(results).count("limits are no stops") == 1
+    said = " ".join(str(results).split())
+    assert said.startswith("✓ WITHIN TOLERANCE, but: 'pivot' = 0.208")
+    assert said.count("limits are no stops") == 1
 
 
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
