@@ -362,6 +362,22 @@ def test_agreement_on_another_model_is_no_plain_agreement(own, scene):
     assert f"- pinocchio: {DAMPED}" in markdown(report(results, ()))
 
 
+def test_a_difference_is_told_from_passive_forces_that_only_one_file_has(own, scene):
+    mine = replace(scene, models={"mujoco": own("mujoco", "xml", _B, '& damping="0.1" frictionloss="1"').model})
+    results = screwgauge.run(mine, engines=("screw", "mujoco"), quantities=("actuator_force",))
+    assert results.exit_status == 1
+    said = verdict(results).text
+    assert "The models differ, too: b: " in said
+    assert "damping 0.1 N m s/rad in own.xml" in said
+    assert "dry friction 1 N m in own.xml" in said
+
+
+def test_a_model_file_whose_engine_does_not_run_is_said(own, scene):
+    files = own("mujoco", "xml", _B, "&")
+    results = screwgauge.run(replace(scene, models={"mujoco": files.model}), engines=("screw",))
+    assert "models.mujoco is not read, as mujoco does not run" in results.warnings
+
+
 FORWARD = """
 mechanism = "four-bar.toml"
 gravity = [0, "-9.81", 0]

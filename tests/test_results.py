@@ -60,6 +60,15 @@ def test_a_figure_is_found_by_its_name(results):
         results.figure("conditions")
 
 
+def test_panels_of_figures_that_no_component_matches_are_said(results):
+    assert "figure '" not in str(results)
+    (first, *_) = results.scene.figures
+    wrong = replace(first, title="Mine", panels=(("A", ("leg9.*", *first.panels[0][1])),))
+    drawn = replace(results, scene=replace(results.scene, figures=(wrong,)))
+    said = f"figure 'Mine': no component of {first.quantity} in {first.unit} is called leg9.*"
+    assert said in " ".join(str(drawn).split())
+
+
 def test_names_that_are_not_there_are_said(results):
     with pytest.raises(UnknownNameError, match="unknown engine 'mujoco'"):
         results.values("joint_position", "mujoco")

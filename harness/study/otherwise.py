@@ -19,8 +19,8 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.scene.scene import Scene
 
-#: What the description does not say, and what RNEA does not know: `departures` says what becomes of these.
-_ELSEWHERE = {"limits", "damping", "friction", "stiffness", "rest"}
+#: Library -> what the description does not say and the library does not apply: `departures` says what becomes of it.
+_UNUSED = {"pinocchio": {"limits", "damping", "friction", "stiffness", "rest"}, "mujoco": {"limits"}}
 
 
 def otherwise(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
@@ -45,7 +45,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         digits = digits_of(read_file(model))
     except ScrewgaugeError:
         return []  # `departures` says that it cannot be compared
-    silent = _ELSEWHERE | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
+    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
     pairing = paired(expected, found)
     said = [*missing(expected, found, pairing), *differences(brought(expected, found, pairing))[0]]
     return sorted_by_size([each for each in marked(said, (ALL, digits)) if each.what not in silent])

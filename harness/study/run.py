@@ -77,6 +77,8 @@ def run(
     progress("preflight", 0.0)
     checked = _check_simulated if scene.simulated else _check_given
     counted, components, lay, wanted, warnings = checked(scene, wanted)
+    unread = [f"models.{name} is not read, as {name} does not run" for name in scene.models if name not in names]
+    warnings = (*warnings, *unread)
     for sentence in warnings:
         warn(sentence)
     own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}

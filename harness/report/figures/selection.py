@@ -27,6 +27,18 @@ def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> 
     return tuple(kept) or default_figures(solutions)
 
 
+def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
+    """Sentences on patterns that no component of a quantity that is there matches."""
+    values = _first_values(solutions)
+    return [
+        f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} is called {pattern}"
+        for figure in figures
+        if figure.quantity in values
+        for pattern in dict.fromkeys(pattern for _, patterns in figure.panels for pattern in patterns)
+        if not select(values[figure.quantity], figure.unit, (pattern,))
+    ]
+
+
 def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
     """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
     figures = []

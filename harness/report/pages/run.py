@@ -16,7 +16,7 @@ from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT, Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Picture
 from screwgauge.report.figures.run import make_plots
-from screwgauge.report.figures.selection import drawable
+from screwgauge.report.figures.selection import drawable, unmatched
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import (
     FORMS,
@@ -46,7 +46,8 @@ __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 
 
 def _banners(results: Comparison) -> list[Banner]:
-    return [verdict(results), *(Banner(sentence, "Warning") for sentence in results.warnings)]
+    said = [*results.warnings, *unmatched(results.scene.figures, results.solutions)]
+    return [verdict(results), *(Banner(sentence, "Warning") for sentence in said)]
 
 
 def _shown(found: Iterable[Row]) -> list[Row]:
