@@ -119,7 +119,9 @@ def test_digits_that_a_file_is_cut_to_are_admitted_and_no_more(theirs):
 
 def test_two_model_files_are_a_pair(theirs):
     shutil.copy(theirs / "four-bar.xml", theirs / "other.xml")
-    assert screwgauge.check("four-bar.urdf", "other.xml").rows[0].scene == "four-bar.urdf - other.xml"
+    found = screwgauge.check("four-bar.urdf", "other.xml")
+    assert found.rows[0].scene == "four-bar.urdf - other.xml"
+    assert str(found).startswith("✓ OK: 1 of 1 pass. Models agree within tolerance.")  # no engine, no judge
     edited(theirs / "other.xml", lambda text: worse(text, 1e-6))
     row = screwgauge.check("four-bar.urdf", "other.xml").rows[0]
     assert row.status == "differ"

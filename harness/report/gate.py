@@ -22,7 +22,7 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances
 from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.row import EXIT, Row
+from screwgauge.study.gate.row import EXIT, JUDGE, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
@@ -131,8 +131,11 @@ def _shown(text: str) -> str:
 
 def _banner(found: Check) -> Banner:
     text = f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."
-    if found.ok:
+    judged = {any(error.b == JUDGE for error in row.errors) for row in found.rows}  # of a pair of models nobody is
+    if found.ok and judged == {True}:
         text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
+    elif found.ok:
+        text += f" Models {'and engines ' * (True in judged)}agree within tolerance."
     return Banner(text, "✓ OK", "agree") if found.ok else Banner(text, "✗ FAILED", "differ")
 
 
