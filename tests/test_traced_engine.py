@@ -146,6 +146,39 @@ def test_a_mechanism_without_weight_and_loads(backend):
     assert worst(found, solved(scene, "array"))[1] <= SAME
 
 
+#: A slider-crank whose slide might turn, but rests: its angle, 0.3 rad at home, is in the tree.
+RESTING = """
+name = "resting"
+independent.crank = "a"
+bodies.crank = { mass = 0.5, com = [0.1, 0, 0.01], inertia = { xx = 2e-3, yy = 2e-3, zz = 1e-3, xy = 1e-4 } }
+bodies.rod = { mass = 1.2, com = [0.25, 0.02, 0.1], inertia = { xx = 5e-3, yy = 3e-2, zz = 2.6e-2, xz = -1e-3 } }
+bodies.slide = { mass = 2, com = [0.05, 0, 0.2], inertia = { xx = 1.3e-2, yy = 1.3e-2, zz = 1e-2 } }
+joints.a = { kind = "R", parent = "ground", child = "crank", axes = [[0, 1, 0]], actuated = true }
+joints.b = { kind = "S", parent = "crank", child = "rod", parent_frame.position = [0.2, 0, 0] }
+joints.c = { kind = "R", parent = "rod", child = "slide", axes = [[0, 1, 0]], parent_frame.position = [0.6, 0, 0] }
+[joints.s]
+kind = "C"
+parent = "ground"
+child = "slide"
+axes = [[1, 0, 0]]
+home = [0.3, 0.8]
+parent_frame.position = [0, 0, 0.1]
+child_frame = { position = [0, 0, 0.1], rotation = { axis = [1, 0, 0], angle = 0.3 } }
+"""
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_coordinates_of_the_tree_that_rest_are_known_where_poses_are_predicted(backend, tmp_path):
+    (tmp_path / "resting.toml").write_text(RESTING, encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    motion = "motion.crank.harmonics = [[3, 0, 0.4]]\ntime = { duration = 1, step = 0.02 }\n"
+    path.write_text(f'mechanism = "resting.toml"\n{motion}', encoding="utf-8")
+    scene = screwgauge.load_scene(path)
+    found = solved(scene, backend)
+    assert by_program(found) == len(scene.t)
+    assert worst(found, solved(scene, "array"))[1] <= SAME
+
+
 def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     b = 0.356801 - np.array([0.2, 0.1, 1e-4, 1e-7])
     y = np.stack([np.full(4, 0.1), b], axis=1)

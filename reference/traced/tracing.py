@@ -75,7 +75,7 @@ def traced(
     else:
         predicted = tuple(question.dependent)
         guess = {c: trace.input(samples[3][:, c]) for c in predicted}
-        found = newton(question, given, guess, NEWTON if lay.tree.cuts else 0)
+        found = newton(question, given | rest(question), guess, NEWTON if lay.tree.cuts else 0)
         q, values = coordinates(lay, found | rest(question)), dict(found)
         moved = measured({c: found[c] - guess[c] for c in predicted}, extent(lay).size.tolist())
     if loaded:
