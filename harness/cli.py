@@ -143,12 +143,7 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--budget", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
-    add(
-        "--random",
-        type=_whole(1),
-        metavar="N",
-        help="instead, all engines on so many random mechanisms of all families",
-    )
+    add("--random", type=_whole(1), metavar="N", help="instead, all engines on N random mechanisms of all families")
     add("--seed", type=_whole(0), default=0, help="of the first random mechanisms")
 
     add = command(
@@ -169,7 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     add("b", nargs="?", metavar="B", help="the same")
     add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
     add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
-    add("--count", type=_whole(1), metavar="N", help="so many of them (500), and two pairs that are alike for five")
+    add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
     add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
