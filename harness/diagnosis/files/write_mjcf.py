@@ -34,7 +34,7 @@ SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
 #: Ways to write an orientation; one at a time may be there.
-_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
 #: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
@@ -49,11 +49,12 @@ def place(xml: XmlText, link: Link, T: Array) -> None:
     if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
         xml.set(link.element, pos=vector_text(new[:3, 3]))
     if np.abs(new[:3, :3] - old[:3, :3]).max() > SAME:
-        _orient(xml, link.element, new[:3, :3])
+        orient(xml, link.element, new[:3, :3])
 
 
-def _orient(xml: XmlText, element: Element, R: Array) -> None:
-    xml.set(element, **dict.fromkeys(name for name in _ORIENTATIONS if name in element.attributes))
+def orient(xml: XmlText, element: Element, R: Array) -> None:
+    """Gives an element another orientation, as a quaternion, whichever way it was written."""
+    xml.set(element, **dict.fromkeys(name for name in ORIENTATIONS if name in element.attributes))
     xml.set(element, quat=vector_text(quaternion(R)))
 
 
@@ -87,7 +88,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
     if not plain and inertial.get("diaginertia") and aside <= SAME * float(moments.max()):
         xml.set(inertial, diaginertia=vector_text(moments))
         return
-    lost = [name for name in ("diaginertia", *_ORIENTATIONS) if name in inertial.attributes]
+    lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in inertial.attributes]
     xml.set(inertial, **dict.fromkeys(lost))
     xml.set(inertial, fullinertia=full)
 
@@ -197,7 +198,7 @@ def _put_site(
         raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
     at = relative(frames.get(site.parent, np.eye(4)), T)
     xml.set(site, pos=vector_text(at[:3, 3]))
-    _orient(xml, site, at[:3, :3])
+    orient(xml, site, at[:3, :3])
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
