@@ -18,7 +18,7 @@ from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import BodyReading, JointReading
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Entries of a joint that are one number each.
 ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
@@ -48,7 +48,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
     joint, item = common.a.joints[found.joint], found.joint
     length = size(common.a)
     angle, way = found.amount
-    sentence = place(item, found.what, found.amount, joint, common)
+    sentence = place(item, found.what, found.amount, joint)
     relative = angle + way / length
     a = found.value
     b = {
@@ -79,7 +79,7 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     R = common.placement[:3, :3]
     if np.linalg.norm(a - R.T @ b) > CLOSE * float(np.linalg.norm(a)):
         return ""
-    angle = math.degrees(math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(R)) - 1.0)))))
+    angle = math.degrees(np.linalg.norm(rotation_vector(R)))
     return f", because the whole stands turned by {angle:.4g} deg in B"
 
 

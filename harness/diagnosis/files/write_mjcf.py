@@ -11,6 +11,7 @@ from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers,
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import Matter, relative
+from screwgauge.models.importing.write import TENSOR
 from screwgauge.models.placement import number_text, quaternion, vector_text
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
@@ -70,7 +71,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
         plain: All of them, the tensor in the axes of the body.
     """
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
-    full = vector_text([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+    full = vector_text([J[place] for place in TENSOR.values()])
     mass, pos = number_text(matter.mass), vector_text(matter.com)
     if inertial is None:
         xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=full)

@@ -55,9 +55,9 @@ def dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Dynami
     )
 
 
-def inverse_dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Array:
+def inverse_dynamics(tree: Tree, states: States) -> Array:
     """`Dynamics.tau` alone. Shape (n, n_freedom)."""
-    motion = motion or move(tree, states)
+    motion = move(tree, states)
     rigid = _along(tree, motion, _wrenches(tree, motion))
     return rigid + armature_force(tree, states) + passive_force(tree, states)
 

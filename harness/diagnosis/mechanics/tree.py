@@ -167,13 +167,8 @@ def _slices(reading: Reading) -> dict[str, slice]:
     }
 
 
-def draw(reading: Reading, n: int, seed: int = 0, speed: float = 1.0) -> States:
-    """Random states within the limits.
-
-    Args:
-        n: How many.
-        speed: Velocities and accelerations are normal, of this standard deviation [rad/s or m/s, per s].
-    """
+def draw(reading: Reading, n: int, seed: int = 0) -> States:
+    """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
     random = np.random.default_rng(seed)
     columns = [np.zeros((n, 0))]
     for joint in reading.joints.values():
@@ -186,7 +181,7 @@ def draw(reading: Reading, n: int, seed: int = 0, speed: float = 1.0) -> States:
         columns += [random.uniform(-1.0, 1.0, (n, 3))] if joint.kind == "free" else []
         columns.append(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
     wide = sum(FREEDOMS[joint.kind] for joint in reading.joints.values())
-    return States(np.hstack(columns), *(speed * random.normal(size=(2, n, wide))))
+    return States(np.hstack(columns), *random.normal(size=(2, n, wide)))
 
 
 def home(reading: Reading) -> States:

@@ -9,11 +9,10 @@ import numpy as np
 from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
 from screwgauge.diagnosis.files.write_mjcf import ORIENTATIONS, orient
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.models.importing.write import TENSOR
 from screwgauge.models.placement import number_text, rpy, vector_text
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
-
-ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 @dataclass(slots=True, eq=False)
@@ -75,12 +74,15 @@ class Inertial:
         """As it is written. Shape (3, 3)."""
         if self.urdf:
             found = self.at.find("inertia")
-            values = [float(found.get(f"i{name}", "0")) if found else 0.0 for name in ENTRIES]
+            values = [float(found.get(f"i{name}", "0")) if found else 0.0 for name in TENSOR]
         elif full := self.at.get("fullinertia"):
             values = [float(word) for word in full.split()]
         else:
             values = [*numbers(self.at.get("diaginertia")), 0.0, 0.0, 0.0]
-        return tensor(values)
+        I = np.zeros((3, 3))
+        for (i, j), value in zip(TENSOR.values(), values, strict=True):
+            I[i, j] = I[j, i] = value
+        return I
 
     @tensor.setter
     def tensor(self, I: Array) -> None:
@@ -93,16 +95,7 @@ class Inertial:
             R = self.turn
             I = R @ I @ R.T
             self.xml.set(self.at, **dict.fromkeys(lost))
-            self.xml.set(self.at, fullinertia=vector_text([I["xyz".index(n[0]), "xyz".index(n[1])] for n in ENTRIES]))
-
-
-def tensor(values: list[float]) -> Array:
-    """From the entries in the order of `ENTRIES`. Shape (3, 3)."""
-    I = np.zeros((3, 3))
-    for name, value in zip(ENTRIES, values, strict=True):
-        i, j = ("xyz".index(axis) for axis in name)
-        I[i, j] = I[j, i] = value
-    return I
+            self.xml.set(self.at, fullinertia=vector_text([I[place] for place in TENSOR.values()]))
 
 
 def inertials(xml: XmlText) -> list[Inertial]:
