@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
 from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, deviations
-from screwgauge.diagnosis.differences.stated import differ, difference
+from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import compared, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
@@ -87,7 +87,7 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
     a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
-        yield Difference(name, common.own["joints"].get(name, name), "kind", None, None, "", math.inf, sentence)
+        yield another(common, "joints", name, "kind", sentence)
     for what in ENTRIES:
         if what == "rest" and not (a.stiffness or b.stiffness):
             continue
@@ -144,12 +144,9 @@ def _unpaired(common: Common) -> Iterator[Difference]:
         for name, body in here.bodies.items():
             if name in there.bodies or body.mass == 0.0:
                 continue
-            own = common.own["bodies"].get(name, name)
-            sentence = f"{own if side == 'B' else name}: a body of {body.mass:.6g} kg in {side} only"
-            a, b = (np.asarray(body.mass), None) if side == "A" else (None, np.asarray(body.mass))
-            yield Difference(
-                name if side == "A" else "", own if side == "B" else "", "body", a, b, "kg", math.inf, sentence
-            )
+            own = common.own["bodies"].get(name, name) if side == "B" else name
+            sentence = f"{own}: a body of {body.mass:.6g} kg in {side} only"
+            yield only(side, own, "body", sentence, np.asarray(body.mass), "kg")
 
 
 def sorted_by_size(found: Iterable[Difference]) -> list[Difference]:
