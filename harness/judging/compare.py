@@ -53,8 +53,7 @@ def compare(
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
     """
-    errors: list[Row] = []
-    pairs: list[Row] = []
+    errors, pairs = list[Row](), list[Row]()
     t, scales = timed(problem).t, natural_scales(mechanism)
     # what has radii is the reference: first of its pairs, and the measure of all others
     ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
@@ -64,39 +63,28 @@ def compare(
         rules = _rules(quantity, problem.rule, mobility)
         for a, b in combinations(having, 2):
             names, others = (one.values[quantity].components for one in (a, b))
-            tree, shared = quantity.startswith("tree_force"), tuple(name for name in names if name in others)
+            tree, shared = quantity.startswith("tree_force"), {*names} & {*others}
             if tree and ({*names} < {*others} or {*others} < {*names}):
                 continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
             if not tree and not shared:
                 continue  # two tables of other parts of a quantity; an engine has all of it
-            lost = apart.get(
-                frozenset((a.engine, b.engine)), "the components differ" if tree and names != others else ""
-            )
+            differ = "the components differ" if tree and names != others else ""
+            lost = apart.get(frozenset((a.engine, b.engine)), differ)
             if lost or not common_rows(len(t), a, b).size:
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
                 continue
             # measured by the first engine of the run that has these components: one scale for all pairs
-            reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*shared})
+            reference = next(v for s in having if {*(v := s.values[quantity]).components} >= shared)
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
-                strict = min(1.0, tolerance_of(quantity) / QUANTITIES[quantity].tolerance)
-                admitted = strict * max(s.tolerances.get(quantity, {}).get(unit, 0.0) for s in (a, b))
-                stated = sum(s.stated.get(quantity, 0.0) for s in (a, b))
-                tolerance = max(tolerance_of(quantity), admitted / scale, stated / scale)
-                rows = list(_components(quantity, unit, a, b, t, scale))
-                for row in rows:
-                    rule, unique = rules.get(row["component"], rules[""])
-                    ok = rule == UNDETERMINED or row["max_scaled"] <= tolerance
-                    row.update(rule=rule, unique=unique, tolerance=tolerance, ok=ok)
+                limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
+                rows = [_held(row, rules, limit) for row in _components(quantity, unit, a, b, t, scale)]
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     row = _pair(compared)
-                    if quantity != "tree_force_soft" and tolerance_of(quantity) < row["max_scaled"] <= tolerance:
-                        whose = f"within {stated:.3g} {unit}, the error that {b.engine} states"
-                        zero = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
-                        row["reason"] = whose if stated > admitted else zero
+                    if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
+                        row["reason"] = why or row["reason"]
                     pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
@@ -116,6 +104,25 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
         return {"": ("", True)}
     named = zip(mobility.names, mobility.unique, mobility.determined, strict=True)
     return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
+
+
+def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, asked: float) -> tuple[float, str]:
+    """Scaled error up to which two agree, and why that is more than what is asked for."""
+    # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
+    strict = min(1.0, asked / QUANTITIES[quantity].tolerance)
+    admitted = strict * max(one.tolerances.get(quantity, {}).get(unit, 0.0) for one in pair)
+    stated = sum(one.stated.get(quantity, 0.0) for one in pair)
+    why = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
+    if stated > admitted:
+        why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
+    return max(asked, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
+
+
+def _held(row: Row, rules: Mapping[str, tuple[str, bool]], limit: float) -> Row:
+    """A component's errors with the rule that fixes it, held against a scaled error."""
+    rule, unique = rules.get(row["component"], rules[""])
+    ok = rule == UNDETERMINED or row["max_scaled"] <= limit
+    return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
 
 
 def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:

@@ -91,9 +91,7 @@ def run(
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
     missing = list(_missing(asked, answers, len(scene.t)))
     answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
-    judged = [
-        judge(mechanism, problem, answer, refused=refused, tolerance_of=scene.tolerance) for answer in answers.values()
-    ]
+    judged = [judge(mechanism, problem, x, refused=refused, tolerance_of=scene.tolerance) for x in answers.values()]
     judged += [judge_table(scene, problem, table, components) for table in own.values()]
     answers |= own
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]

@@ -12,6 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from screwgauge.engines.mujoco.block import Block
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses, shifted
@@ -70,6 +71,9 @@ class MujocoTree:
         self.curvature = curvature(self.model, self.couplings)
         self.hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         self.moves = np.array([np.isin(model.jnt_bodyid, self._above(b)) for b in (0, *self.ids)], dtype=float)
+        data = self.data
+        self.state, self.turning = Block(data.qpos, data.qvel), Block(data.cdof_dot, data.subtree_com)
+        self.placed = Block(data.xmat, data.xpos, data.xaxis, data.xanchor)
         self._check_motors(file)
 
     def under(self, gravity: Array | None) -> None:
@@ -148,27 +152,27 @@ class MujocoTree:
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
         """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
-        flags, data = self.model.opt.disableflags, self.data
-        self.model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
-        qpos, qvel, qacc, bent = data.qpos, data.qvel, data.qacc, soft and self.curvature.ids  # views are slow to get
+        model, data, flags = self.model, self.data, self.model.opt.disableflags
+        model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        state, qacc, bent = self.state.block, data.qacc, soft and self.curvature.ids  # views are slow to get
         data.xfrc_applied[:] = 0.0
-        for i, (x, xd, xdd) in enumerate(zip(q, v, a, strict=True)):
-            qpos[:], qvel[:], qacc[:] = x, xd, xdd
-            mujoco.mj_inverse(self.model, data)
+        for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
+            state[:], qacc[:] = x, xdd
+            mujoco.mj_inverse(model, data)
             if bent:
-                self.curvature.complete(self.data)
-                mujoco.mj_inverseSkip(self.model, self.data, _VEL, 1)
+                self.curvature.complete(data)
+                mujoco.mj_inverseSkip(model, data, _VEL, 1)
             yield i
-        self.model.opt.disableflags |= EQUALITY
+        model.opt.disableflags |= EQUALITY
 
     def poses(self, q: Array) -> BodyPoses:
         n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world
-        qpos, *kept = data.qpos, data.xmat, data.xpos, data.xaxis, data.xanchor  # views, which are slow to get
-        turned, at, axes, anchors = (np.empty((n, *view.shape)) for view in kept)
-        for x, turn, place, axis, anchor in zip(q, turned, at, axes, anchors, strict=True):
+        qpos, placed, found = data.qpos, self.placed.block, self.placed.rows(n)
+        for x, row in zip(q, found, strict=True):
             qpos[:] = x
             mujoco.mj_kinematics(model, data)
-            turn[:], place[:], axis[:], anchor[:] = kept
+            row[:] = placed
+        turned, at, axes, anchors = self.placed.parts(found)
         R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
         screws, slides = np.empty((n, 6, model.nv)), ~self.hinges
         screws[:, :3], screws[:, 3:] = axes.swapaxes(1, 2), cross(anchors, axes).swapaxes(1, 2)
@@ -176,17 +180,16 @@ class MujocoTree:
         return BodyPoses(R, p, screws, self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        model, data = self.model, self.data
-        qpos, qvel, turning, centres = data.qpos, data.qvel, data.cdof_dot, data.subtree_com
-        rates, about = (np.empty((len(q), *view.shape)) for view in (turning, centres))
-        for x, xd, rate, centre in zip(q, v, rates, about, strict=True):
-            qpos[:], qvel[:] = x, xd
+        model, data, state, turning = self.model, self.data, self.state.block, self.turning.block
+        found = self.turning.rows(len(q))
+        for x, row in zip(self.state.filled(q, v), found, strict=True):
+            state[:] = x
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_comVel(model, data)
-            rate[:], centre[:] = turning, centres
-        rates[..., 3:] += cross(about[:, model.body_rootid[model.dof_bodyid]], rates[..., :3])
-        return at.bias(rates.swapaxes(1, 2), v, V)
+            row[:] = turning
+        rates, about = self.turning.parts(found)
+        return at.bias(rates.swapaxes(1, 2), v, V, about[:, model.body_rootid[[0, *self.ids]]])
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         model, data = self.model, self.data

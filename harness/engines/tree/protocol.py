@@ -60,23 +60,24 @@ class BodyPoses:
 
     def velocities(self, v: Array) -> Array:
         """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
-        return self._summed(self.screws, v)
+        return self._summed(self.screws, v, self.p)
 
-    def bias(self, rates: Array, v: Array, V: Array) -> Array:
+    def bias(self, rates: Array, v: Array, V: Array, about: Array | float = 0.0) -> Array:
         """Accelerations of the same at constant velocities of the coordinates. Shape (n, n_body + 1, 6).
 
         Args:
             rates: Derivatives of the screws in time. Shape (n, 6, n_v).
             v, V: Velocities of the coordinates, and of the bodies.
+            about: Points in the world where those of each body are taken. Shape (n, n_body + 1, 3).
         """
-        A = self._summed(rates, v)
+        A = self._summed(rates, v, self.p - about)
         A[..., 3:] += cross(V[..., :3], V[..., 3:])
         return A
 
-    def _summed(self, screws: Array, v: Array) -> Array:
-        """Over the coordinates that move each body, about its origin."""
+    def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
+        """Over the coordinates that move each body, about its origin: `arms` lead there."""
         V = self.moves @ np.ascontiguousarray((screws * v[:, None]).swapaxes(1, 2))
-        V[..., 3:] += cross(V[..., :3], self.p)
+        V[..., 3:] += cross(V[..., :3], arms)
         return V
 
 
