@@ -24,7 +24,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study.bench.threads import ONE
+from screwgauge.threads import ONE
 
 T = TypeVar("T")
 #: GB of memory that the machine has.

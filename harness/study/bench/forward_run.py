@@ -28,11 +28,11 @@ from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.method import Method
 from screwgauge.study.posed import Posed
 from screwgauge.study.provenance import provenance
 from screwgauge.study.reference import Reference, score
+from screwgauge.threads import one_thread
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
