@@ -12,7 +12,7 @@ from typing import Any
 from screwgauge import __version__, commands
 from screwgauge.commands import gate, view
 from screwgauge.report.console import console, ended, say
-from screwgauge.study.bench.threads import fix_threads
+from screwgauge.threads import fix_threads
 
 DEFAULT_SCENE = "3ups-upu-s"
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.threads import ONE
+
 PACKAGES = ("screwgauge", "numpy", "pandas", "pin", "mujoco", "python-flint")
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
 def environment() -> dict[str, Any]:
@@ -29,7 +30,7 @@ def environment() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": dict(_packages()),
         "blas": _blas(),
-        "threads": {name: os.environ.get(name, "not set") for name in THREADS},
+        "threads": {name: os.environ.get(name, "not set") for name in ONE},
     }
     commit = _commit()
     return {**record, "commit": commit} if commit else record

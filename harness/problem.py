@@ -20,6 +20,11 @@ Progress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""
 
 
+def spread(n: int, most: int) -> Rows:
+    """Rows of `n` samples: at most `most`, evenly spread, both ends among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
+
+
 def quiet(share: float) -> None:
     """Progress that nobody looks at."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.reference.mechanism import Frame
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, skew
 
 
 def number_text(value: float) -> str:
@@ -59,3 +59,9 @@ def quaternion(R: Array) -> Array:
     row = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
     q = row / np.linalg.norm(row, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
+
+
+def quaternion_rotation(q: Array) -> Array:
+    """Rotation matrix of a unit quaternion (w, x, y, z). Shape (..., 4) -> (..., 3, 3)."""
+    w, K = q[..., :1, None], skew(q[..., 1:])
+    return np.asarray(np.eye(3) + 2.0 * (w * K + K @ K))

@@ -93,7 +93,7 @@ def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
     return [*zip(ring, [*ring[1:], ring[0]], strict=True), *(spokes if len(ring) < len(points) else [])]
 
 
-def colour_of(mechanism: Mechanism, i: int) -> str:
+def colour_of(i: int) -> str:
     """Colour of the body of index `i`."""
     return STANDING if i == 0 else COLOURS[(i - 1) % len(COLOURS)]
 
@@ -103,7 +103,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
     found: list[Shape] = []
     for body in mechanism.bodies:
-        found += _body(body, index[body.name], points[body.name], unit, colour_of(mechanism, index[body.name]))
+        found += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
     for joint in mechanism.joints:
         if joint.kind != "F":

@@ -11,6 +11,7 @@ from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.loops_yaml import PART, closure_frames
 from screwgauge.models.placement import inverse, number_text, rpy, vector_text
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+from screwgauge.reference.rotations import Array
 
 #: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
 #: two coordinates (cosine and sine) for the angle.
@@ -93,6 +94,9 @@ def _inertial(link: ET.Element, body: Body) -> None:
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=number_text(body.mass))
-    entries = [(i, j) for i in range(3) for j in range(i, 3)]  # xx xy xz yy yz zz
-    moments = {f"i{'xyz'[i]}{'xyz'[j]}": number_text(body.inertia[i, j]) for i, j in entries}
-    ET.SubElement(inertial, "inertia", moments)
+    ET.SubElement(inertial, "inertia", moments(body.inertia))
+
+
+def moments(I: Array) -> dict[str, str]:
+    """The attributes of an ``<inertia>``, ixx, ixy, ixz, iyy, iyz, izz, for a tensor [kg m^2]. Shape (3, 3)."""
+    return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}

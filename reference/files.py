@@ -91,10 +91,15 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
     except FileNotFoundError:
         reason = "it does not exist"
     except (OSError, ValueError) as error:  # a path with a null byte
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        reason = why(error)
     if reason:
         raise DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
     return data
+
+
+def why(error: OSError | ValueError) -> str:
+    """What the system says of a file that cannot be read or written."""
+    return (getattr(error, "strerror", None) or str(error)).lower()
 
 
 def read_model(path: Path) -> str:
@@ -125,5 +130,4 @@ def replace_file(path: Path, content: str | bytes) -> None:
         finally:
             beside.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise OutputError(f"cannot be written ({reason})", str(path), "name another file") from error
+        raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from error

@@ -72,6 +72,17 @@ def vee(M: Array) -> Array:
     )
 
 
+def rotation_vector(R: Array) -> Array:
+    """Axis times angle [rad], of the shorter way. Shape (..., 3, 3) -> (..., 3)."""
+    sine = vee(R)
+    size = np.linalg.norm(sine, axis=-1, keepdims=True)
+    angle = np.arctan2(size, 0.5 * (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1.0))
+    axis, half = sine / np.maximum(size, 1e-300), ((size <= 1e-7) & (angle > 1.0))[..., 0]
+    if half.any():  # at a half turn the sine vanishes; what the rotation leaves alone is then its axis
+        axis[half] = np.linalg.svd(R[half] - np.eye(3))[2][..., -1, :]
+    return np.asarray(np.where(angle < 1e-7, sine, angle * axis))
+
+
 def rotation(axis: Array, angle: Array) -> Array:
     """Rodrigues' formula.
 

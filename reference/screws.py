@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, skew
 
 
 def revolute(e: Array, r: Array) -> Array:
@@ -69,3 +69,11 @@ def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
     """
     w, beta = twist[..., :3], acceleration[..., :3]
     return acceleration[..., 3:] + cross(beta, r) + cross(w, velocity_at(twist, r))
+
+
+def adjoint(T: Array) -> Array:
+    """What a placement makes of twists [angular; linear]. Shape (4, 4) -> (6, 6)."""
+    R, out = T[:3, :3], np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = R
+    out[3:, :3] = skew(T[:3, 3]) @ R
+    return out

@@ -27,8 +27,8 @@ def roots(write):
 def test_a_crash_costs_one_reading(roots, monkeypatch):
     work = loading._work
 
-    def crashing(request, progress):  # goes to its process by value, being of no module
-        return os.abort() if request.library == "pinocchio" else work(request, progress)
+    def crashing(request):  # goes to its process by value, being of no module
+        return os.abort() if request.library == "pinocchio" else work(request)
 
     monkeypatch.setattr(apart, "apart", REAL)
     monkeypatch.setattr(loading, "_work", crashing)

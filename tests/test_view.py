@@ -216,7 +216,8 @@ def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
 
 @pytest.mark.parametrize("group", ["axes", "frames", "masses", "ellipsoids", "actuators", "reactions", "wrenches"])
 def test_each_box_shows_and_hides(opened, group) -> None:
-    page, said = opened
+    page, said = opened  # in the first frame no force of an actuator is seen
+    page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = 20; s.oninput(); }")
     before = seen(page)
     page.click(f"input[name={group}]")
     assert any(seen(page) != before for _ in range(FRAMES))

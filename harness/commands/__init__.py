@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.models.importing import is_model
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:
@@ -83,7 +83,6 @@ def imported(name: str) -> None:
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
     from screwgauge.environment import json_text
-    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import run as page
     from screwgauge.report.pdf import browser
     from screwgauge.report.results import run
@@ -191,7 +190,6 @@ def diagnose(options: argparse.Namespace) -> int:
         return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.environment import json_text
-    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages import diagnosis as page
     from screwgauge.study.campaigns.loading import read_apart
 
@@ -216,14 +214,11 @@ def diagnose(options: argparse.Namespace) -> int:
 
 def _self_test(options: argparse.Namespace) -> int:
     """Diagnoses models changed at random; those whose rows are there are not done again."""
-    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages.selftest import PAGE as page
     from screwgauge.report.pages.selftest import passed
     from screwgauge.study.selftest.run import counts, selftest
 
-    taken = ("self_test", "count", "quick", "seed", "out", "command", "debug")
-    if given := [name for name, value in vars(options).items() if value and name not in taken]:
-        raise DescriptionError(f"a self-test takes no {', '.join(given)}", "diagnose --self-test", "leave that out")
+    check_taken(options, "a self-test", "diagnose --self-test", "self_test", "count", "quick", "seed", "out")
     out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
     file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
     found = carry_out(
@@ -235,15 +230,19 @@ def _self_test(options: argparse.Namespace) -> int:
 def _case(options: argparse.Namespace) -> int:
     """Shows a named discrepancy with the installed engines."""
     from screwgauge.casebook.book import reproduce
-    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.casebook import blocks
     from screwgauge.report.terminal import terminal
 
-    if given := [name for name, value in vars(options).items() if value and name not in ("case", "command", "debug")]:
-        raise DescriptionError(f"a case takes no {', '.join(given)}", "diagnose --case", "leave that out")
+    check_taken(options, "a case", "diagnose --case", "case")
     result = reproduce(options.case)
     say(terminal(blocks(result)))
     return 0 if result.ok else 3
+
+
+def check_taken(options: argparse.Namespace, what: str, where: str, *taken: str) -> None:
+    """Refuses options that something does not take by a DescriptionError."""
+    if given := [name for name, value in vars(options).items() if value and name not in (*taken, "command", "debug")]:
+        raise DescriptionError(f"{what} takes no {', '.join(given)}", where, "leave that out")
 
 
 def carry_out(

@@ -6,7 +6,7 @@ import argparse
 import os
 from functools import partial
 
-from screwgauge.commands import OUT, carry_out, limits
+from screwgauge.commands import OUT, carry_out, check_taken, limits
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.console import say
 
@@ -66,9 +66,7 @@ def _self_test(options: argparse.Namespace) -> int:
     from screwgauge.study.campaigns.campaign import campaign
     from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
 
-    taken = ("self_test", "count", "jobs", "out", "command", "debug")
-    if given := [name for name, value in vars(options).items() if value and name not in taken]:
-        raise DescriptionError(f"a self-test takes no {', '.join(given)}", "check --self-test", "leave that out")
+    check_taken(options, "a self-test", "check --self-test", "self_test", "count", "jobs", "out")
     out = options.out or OUT / "check-self-test"
     asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
     found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
+from screwgauge.reference.files import why
 from screwgauge.report.console import complain, say, stopped
 
 if TYPE_CHECKING:
@@ -121,8 +122,7 @@ def _put(file: Path, content: bytes) -> None:
     try:
         file.write_bytes(content)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"cannot be written ({reason.lower()})", str(file), "name another file") from None
+        raise OutputError(f"cannot be written ({why(error)})", str(file), "name another file") from None
     say(str(file))
 
 

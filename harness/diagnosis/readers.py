@@ -43,13 +43,12 @@ class TwoReaders:
     causes: tuple[str, ...]
 
 
-def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False, seed: int = 0) -> TwoReaders:
+def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) -> TwoReaders:
     """Compares two readings of a file.
 
     Args:
         one, two: By libraries that have dynamics.
         floating: The base of a URDF was read as moving freely.
-        seed: Of the random states.
     """
     pairing = paired(one, two)
     found = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
@@ -58,7 +57,7 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False, 
     if pairing.only_a or pairing.only_b or not pairing.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
-        torque, rigid, omitted = _torques((file, floating), (one, two), pairing.joints, seed)
+        torque, rigid, omitted = _torques((file, floating), (one, two), pairing.joints)
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return TwoReaders(math.nan, math.nan, (*causes, f"no torques: {error}"))
     omitted = omitted if torque > SAME else []
@@ -66,7 +65,7 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False, 
 
 
 def _torques(
-    file: tuple[Path, bool], readings: tuple[Reading, Reading], joints: Mapping[str, str], seed: int
+    file: tuple[Path, bool], readings: tuple[Reading, Reading], joints: Mapping[str, str]
 ) -> tuple[float, float, list[str]]:
     """Both differences, and what either library leaves out.
 
@@ -75,7 +74,7 @@ def _torques(
     """
     one, two = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in readings)
     path, floating = file
-    a, states = plant(one), draw(one, STATES, seed)
+    a, states = plant(one), draw(one, STATES)
     first = answers(path, one.library, a, states, floating=floating)
     b, own = (plant(each) for each in counterpart(one, two, joints))
     theirs, C = states_of_b(a, b, states), velocity_map(a, b)

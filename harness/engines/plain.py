@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS
-from screwgauge.reference.rotations import Array, skew
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.screws import adjoint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,11 +98,7 @@ def carried(states: JointStates, frame: Array) -> Carried:
     if states.kind == "ball":
         C[:3, 3] = 0.0
     X = np.broadcast_to(np.eye(4), (len(states.q), 4, 4)).copy()
-    w, K = states.q[:, -4, None, None], skew(states.q[:, -3:])
-    X[:, :3, :3] += 2.0 * (w * K + K @ K)
+    X[:, :3, :3] = quaternion_rotation(states.q[:, -4:])
     X[:, : states.q.shape[1] - 4, 3] = states.q[:, :-4]
-    adjoint = np.zeros((6, 6))
-    adjoint[:3, :3] = adjoint[3:, 3:] = C[:3, :3]
-    adjoint[3:, :3] = skew(C[:3, 3]) @ C[:3, :3]
     n = FREEDOMS[states.kind]
-    return Carried(C @ X @ np.linalg.inv(C), adjoint[:n, :n])
+    return Carried(C @ X @ np.linalg.inv(C), adjoint(C)[:n, :n])

@@ -21,7 +21,7 @@ import screwgauge.truth
 from screwgauge.engines.parts import Names, check_fits, described, stages
 from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet, spread
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import spanning_tree
@@ -68,7 +68,7 @@ class TruthModel:
         """
         motion = self._checked(problem)
         n = len(motion)
-        rows = np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.intp))
+        rows = spread(n, MOST)
         depth = stages(_certifiable(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)

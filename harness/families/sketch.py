@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from screwgauge.models.importing.write import TENSOR
 from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
 
@@ -248,5 +249,5 @@ def _body(rng: np.random.Generator, com: Array) -> Tables:
     spread = 0.15 * rng.normal(size=(3, 6))
     C = mass * (spread @ spread.T) / 6
     I = np.trace(C) * np.eye(3) - C
-    entries = {a + b: float(I["xyz".index(a), "xyz".index(b)]) for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")}
+    entries = {name: float(I[place]) for name, place in TENSOR.items()}
     return {"mass": mass, "com": com.tolist(), "inertia": entries}

@@ -188,7 +188,7 @@ def _text(row: Any, key: str) -> str:
     return value if isinstance(value, Marked) else FORMS.get(form or name, str)(value)
 
 
-def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
+def facts(mapping: Mapping[str, Any]) -> Block:
     """Names and values without a head: a line for each value of a list or mapping, none for an empty text."""
     body: list[tuple[str, str]] = []
     for key, value in mapping.items():
@@ -200,7 +200,7 @@ def facts(mapping: Mapping[str, Any], empty: str = "Not recorded.") -> Block:
             body += [(f"{name}: {k}", _said(v)) for k, v in value.items()]
         else:
             body += [(name, _said(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
-    return Table(("", ""), tuple(body)) if body else Paragraph(empty)
+    return Table(("", ""), tuple(body)) if body else Paragraph("Not recorded.")
 
 
 def _said(value: Any) -> str:

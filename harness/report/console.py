@@ -15,6 +15,7 @@ from io import TextIOWrapper
 from types import FrameType
 
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.files import why
 
 #: What a stream says that does not know a sign: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
@@ -77,8 +78,7 @@ def say(text: str, end: str = "\n") -> None:
         if sys.stdout is not None:  # what is left is written once more when Python ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
-            reason = (error.strerror or str(error)).lower()
-            what = f"standard output cannot be written ({reason})"
+            what = f"standard output cannot be written ({why(error)})"
             raise OutputError(what, "", "redirect it, to /dev/null if nobody reads it") from None
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import read_file, why
 
 SAMPLES = "samples.parquet"
 PAGES = ("report.md", "report.html")
@@ -145,5 +145,4 @@ def _move(stage: Path, out: Path) -> None:
 
 
 def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
-    reason = (getattr(error, "strerror", None) or str(error)).lower()
-    return OutputError(f"the folder cannot be written ({reason})", str(out), "choose another with --out")
+    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another with --out")

@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import TypeVar
 
@@ -23,7 +24,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study.bench.threads import ONE
+from screwgauge.threads import ONE
 
 T = TypeVar("T")
 #: GB of memory that the machine has.
@@ -116,6 +117,17 @@ def apart(
         for _, process, _ in running.values():
             _stop(process)
     return {name: found[name] for name in works}
+
+
+def alone(name: str, work: Callable[[], T], limits: Limits) -> T | Failure:
+    """Does one work that does not say how far it is, as `apart` does."""
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        return apart({name: partial(unwatched, work)}, limits, Path(folder), lambda names, share: None)[name]
+
+
+def unwatched(work: Callable[[], T], progress: Progress) -> T:
+    """Does a work that does not say how far it is."""
+    return work()
 
 
 def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, file: Path) -> T | Failure:

@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from screwgauge.engines.registry import Engine, engine_names, get_engine, keep, load_entry, not_loaded
+from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.mechanism import Mechanism
@@ -147,17 +146,13 @@ def ask_engines(
 
 def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
     """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
-    from screwgauge.study.apart import apart
+    from screwgauge.study.apart import apart, unwatched
 
     entries = not_loaded(names)
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        works = {name: partial(_load_entry, entry) for name, entry in entries.items()}
+        works = {name: partial(unwatched, partial(load_entry, entry)) for name, entry in entries.items()}
         for name, engine in apart(works, limits, Path(folder), progress).items():
             keep(entries[name], None if isinstance(engine, Failure) else engine)
-
-
-def _load_entry(entry: EntryPoint, progress: Progress) -> Engine | None:
-    return load_entry(entry)
 
 
 def in_turn(questions: Mapping[str, Question], progress: Report) -> dict[str, Solution | Failure]:

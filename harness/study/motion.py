@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.problem import GivenMotion, Rows
+from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ScrewgaugeError
@@ -86,9 +86,8 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
 
 
 def few(rows: Rows, most: int) -> Rows:
-    return (
-        rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int))] if len(rows) else rows
-    )
+    """At most so many, evenly spread."""
+    return rows[spread(len(rows), most)]
 
 
 def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:

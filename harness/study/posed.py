@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.judging.kinetics import unit_motions
 from screwgauge.models.generate import write_models
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task, spread
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
@@ -98,11 +98,6 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     return out
 
 
-def compared_rows(n: int, most: int) -> Array:
-    """Rows of `n` samples that are compared: at most `most`, evenly spread, both ends among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
-
-
 def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     """Writes the model files and computes the reference values.
 
@@ -115,6 +110,6 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     """
     whole = replace(scene, rule="min_norm", models={})
     motion: GivenMotion = whole.motion
-    here = whole.at(motion.t[compared_rows(len(motion), samples)])
+    here = whole.at(motion.t[spread(len(motion), samples)])
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     return Posed(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

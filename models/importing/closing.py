@@ -9,25 +9,13 @@ import numpy as np
 
 from screwgauge.models.importing.motion import Placed, State, at_home, exponential, length_of, place, unit_screws
 from screwgauge.models.readings.reading import ClosureReading, Reading
-from screwgauge.reference.rotations import Array, cross, vee
+from screwgauge.reference.rotations import Array, cross, rotation_vector
 
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
 STEPS = 100
 STUCK = 8  # steps without a gain of a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
-
-
-def turn(R: Array) -> Array:
-    """Rotation vector of a rotation matrix [rad]. Shape (3, 3) -> (3,)."""
-    sine = vee(R)
-    size, cosine = float(np.linalg.norm(sine)), 0.5 * (float(np.trace(R)) - 1.0)
-    if size > 1e-6:
-        return np.asarray(sine * (np.arctan2(size, cosine) / size))
-    if cosine > 0.0:
-        return sine
-    axis = np.linalg.svd(R - np.eye(3))[2][-1]  # half a turn
-    return np.asarray(np.pi * axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +104,7 @@ class Loops:
         shift, rows = (at2 - at1) / self.length, v.T / self.length
         if closure.kind == "point":
             return shift, rows
-        return np.concatenate([turn(T2[:3, :3] @ T1[:3, :3].T), shift]), np.concatenate([S[:, :3].T, rows])
+        return np.concatenate([rotation_vector(T2[:3, :3] @ T1[:3, :3].T), shift]), np.vstack([S[:, :3].T, rows])
 
     def stepped(self, state: State, step: Array) -> State:
         """A state after a step of all velocities without dimension, shape (n,)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 import numpy as np
 
@@ -155,11 +156,13 @@ class Reading:
     @property
     def freedoms(self) -> dict[str, slice]:
         """Joint -> its entries in the vector of all velocities, in the order of `joints`."""
-        ends = np.cumsum([FREEDOMS[joint.kind] for joint in self.joints.values()])
-        return {
-            name: slice(int(end) - FREEDOMS[joint.kind], int(end))
-            for end, (name, joint) in zip(ends, self.joints.items(), strict=True)
-        }
+        return slices(self.joints, FREEDOMS)
+
+
+def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict[str, slice]:
+    """Joint -> its entries in a vector, of which each joint has as many as `sizes` says of its kind."""
+    ends = accumulate(sizes[joint.kind] for joint in joints.values())
+    return {n: slice(end - sizes[j.kind], end) for (n, j), end in zip(joints.items(), ends, strict=True)}
 
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:

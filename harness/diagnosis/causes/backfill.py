@@ -7,10 +7,10 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
-from uuid import uuid4
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
 from screwgauge.diagnosis.differences.change import Change, applied
@@ -18,7 +18,7 @@ from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.known import unheard
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import read_file, replace_file
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
@@ -126,12 +126,6 @@ def write_fix(out: Path, text: str, b: Path) -> None:
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
     if out.is_dir():
         raise OutputError("is a folder", str(out), "name a file")
-    beside = out.with_name(f".{out.name}.{uuid4().hex}")
-    try:
+    with suppress(OSError):  # which `replace_file` then meets, too
         out.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, out)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        what = f"cannot be written ({(error.strerror or str(error)).lower()})"
-        raise OutputError(what, str(out), "choose another --fix") from None
+    replace_file(out, text)

@@ -5,14 +5,15 @@ Each function says in words what B's value is, made from A's, or nothing. Slips 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import permutations, product
 
 import numpy as np
 
 from screwgauge.diagnosis.mechanics.matter import Matter
+from screwgauge.models.importing.write import TENSOR
 from screwgauge.models.readings.assemble import steiner
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: A slip has to explain all of a difference but this share of it, or else it is none.
 LEFT = 1e-6
@@ -120,29 +121,20 @@ def _entries(I: Array) -> Iterator[tuple[str, Array]]:
     moments, products = np.diag(np.diag(I)), I - np.diag(np.diag(I))
     yield "has products of inertia of the other sign", moments - products
     yield "has no products of inertia", moments
-    entries = {"xx": I[0, 0], "yy": I[1, 1], "zz": I[2, 2], "xy": I[0, 1], "xz": I[0, 2], "yz": I[1, 2]}
-    mjcf, urdf = ("xx", "yy", "zz", "xy", "xz", "yz"), ("xx", "xy", "xz", "yy", "yz", "zz")
-    yield (
-        "has URDF's order of entries in the place of MJCF's",
-        _tensor({k: entries[u] for k, u in zip(mjcf, urdf, strict=True)}),
-    )
-    yield (
-        "has MJCF's order of entries in the place of URDF's",
-        _tensor({u: entries[k] for k, u in zip(mjcf, urdf, strict=True)}),
-    )
-    for order in permutations(("xy", "xz", "yz")):
-        swapped = {name: entries[other] for name, other in zip(("xy", "xz", "yz"), order, strict=True)}
-        yield "has products of inertia in another order", _tensor({**entries, **swapped})
-    for order in permutations(("xx", "yy", "zz")):
-        swapped = {name: entries[other] for name, other in zip(("xx", "yy", "zz"), order, strict=True)}
-        yield "has its moments of inertia in another order", _tensor({**entries, **swapped})
+    mjcf, urdf = tuple(TENSOR), tuple(sorted(TENSOR))
+    yield "has URDF's order of entries in the place of MJCF's", _reordered(I, mjcf, urdf)
+    yield "has MJCF's order of entries in the place of URDF's", _reordered(I, urdf, mjcf)
+    for what, names in (("products", ("xy", "xz", "yz")), ("its moments", ("xx", "yy", "zz"))):
+        for order in permutations(names):
+            yield f"has {what} of inertia in another order", _reordered(I, names, order)
 
 
-def _tensor(entries: dict[str, float]) -> Array:
-    I = np.zeros((3, 3))
-    for (i, j), value in ((tuple(_AXES.index(axis) for axis in name), value) for name, value in entries.items()):
-        I[i, j] = I[j, i] = value
-    return I
+def _reordered(I: Array, names: Sequence[str], others: Sequence[str]) -> Array:
+    """A tensor of which some entries are in the places of others."""
+    out = I.copy()
+    for (i, j), other in zip((TENSOR[name] for name in names), others, strict=True):
+        out[i, j] = out[j, i] = I[TENSOR[other]]
+    return out
 
 
 def _turned(a: Array, b: Array) -> str:
@@ -151,7 +143,7 @@ def _turned(a: Array, b: Array) -> str:
     if np.abs(one - two).max() > LEFT * np.abs(b - a).max():
         return ""
     turns = [W @ np.diag(signs) @ V.T for signs in product((1.0, -1.0), repeat=3)]
-    angle = min(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)) for R in turns if np.linalg.det(R) > 0.0)
+    angle = min(np.linalg.norm(rotation_vector(R)) for R in turns if np.linalg.det(R) > 0.0)
     return f"is turned by {np.degrees(angle):.4g} degrees"
 
 
@@ -172,13 +164,6 @@ def placement_slips(a: Array, b: Array) -> list[str]:
         if said := unit_slip("angle", turn, rotation_vector(Q)):
             found.append(f"has its angles {said}")
     return found
-
-
-def rotation_vector(R: Array) -> Array:
-    """Axis times angle [rad], of the shorter way. Shape (3, 3) -> (3,)."""
-    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    s, c = float(np.linalg.norm(axis)), 0.5 * (float(np.trace(R)) - 1.0)
-    return axis * (np.arctan2(s, c) / s) if s > 0.0 else axis
 
 
 def gravity_slips(a: Array, b: Array) -> list[str]:

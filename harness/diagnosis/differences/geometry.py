@@ -19,7 +19,7 @@ from screwgauge.diagnosis.mechanics.reshape import rehomed
 from screwgauge.diagnosis.pairing.common import Common, owned
 from screwgauge.models.importing.motion import moved
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
-from screwgauge.reference.rotations import Array, vee
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Rounding of readers: nothing below counts, relative to 1 rad or to the size of the machine. Readers keep 1e-14.
 ROUNDING = 1e-11
@@ -191,21 +191,17 @@ def _matter(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[flo
 def _along(joint: JointReading, D: Array, length: float) -> float | None:
     """The coordinate by which a joint itself displaces so; None if it cannot."""
     R, p = D[:3, :3], D[:3, 3]
-    turn = vee(R)
-    sine = float(np.linalg.norm(turn))
-    angle = math.atan2(sine, 0.5 * (float(np.trace(R)) - 1.0))
-    step = R @ joint.centre + p - joint.centre
+    w = rotation_vector(R)
+    angle, step = float(np.linalg.norm(w)), R @ joint.centre + p - joint.centre
     scale = max(angle, float(np.linalg.norm(step)) / length)
     loose = max(1e-4 * scale, ROUNDING)
     if joint.kind == "slide":
         way = float(step @ axis(joint))
         off = max(angle, float(np.linalg.norm(step - way * axis(joint))) / length)
         return way if off < loose else None
-    if sine <= 1e-9 and angle > 1.0:  # half a turn, whose axis its sine does not tell
-        turn = axis(joint) if np.abs(R @ axis(joint) - axis(joint)).max() < loose else 0.0 * turn
-        sine = 1.0
-    w = turn / max(sine, 1e-300) * angle
     along = float(w @ axis(joint))
+    if along < 0.0 and angle > math.pi - 1e-9:  # half a turn is one either way
+        w, along = -w, -along
     off = max(float(np.linalg.norm(w - along * axis(joint))), float(np.linalg.norm(step)) / length)
     return along if off < loose else None
 
@@ -213,5 +209,4 @@ def _along(joint: JointReading, D: Array, length: float) -> float | None:
 def _amount(D: Array, at: Array) -> tuple[float, float]:
     """Angle of a displacement [rad], and how far it moves a point [m]."""
     R = D[:3, :3]
-    angle = math.atan2(float(np.linalg.norm(vee(R))), 0.5 * (float(np.trace(R)) - 1.0))
-    return angle, float(np.linalg.norm(R @ at + D[:3, 3] - at))
+    return float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ at + D[:3, 3] - at))

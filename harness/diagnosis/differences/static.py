@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
 from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, deviations
-from screwgauge.diagnosis.differences.stated import differ, difference
+from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import compared, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
@@ -18,7 +18,7 @@ from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import BodyReading, JointReading
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Entries of a joint that are one number each.
 ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
@@ -48,7 +48,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
     joint, item = common.a.joints[found.joint], found.joint
     length = size(common.a)
     angle, way = found.amount
-    sentence = place(item, found.what, found.amount, joint, common)
+    sentence = place(item, found.what, found.amount, joint)
     relative = angle + way / length
     a = found.value
     b = {
@@ -79,7 +79,7 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     R = common.placement[:3, :3]
     if np.linalg.norm(a - R.T @ b) > CLOSE * float(np.linalg.norm(a)):
         return ""
-    angle = math.degrees(math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(R)) - 1.0)))))
+    angle = math.degrees(np.linalg.norm(rotation_vector(R)))
     return f", because the whole stands turned by {angle:.4g} deg in B"
 
 
@@ -87,7 +87,7 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
     a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
-        yield Difference(name, common.own["joints"].get(name, name), "kind", None, None, "", math.inf, sentence)
+        yield another(common, "joints", name, "kind", sentence)
     for what in ENTRIES:
         if what == "rest" and not (a.stiffness or b.stiffness):
             continue
@@ -144,12 +144,9 @@ def _unpaired(common: Common) -> Iterator[Difference]:
         for name, body in here.bodies.items():
             if name in there.bodies or body.mass == 0.0:
                 continue
-            own = common.own["bodies"].get(name, name)
-            sentence = f"{own if side == 'B' else name}: a body of {body.mass:.6g} kg in {side} only"
-            a, b = (np.asarray(body.mass), None) if side == "A" else (None, np.asarray(body.mass))
-            yield Difference(
-                name if side == "A" else "", own if side == "B" else "", "body", a, b, "kg", math.inf, sentence
-            )
+            own = common.own["bodies"].get(name, name) if side == "B" else name
+            sentence = f"{own}: a body of {body.mass:.6g} kg in {side} only"
+            yield only(side, own, "body", sentence, np.asarray(body.mass), "kg")
 
 
 def sorted_by_size(found: Iterable[Difference]) -> list[Difference]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.geometry import ROUNDING
-from screwgauge.diagnosis.differences.stated import differ, difference
+from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.words import vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.mechanics.closing import residual_at_home
@@ -33,8 +32,7 @@ def closures(common: Common) -> Iterator[Difference]:
                 own = common.own["closures"].get(name, name) if side == "B" else name
                 sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
                 sentence += f", open at home by {_gap(closure, open_[name])}"
-                items = (own, "") if side == "A" else ("", own)
-                yield Difference(*items, "closure", None, None, "", math.inf, sentence)
+                yield only(side, own, "closure", sentence)
 
 
 def _gap(closure: ClosureReading, gap: float) -> str:
@@ -43,11 +41,10 @@ def _gap(closure: ClosureReading, gap: float) -> str:
 
 def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
-    own = common.own["closures"].get(name, name)
     still = f"; open at home by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
-        yield Difference(name, own, "closure", None, None, "", math.inf, sentence)
+        yield another(common, "closures", name, "closure", sentence)
     if (a.first, a.second) == (b.second, b.first) and a.first != a.second:
         a = replace(a, first=a.second, first_frame=a.second_frame, second=a.first, second_frame=a.first_frame)
     for what, body in (("first_frame", a.first), ("second_frame", a.second)):
@@ -68,13 +65,12 @@ def couplings(common: Common) -> Iterator[Difference]:
         other = common.b.couplings.get(name)
         if other is None:
             sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in A only"
-            yield Difference(name, "", "coupling", coupling.polynomial, None, "1", math.inf, sentence)
+            yield only("A", name, "coupling", sentence, coupling.polynomial, "1")
             continue
         if coupling.of != other.of:
-            own = common.own["couplings"].get(name, name)
             leads = common.own["joints"].get(other.of, other.of) or "nothing"
             sentence = f"{coupling.joint}: follows {leads} in B, {coupling.of or 'nothing'} in A"
-            yield Difference(name, own, "leading joint", None, None, "", math.inf, sentence)
+            yield another(common, "couplings", name, "leading joint", sentence)
         n = max(len(coupling.polynomial), len(other.polynomial))
         a, b = (np.pad(each.polynomial, (0, n - len(each.polynomial))) for each in (coupling, other))
         if np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max())):
@@ -83,16 +79,8 @@ def couplings(common: Common) -> Iterator[Difference]:
     for name, coupling in common.b.couplings.items():
         if name not in common.a.couplings:
             sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in B only"
-            yield Difference(
-                "",
-                common.own["couplings"].get(name, name),
-                "coupling",
-                None,
-                coupling.polynomial,
-                "1",
-                math.inf,
-                sentence,
-            )
+            own = common.own["couplings"].get(name, name)
+            yield only("B", own, "coupling", sentence, coupling.polynomial, "1")
 
 
 def actuators(common: Common) -> Iterator[Difference]:
@@ -101,23 +89,18 @@ def actuators(common: Common) -> Iterator[Difference]:
         return  # one of the formats has none
     for name, (joint, gear) in common.a.actuators.items():
         if name not in common.b.actuators:
-            yield Difference(
-                name, "", "actuator", np.asarray(gear), None, "1", math.inf, f"{name}: an actuator of {joint} in A only"
-            )
+            yield only("A", name, "actuator", f"{name}: an actuator of {joint} in A only", np.asarray(gear), "1")
             continue
         driven, other = common.b.actuators[name]
         if driven != joint:
-            own = common.own["actuators"].get(name, name)
             sentence = f"{name}: drives {common.own['joints'].get(driven, driven)} in B, {joint} in A"
-            yield Difference(name, own, "driven joint", None, None, "", math.inf, sentence)
+            yield another(common, "actuators", name, "driven joint", sentence)
         if differ(gear, other):
             yield difference(common, name, "gear", np.asarray(gear), np.asarray(other))
     for name, (joint, gear) in common.b.actuators.items():
         if name not in common.a.actuators:
             own = common.own["actuators"].get(name, name)
-            yield Difference(
-                "", own, "actuator", None, np.asarray(gear), "1", math.inf, f"{own}: an actuator of {joint} in B only"
-            )
+            yield only("B", own, "actuator", f"{own}: an actuator of {joint} in B only", np.asarray(gear), "1")
 
 
 def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:

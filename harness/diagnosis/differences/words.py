@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
-
-if TYPE_CHECKING:
-    from screwgauge.diagnosis.pairing.common import Common
 
 _AXES = "xyz"
 #: Property -> how it is called in a sentence.
@@ -56,7 +52,7 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str) -> tuple[float
     return apart / scale, f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
 
 
-def place(item: str, what: str, amount: tuple[float, float], joint: JointReading, common: Common) -> str:
+def place(item: str, what: str, amount: tuple[float, float], joint: JointReading) -> str:
     """A sentence on a joint that is elsewhere, or counts otherwise."""
     angle, way = amount
     if what == "sign":

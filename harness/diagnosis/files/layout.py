@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter
+from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, rotation
@@ -155,7 +156,8 @@ def mjcf_pose(element: Element, compiler: Mapping[str, str]) -> Array:
 def _mjcf_rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
     unit = 1.0 if compiler.get("angle") == "radian" else np.pi / 180.0
     if "quat" in given:
-        return _quaternion_rotation(numbers(given["quat"]))
+        q = numbers(given["quat"])
+        return quaternion_rotation(q / np.linalg.norm(q))
     if "axisangle" in given:
         values = numbers(given["axisangle"])
         return rotation(values[:3] / np.linalg.norm(values[:3]), values[3] * unit)
@@ -178,12 +180,6 @@ def _mjcf_rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Arr
         s = float(np.linalg.norm(axis))
         return rotation(axis / s if s > 0.0 else _AXES[0], np.arctan2(s, z[2]))
     return np.eye(3)
-
-
-def _quaternion_rotation(q: Array) -> Array:
-    w, x, y, z = q / np.linalg.norm(q)
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
 
 
 def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:

@@ -11,6 +11,7 @@ from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers,
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import Matter, relative
+from screwgauge.models.importing.write import TENSOR
 from screwgauge.models.placement import number_text, quaternion, vector_text
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
@@ -34,7 +35,7 @@ SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
 #: Ways to write an orientation; one at a time may be there.
-_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
 #: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
@@ -49,11 +50,12 @@ def place(xml: XmlText, link: Link, T: Array) -> None:
     if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
         xml.set(link.element, pos=vector_text(new[:3, 3]))
     if np.abs(new[:3, :3] - old[:3, :3]).max() > SAME:
-        _orient(xml, link.element, new[:3, :3])
+        orient(xml, link.element, new[:3, :3])
 
 
-def _orient(xml: XmlText, element: Element, R: Array) -> None:
-    xml.set(element, **dict.fromkeys(name for name in _ORIENTATIONS if name in element.attributes))
+def orient(xml: XmlText, element: Element, R: Array) -> None:
+    """Gives an element another orientation, as a quaternion, whichever way it was written."""
+    xml.set(element, **dict.fromkeys(name for name in ORIENTATIONS if name in element.attributes))
     xml.set(element, quat=vector_text(quaternion(R)))
 
 
@@ -69,7 +71,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
         plain: All of them, the tensor in the axes of the body.
     """
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
-    full = vector_text([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+    full = vector_text([J[place] for place in TENSOR.values()])
     mass, pos = number_text(matter.mass), vector_text(matter.com)
     if inertial is None:
         xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=full)
@@ -87,7 +89,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
     if not plain and inertial.get("diaginertia") and aside <= SAME * float(moments.max()):
         xml.set(inertial, diaginertia=vector_text(moments))
         return
-    lost = [name for name in ("diaginertia", *_ORIENTATIONS) if name in inertial.attributes]
+    lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in inertial.attributes]
     xml.set(inertial, **dict.fromkeys(lost))
     xml.set(inertial, fullinertia=full)
 
@@ -197,7 +199,7 @@ def _put_site(
         raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
     at = relative(frames.get(site.parent, np.eye(4)), T)
     xml.set(site, pos=vector_text(at[:3, 3]))
-    _orient(xml, site, at[:3, :3])
+    orient(xml, site, at[:3, :3])
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:

@@ -12,6 +12,7 @@ from screwgauge.diagnosis.mechanics.matter import Matter
 from screwgauge.models.placement import number_text, rpy, vector_text
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
 
 #: Below it a placement or direction is the same [m or 1]: products of frames leave as much.
@@ -37,23 +38,12 @@ def _set_origin(xml: XmlText, element: Element, T: Array) -> None:
         new["xyz"] = vector_text(T[:3, 3])
     if np.abs(T[:3, :3] - old[:3, :3]).max() > SAME:
         new["rpy"] = vector_text(rpy(T[:3, :3]))
-    _set(xml, element, "origin", new)
-
-
-def _set(xml: XmlText, element: Element, tag: str, values: dict[str, str]) -> None:
-    """Sets attributes of the element's child of that tag, which is added if need be."""
-    found = element.find(tag)
-    if not values:
-        return
-    if found is not None:
-        xml.set(found, **values)
-    else:
-        xml.add(element, tag, **values)
+    xml.set_in(element, "origin", **new)
 
 
 def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
     """Gives a joint another axis, in the frame of its link, through whose origin it goes."""
-    _set(xml, joint, "axis", {"xyz": vector_text(axis)})
+    xml.set_in(joint, "axis", xyz=vector_text(axis))
 
 
 def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
@@ -66,35 +56,34 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
     T = np.eye(4) if inertial is None or plain else origin(inertial)
     R = T[:3, :3]
     J = R.T @ matter.inertia @ R
-    moments = {f"i{'xyz'[i]}{'xyz'[j]}": number_text(J[i, j]) for i in range(3) for j in range(i, 3)}
     if inertial is None:
-        _add_inertial(xml, link.element, matter, moments)
+        xml.put(link.element, inertial_text(matter))
         return
     if plain or old is None or matter.mass != old.mass:
-        _set(xml, inertial, "mass", {"value": number_text(matter.mass)})
+        xml.set_in(inertial, "mass", value=number_text(matter.mass))
     if plain:
-        _set(xml, inertial, "origin", {"xyz": vector_text(matter.com), "rpy": "0 0 0"})
+        xml.set_in(inertial, "origin", xyz=vector_text(matter.com), rpy="0 0 0")
     else:
         _set_origin(xml, inertial, matrix(matter.com, R))
     if plain or old is None or not np.allclose(matter.inertia, old.inertia, rtol=0.0, atol=1e-15 * np.abs(J).max()):
-        _set(xml, inertial, "inertia", moments)
+        xml.set_in(inertial, "inertia", **moments(J))
 
 
-def _add_inertial(xml: XmlText, link: Element, matter: Matter, moments: dict[str, str]) -> None:
-    said = " ".join(f'{name}="{value}"' for name, value in moments.items())
+def inertial_text(matter: Matter) -> str:
+    """The element that says mass properties, the tensor in the axes of the link."""
+    said = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
     where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
-    mass = f'<mass value="{number_text(matter.mass)}"/>'
-    xml.put(link, f"<inertial>{where}{mass}<inertia {said}/></inertial>")
+    return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {said}/></inertial>'
 
 
 def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
     """Gives a joint another property."""
     if what == "limits":
         bounds = {side: number_text(bound) for side, bound in zip(("lower", "upper"), value, strict=True)}
-        _set(xml, joint, "limit", {side: bound for side, bound in bounds.items() if np.isfinite(float(bound))})
+        xml.set_in(joint, "limit", **{side: bound for side, bound in bounds.items() if np.isfinite(float(bound))})
     else:
         tag, name = JOINT[what]
-        _set(xml, joint, tag, {name: number_text(float(value))})
+        xml.set_in(joint, tag, **{name: number_text(float(value))})
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
@@ -102,7 +91,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
     if joint.find("mimic") is None or len(coupling.polynomial) > 2:
         raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not linearly")
     offset, multiplier = (number_text(number) for number in (*coupling.polynomial, 0.0, 0.0)[:2])
-    _set(xml, joint, "mimic", {"offset": offset, "multiplier": multiplier})
+    xml.set_in(joint, "mimic", offset=offset, multiplier=multiplier)
 
 
 def check_matter(xml: XmlText) -> None:

@@ -116,6 +116,14 @@ class XmlText:
         """Adds an element without content as the first child."""
         self.put(element, f"<{tag}{''.join(f' {name}={quoteattr(value)}' for name, value in values.items())}/>")
 
+    def set_in(self, element: Element, tag: str, **values: str) -> None:
+        """Gives attributes of the first child of that tag other values; the child is added if need be."""
+        found = element.find(tag)
+        if found is not None:
+            self.set(found, **values)
+        elif values:
+            self.add(element, tag, **values)
+
     def put(self, element: Element, text: str) -> None:
         """Adds an element, written out, as the first child."""
         self._inserted.setdefault(element, []).append(text)

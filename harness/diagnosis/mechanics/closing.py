@@ -7,7 +7,7 @@ import numpy as np
 from screwgauge.diagnosis.mechanics.tree import Motion, Tree, move
 from screwgauge.diagnosis.mechanics.tree import home as at_home
 from screwgauge.models.readings.reading import ClosureReading
-from screwgauge.reference.rotations import Array, cross, vee
+from screwgauge.reference.rotations import Array, cross, rotation_vector
 
 
 def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:
@@ -20,7 +20,8 @@ def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:
     for name, closure in tree.reading.closures.items():
         (R1, p1), (R2, p2) = frames(tree, motion, closure)
         way = p2 - p1
-        out[name] = way if closure.kind == "point" else np.concatenate([_turn(R2 @ np.swapaxes(R1, 1, 2)), way], axis=1)
+        turn = [] if closure.kind == "point" else [rotation_vector(R2 @ np.swapaxes(R1, 1, 2))]
+        out[name] = np.concatenate([*turn, way], axis=1)
     return out
 
 
@@ -49,18 +50,6 @@ def constraint_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
             rows += sign * moves[:, None] * np.concatenate([w, v + cross(w, np.broadcast_to(p[:, None], w.shape))], -1)
         out[name] = np.swapaxes(rows[..., 3:] if closure.kind == "point" else rows, 1, 2)
     return out
-
-
-def _turn(R: Array) -> Array:
-    """Rotation vectors, of the shorter way. Shape (n, 3)."""
-    sine = vee(R)
-    length = np.linalg.norm(sine, axis=1, keepdims=True)
-    angle = np.arctan2(length, 0.5 * (np.trace(R, axis1=1, axis2=2)[:, None] - 1.0))
-    # At a half turn the sine vanishes; what the rotation leaves alone is then its axis.
-    axis, half = sine / np.maximum(length, 1e-300), ((length <= 1e-7) & (angle > 1.0))[:, 0]
-    if half.any():
-        axis[half] = np.linalg.svd(R[half] - np.eye(3))[2][:, 2]
-    return np.asarray(np.where(angle < 1e-7, sine, angle * axis))
 
 
 def frames(tree: Tree, motion: Motion, closure: ClosureReading) -> list[tuple[Array, Array]]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.mechanics.tree import Motion, States, Tree, move, rotations
+from screwgauge.diagnosis.mechanics.tree import Motion, States, Tree, move
+from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import acceleration_at, velocity_at
@@ -55,9 +56,9 @@ def dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Dynami
     )
 
 
-def inverse_dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Array:
+def inverse_dynamics(tree: Tree, states: States) -> Array:
     """`Dynamics.tau` alone. Shape (n, n_freedom)."""
-    motion = motion or move(tree, states)
+    motion = move(tree, states)
     rigid = _along(tree, motion, _wrenches(tree, motion))
     return rigid + armature_force(tree, states) + passive_force(tree, states)
 
@@ -154,7 +155,7 @@ def deflection(tree: Tree, states: States) -> Array:
         angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0, -1.0, 1.0)  # the shorter way
         out[:, part.start : part.start + 3] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
         if joint.kind == "free":
-            out[:, part.start + 3 : part.stop] = (q[:, None, :3] @ rotations(q[:, 3:]))[:, 0]
+            out[:, part.start + 3 : part.stop] = (q[:, None, :3] @ quaternion_rotation(q[:, 3:]))[:, 0]
     return out
 
 

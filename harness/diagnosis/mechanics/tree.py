@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.models.placement import quaternion_rotation
+from screwgauge.models.readings.reading import FREEDOMS, Reading, slices
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import lie_bracket
 
@@ -113,7 +114,7 @@ def plant(reading: Reading) -> Tree:
     single = [i for i, joint in enumerate(joints) if FREEDOMS[joint.kind] == 1]
     return Tree(
         reading,
-        _slices(reading),
+        slices(reading.joints, COORDINATES),
         reading.freedoms,
         (
             np.array(single, dtype=int),
@@ -158,22 +159,8 @@ def _levels(prior: dict[int, int]) -> tuple[tuple[Array, Array], ...]:
     return tuple((np.array(levels[k]), np.array([prior[i] for i in levels[k]])) for k in sorted(levels))
 
 
-def _slices(reading: Reading) -> dict[str, slice]:
-    """Joint -> its coordinates."""
-    ends = np.cumsum([COORDINATES[joint.kind] for joint in reading.joints.values()])
-    return {
-        name: slice(int(end) - COORDINATES[joint.kind], int(end))
-        for end, (name, joint) in zip(ends, reading.joints.items(), strict=True)
-    }
-
-
-def draw(reading: Reading, n: int, seed: int = 0, speed: float = 1.0) -> States:
-    """Random states within the limits.
-
-    Args:
-        n: How many.
-        speed: Velocities and accelerations are normal, of this standard deviation [rad/s or m/s, per s].
-    """
+def draw(reading: Reading, n: int, seed: int = 0) -> States:
+    """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
     random = np.random.default_rng(seed)
     columns = [np.zeros((n, 0))]
     for joint in reading.joints.values():
@@ -186,7 +173,7 @@ def draw(reading: Reading, n: int, seed: int = 0, speed: float = 1.0) -> States:
         columns += [random.uniform(-1.0, 1.0, (n, 3))] if joint.kind == "free" else []
         columns.append(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
     wide = sum(FREEDOMS[joint.kind] for joint in reading.joints.values())
-    return States(np.hstack(columns), *(speed * random.normal(size=(2, n, wide))))
+    return States(np.hstack(columns), *random.normal(size=(2, n, wide)))
 
 
 def home(reading: Reading) -> States:
@@ -195,12 +182,6 @@ def home(reading: Reading) -> States:
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
     wide = sum(FREEDOMS[joint.kind] for joint in reading.joints.values())
     return States(np.array([q], dtype=float).reshape(1, -1), np.zeros((1, wide)), np.zeros((1, wide)))
-
-
-def rotations(quaternions: Array) -> Array:
-    """Rotation matrices of unit quaternions (w, x, y, z). Shape (n, 4) -> (n, 3, 3)."""
-    w, K = quaternions[:, :1, None], skew(quaternions[:, 1:])
-    return np.eye(3) + 2.0 * (w * K + K @ K)
 
 
 def moved(tree: Tree, q: Array, step: Array) -> Array:
@@ -223,7 +204,7 @@ def moved(tree: Tree, q: Array, step: Array) -> Array:
             [real, w[:, :1] * v + np.cos(half) * w[:, 1:] + cross(w[:, 1:], v)]
         )
         if part.shape[1] == 6:
-            out[:, place.start : place.start + 3] += (rotations(w) @ part[:, 3:, None])[..., 0]
+            out[:, place.start : place.start + 3] += (quaternion_rotation(w) @ part[:, 3:, None])[..., 0]
     return out
 
 
@@ -269,7 +250,7 @@ def _steps(tree: Tree, q: Array) -> tuple[Array, Array]:
     p[:, numbers] = centres - (R[:, numbers] @ centres[:, :, None])[..., 0] + angle[..., None] * slides
     for i, frame in tree.frames.items():
         own = q[:, places[i]]
-        step = frame[:3, :3] @ rotations(own[:, -4:]) @ frame[:3, :3].T
+        step = frame[:3, :3] @ quaternion_rotation(own[:, -4:]) @ frame[:3, :3].T
         R[:, i] = step
         p[:, i] = frame[:3, 3] - step @ frame[:3, 3] + own[:, :-4] @ frame[:3, : own.shape[1] - 4].T
     return R, p

@@ -9,13 +9,15 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, Change, applied, outwards
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed, rehomed
-from screwgauge.diagnosis.mechanics.tree import States, Tree, rotations
+from screwgauge.diagnosis.mechanics.tree import States, Tree
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.renamed import renamed
-from screwgauge.reference.rotations import Array, skew
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.screws import adjoint
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])
@@ -63,7 +65,10 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     }
     names |= {
         "closures": _same(_ends(a, {}), _ends(b, names["bodies"])),
-        "couplings": _same({n: c.joint for n, c in a.couplings.items()}, _carried(b, names["joints"])),
+        "couplings": _same(
+            {n: c.joint for n, c in a.couplings.items()},
+            {n: names["joints"].get(c.joint, "") for n, c in b.couplings.items()},
+        ),
         "actuators": _same(
             {n: joint for n, (joint, _) in a.actuators.items()},
             {n: names["joints"].get(joint, "") for n, (joint, _) in b.actuators.items()},
@@ -105,10 +110,6 @@ def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:
                 names[kind][name] = other
                 taken.add(other)
     return b
-
-
-def _carried(b: Reading, joints: Mapping[str, str]) -> dict[str, str]:
-    return {name: joints.get(coupling.joint, "") for name, coupling in b.couplings.items()}
 
 
 def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:
@@ -190,7 +191,7 @@ def velocity_map(a: Tree, b: Tree) -> Array:
     C = np.eye(len(a.before))
     for i, frame in _reframed(a, b):
         part = list(a.freedoms.values())[i]
-        C[part, part] = _adjoint(_inverse(frame))[: part.stop - part.start, : part.stop - part.start]
+        C[part, part] = adjoint(np.asarray(np.linalg.inv(frame)))[: part.stop - part.start, : part.stop - part.start]
     return C
 
 
@@ -206,23 +207,11 @@ def _reframed(a: Tree, b: Tree) -> list[tuple[int, Array]]:
     return found
 
 
-def _inverse(T: Array) -> Array:
-    return np.asarray(np.linalg.inv(T))
-
-
-def _adjoint(T: Array) -> Array:
-    """Of a twist [angular; linear]. Shape (6, 6)."""
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = T[:3, :3]
-    out[3:, :3] = skew(T[:3, 3]) @ T[:3, :3]
-    return out
-
-
 def _conjugated(q: Array, C: Array) -> Array:
     """``C^-1 X C`` of placements in coordinates of ball or free joints. Shape (n, 4 or 7)."""
     R = C[:3, :3].T
     turned = np.concatenate([q[:, -4:-3], q[:, -3:] @ R.T], axis=1)
     if q.shape[1] == 4:
         return turned
-    moved = (rotations(q[:, 3:]) @ C[:3, 3]) + q[:, :3] - C[:3, 3]
+    moved = (quaternion_rotation(q[:, 3:]) @ C[:3, 3]) + q[:, :3] - C[:3, 3]
     return np.concatenate([moved @ R.T, turned], axis=1)

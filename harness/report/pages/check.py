@@ -7,7 +7,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import replace_file
+from screwgauge.reference.files import replace_file, why
 from screwgauge.report.gate import PAGE, Check
 
 DATA, terminal = PAGE.DATA, PAGE.terminal
@@ -37,7 +37,7 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
             with Path(summary).open("a", encoding="utf-8") as file:
                 file.write(found.markdown())
         except OSError as error:
-            what = f"cannot be written ({(error.strerror or str(error)).lower()})"
+            what = f"cannot be written ({why(error)})"
             raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
     PAGE.write(found, out)
     if baseline is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.energy import energy_balance
-from screwgauge.problem import Integration, Problem
+from screwgauge.problem import Integration, Problem, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.forward import forces_at
 from screwgauge.reference.pose import Layout, layout
@@ -28,11 +28,11 @@ from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed, compared_rows
+from screwgauge.study.posed import Posed
 from screwgauge.study.provenance import provenance
 from screwgauge.study.reference import Reference, score
+from screwgauge.threads import one_thread
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
@@ -70,7 +70,7 @@ def contest(
         raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
     if plan.share < 1.0:
         t = t[t <= t[0] + plan.share * (t[-1] - t[0])]
-    short = scene.at(t[compared_rows(len(t), plan.samples)])
+    short = scene.at(t[spread(len(t), plan.samples)])
     lay, notes = check_start(short)
     if plan.share < 1.0:
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."

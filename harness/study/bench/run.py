@@ -28,12 +28,12 @@ from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.stamp import stamp
-from screwgauge.study.bench.threads import one_thread
 from screwgauge.study.journal import Journal
 from screwgauge.study.posed import Posed, pose_scene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.question import failure
 from screwgauge.study.whole import check_whole
+from screwgauge.threads import one_thread
 
 
 @dataclass(frozen=True, slots=True)

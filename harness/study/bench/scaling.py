@@ -21,10 +21,10 @@ from screwgauge.models.fourbars import four_bars
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.bench import ladders
-from screwgauge.study.bench.threads import alone
 from screwgauge.study.bench.volume import FORCES, measured, samples
 from screwgauge.study.campaigns.compiled import near_home
 from screwgauge.study.table import columns_of, frame
+from screwgauge.threads import alone
 
 #: Samples of a chunk where only their number grows.
 CHUNK = 1024

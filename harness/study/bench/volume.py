@@ -20,8 +20,8 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.bench.threads import alone
 from screwgauge.study.bench.timing import Protocol, measure
+from screwgauge.threads import alone
 
 FORCES = ("actuator_force",)
 #: Samples of a call, so that buffers stay in the cache: of all quantities, and of forces alone.

@@ -15,7 +15,6 @@ from tempfile import TemporaryDirectory
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.problem import Progress
 from screwgauge.reference.errors import LoaderError, ScrewgaugeError
 from screwgauge.solution import Failure
 from screwgauge.study import apart
@@ -65,13 +64,13 @@ def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[
     for name, request in requests.items():
         used[request.library] += 1
         processes[name] = f"{request.library}-reading-{used[request.library]}"
-    works = {processes[name]: partial(_work, request) for name, request in requests.items()}
+    works = {processes[name]: partial(apart.unwatched, partial(_work, request)) for name, request in requests.items()}
     with TemporaryDirectory() as folder:
         found = apart.apart(works, limits, Path(folder), lambda names, share: None)
     return {name: found[process] for name, process in processes.items()}
 
 
-def _work(request: Request, progress: Progress) -> Reading | Failure:
+def _work(request: Request) -> Reading | Failure:
     try:
         return load(request)
     except ScrewgaugeError as error:
@@ -85,14 +84,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    name = f"{library}-reading-1"
-    work = partial(_read, path, library, floating)
-    with TemporaryDirectory() as folder:
-        found = apart.apart({name: work}, LOADING, Path(folder), lambda names, share: None)[name]
+    found = apart.alone(f"{library}-reading-1", partial(read, path, library, floating=floating), LOADING)
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
-
-
-def _read(path: Path, library: str, floating: bool, progress: Progress) -> Reading | Failure:
-    return read(path, library, floating=floating)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Step
-from screwgauge.diagnosis.causes.conventions import rotation_vector
 from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
 from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.reference.rotations import rotation_vector
 from screwgauge.study.selftest.mutant import EVERYWHERE, Expected
 
 #: A magnitude that is told is right within so much of it.

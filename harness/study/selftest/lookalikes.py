@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from screwgauge.diagnosis.files.layout import urdf_links
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.write_urdf import inertial_text
+from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter, combined, displaced, relative
-from screwgauge.models.placement import number_text, vector_text
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.marks import inertials
 from screwgauge.study.selftest.mutant import CannotError
@@ -30,19 +30,13 @@ def same_text(text: str, rng: Random) -> str:
 
 def printed_with_17_digits(text: str, rng: Random) -> str:
     xml = XmlText(text, "the model")
-    for element in _all(xml):
+    for element in xml.root.iter():
+        if element.tag in ("compiler", "option", "geom", "default", "mesh"):
+            continue
         said = {name: element.get(name) for name in _NUMBERS if element.get(name)}
         numbers = {name: " ".join(f"{float(word):.16e}" for word in words.split()) for name, words in said.items()}
         xml.set(element, **numbers)
     return xml.text()
-
-
-def _all(xml: XmlText) -> list[Element]:
-    out, waiting = [], [xml.root]
-    while waiting:
-        out.append(waiting.pop())
-        waiting += out[-1].children
-    return [element for element in out if element.tag not in ("compiler", "option", "geom", "default", "mesh")]
 
 
 def reordered(text: str, rng: Random) -> str:
@@ -64,7 +58,7 @@ def _urdf(text: str) -> XmlText:
 def renamed(text: str, rng: Random) -> str:
     """All links and joints have a prefix before their names."""
     xml = _urdf(text)
-    for element in _all(xml):
+    for element in xml.root.iter():
         if element.tag in ("link", "joint") and element.get("name"):
             xml.set(element, name=f"robot_{element.get('name')}")
         elif element.tag in ("parent", "child") and element.get("link"):
@@ -109,15 +103,8 @@ def fixed_links_merged(text: str, rng: Random) -> str:
         for old in [child for child in links[i].element.children if child.tag == "inertial"]:
             xml.replace(old)
         if i not in moved:
-            xml.put(links[i].element, _inertial(wholes[i]))
+            xml.put(links[i].element, inertial_text(wholes[i]))
     return xml.text()
-
-
-def _inertial(matter: Matter) -> str:
-    I = matter.inertia
-    entries = " ".join(f'i{"xyz"[j]}{"xyz"[k]}="{number_text(I[j, k])}"' for j in range(3) for k in range(j, 3))
-    where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
-    return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {entries}/></inertial>'
 
 
 def respaced(text: str, rng: Random) -> str:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.files.write_mjcf import ORIENTATIONS, orient
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
+from screwgauge.models.importing.write import TENSOR
+from screwgauge.models.placement import number_text, rpy, vector_text
+from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
-
-ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
-_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
 @dataclass(slots=True, eq=False)
@@ -42,7 +42,7 @@ class Inertial:
     @mass.setter
     def mass(self, value: float) -> None:
         if self.urdf:
-            self._set("mass", value=number_text(value))
+            self.xml.set_in(self.at, "mass", value=number_text(value))
         else:
             self.xml.set(self.at, mass=number_text(value))
 
@@ -53,7 +53,7 @@ class Inertial:
     @com.setter
     def com(self, value: Array) -> None:
         if self.urdf:
-            self._set("origin", xyz=vector_text(value))
+            self.xml.set_in(self.at, "origin", xyz=vector_text(value))
         else:
             self.xml.set(self.at, pos=vector_text(value))
 
@@ -65,52 +65,37 @@ class Inertial:
     @turn.setter
     def turn(self, R: Array) -> None:
         if self.urdf:
-            self._set("origin", rpy=vector_text(rpy(R)))
+            self.xml.set_in(self.at, "origin", rpy=vector_text(rpy(R)))
         else:
-            self.xml.set(self.at, **dict.fromkeys(name for name in _ORIENTATIONS if name in self.at.attributes))
-            self.xml.set(self.at, quat=vector_text(quaternion(R)))
+            orient(self.xml, self.at, R)
 
     @property
     def tensor(self) -> Array:
         """As it is written. Shape (3, 3)."""
         if self.urdf:
             found = self.at.find("inertia")
-            values = [float(found.get(f"i{name}", "0")) if found else 0.0 for name in ENTRIES]
+            values = [float(found.get(f"i{name}", "0")) if found else 0.0 for name in TENSOR]
         elif full := self.at.get("fullinertia"):
             values = [float(word) for word in full.split()]
         else:
             values = [*numbers(self.at.get("diaginertia")), 0.0, 0.0, 0.0]
-        return tensor(values)
+        I = np.zeros((3, 3))
+        for (i, j), value in zip(TENSOR.values(), values, strict=True):
+            I[i, j] = I[j, i] = value
+        return I
 
     @tensor.setter
     def tensor(self, I: Array) -> None:
-        values = {"xyz"[i] + "xyz"[j]: I[i, j] for i in range(3) for j in range(i, 3)}
         if self.urdf:
-            self._set("inertia", **{f"i{name}": number_text(value) for name, value in values.items()})
+            self.xml.set_in(self.at, "inertia", **moments(I))
         elif self.at.get("diaginertia") and not np.any(I - np.diag(np.diag(I))):
             self.xml.set(self.at, diaginertia=vector_text(np.diag(I)))
         else:  # beside a full tensor MuJoCo admits no orientation
-            lost = [name for name in ("diaginertia", *_ORIENTATIONS) if name in self.at.attributes]
+            lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in self.at.attributes]
             R = self.turn
             I = R @ I @ R.T
             self.xml.set(self.at, **dict.fromkeys(lost))
-            self.xml.set(self.at, fullinertia=vector_text([I["xyz".index(n[0]), "xyz".index(n[1])] for n in ENTRIES]))
-
-    def _set(self, tag: str, **values: str) -> None:
-        found = self.at.find(tag)
-        if found is None:
-            self.xml.add(self.at, tag, **values)
-        else:
-            self.xml.set(found, **values)
-
-
-def tensor(values: list[float]) -> Array:
-    """From the entries in the order of `ENTRIES`. Shape (3, 3)."""
-    I = np.zeros((3, 3))
-    for name, value in zip(ENTRIES, values, strict=True):
-        i, j = ("xyz".index(axis) for axis in name)
-        I[i, j] = I[j, i] = value
-    return I
+            self.xml.set(self.at, fullinertia=vector_text([I[place] for place in TENSOR.values()]))
 
 
 def inertials(xml: XmlText) -> list[Inertial]:

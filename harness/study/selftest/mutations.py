@@ -212,15 +212,6 @@ def tensor_in_gram_millimetres(xml: XmlText, rng: Random, size: float) -> list[E
     return _retensored(mark, 1e9 * mark.tensor, "in g mm^2")
 
 
-def _set(xml: XmlText, joint: Element, tag: str, **values: str) -> None:
-    """Attributes of the child of a joint of a URDF."""
-    found = joint.find(tag)
-    if found is None:
-        xml.add(joint, tag, **values)
-    else:
-        xml.set(found, **values)
-
-
 def passive(what: str, urdf: str, mjcf: str) -> Mutation:
     """Another damping, friction, armature, stiffness of a joint; by the empty name a format has none."""
 
@@ -233,7 +224,7 @@ def passive(what: str, urdf: str, mjcf: str) -> Mutation:
         old = float((holder.get(name, "0") if holder else "0").split()[0])
         step = size * (old or 1.0)
         if _urdf(xml):
-            _set(xml, joint, "dynamics", **{name: number_text(old + step)})
+            xml.set_in(joint, "dynamics", **{name: number_text(old + step)})
         else:
             xml.set(joint, **{name: number_text(old + step)})
         return [Expected(joint.get("name"), (what,), step)]

@@ -7,16 +7,16 @@ import re
 import numpy as np
 
 from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.files.write_mjcf import orient
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
+from screwgauge.models.placement import number_text, rpy, vector_text
 from screwgauge.reference.rotations import Array, rotation
 from screwgauge.study.selftest.marks import end, joints
 from screwgauge.study.selftest.mutant import CannotError, Expected
-from screwgauge.study.selftest.mutations import Random, _joint, _set, _unit, _urdf
+from screwgauge.study.selftest.mutations import Random, _joint, _unit, _urdf
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 NUMBERS = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER})*\s*")
-_ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
 def _axis(xml: XmlText, joint: Element) -> Array:
@@ -30,7 +30,7 @@ def _axis(xml: XmlText, joint: Element) -> Array:
 
 def _set_axis(xml: XmlText, joint: Element, axis: Array) -> None:
     if _urdf(xml):
-        _set(xml, joint, "axis", xyz=vector_text(axis))
+        xml.set_in(joint, "axis", xyz=vector_text(axis))
     else:
         xml.set(joint, axis=vector_text(axis))
 
@@ -69,10 +69,10 @@ def _pose(xml: XmlText, mount: Element) -> Array:
 
 def _replace(xml: XmlText, mount: Element, T: Array) -> None:
     if _urdf(xml):
-        _set(xml, mount, "origin", xyz=vector_text(T[:3, 3]), rpy=vector_text(rpy(T[:3, :3])))
+        xml.set_in(mount, "origin", xyz=vector_text(T[:3, 3]), rpy=vector_text(rpy(T[:3, :3])))
         return
-    xml.set(mount, **dict.fromkeys(name for name in _ORIENTATIONS if name in mount.attributes))
-    xml.set(mount, pos=vector_text(T[:3, 3]), quat=vector_text(quaternion(T[:3, :3])))
+    xml.set(mount, pos=vector_text(T[:3, 3]))
+    orient(xml, mount, T[:3, :3])
 
 
 def placement_shift(xml: XmlText, rng: Random, size: float) -> list[Expected]:
@@ -146,7 +146,7 @@ def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
         )
         old = _upper(joint)
         step = size * max(1.0, abs(old))
-        _set(xml, joint, "limit", upper=number_text(old + step))
+        xml.set_in(joint, "limit", upper=number_text(old + step))
     else:
         joint = _joint(xml, rng, lambda joint: bool(joint.get("range")))
         low, high = numbers(joint.get("range"))
@@ -157,19 +157,12 @@ def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     return [Expected(joint.get("name"), ("limits",), step)]
 
 
-def _option(xml: XmlText) -> Element | None:
+def _gravity(xml: XmlText, change: Array) -> list[Expected]:
     if _urdf(xml):
         raise CannotError("a URDF has no gravity")
-    return next((element for element in xml.root.children if element.tag == "option"), None)
-
-
-def _gravity(xml: XmlText, change: Array) -> list[Expected]:
-    option = _option(xml)
+    option = xml.root.find("option")
     old = numbers(option.get("gravity") if option else "", "0 0 -9.81")
-    if option is None:
-        xml.add(xml.root, "option", gravity=vector_text(old + change))
-    else:
-        xml.set(option, gravity=vector_text(old + change))
+    xml.set_in(xml.root, "option", gravity=vector_text(old + change))
     return [Expected("", ("gravity",), float(np.linalg.norm(change)))]
 
 
@@ -234,9 +227,8 @@ def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """A last link that is not there, with its joint."""
     if not _urdf(xml):
         raise CannotError("only of a URDF")
-    all_joints = [element for element in xml.root.children if element.tag == "joint"]
     mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
-    near = {end(joint, "parent") for joint in all_joints}
+    near = {end(element, "parent") for element in xml.root.children if element.tag == "joint"}
     last = [j for j in joints(xml) if end(j, "child") not in near and j.get("name") not in mimicked]
     if not last or len(joints(xml)) < 2:
         raise CannotError("no last link behind a joint")
@@ -249,10 +241,8 @@ def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """The file printed with six or seven digits."""
-    places, changed, waiting = 6 + int(rng.integers(2)), False, [xml.root]
-    while waiting:
-        element = waiting.pop()
-        waiting += element.children
+    places, changed = 6 + int(rng.integers(2)), False
+    for element in xml.root.iter():
         for name, text in element.attributes.items():
             short = " ".join(f"{float(word):.{places}g}" for word in text.split()) if NUMBERS.fullmatch(text) else text
             if any(float(a) != float(b) for a, b in zip(short.split(), text.split(), strict=True) if short != text):
@@ -285,5 +275,5 @@ def coupling_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     joint = found[rng.integers(len(found))]
     mimic = joint.find("mimic")
     old = float(mimic.get("multiplier", "1")) if mimic else 1.0
-    _set(xml, joint, "mimic", multiplier=number_text(old * (1.0 + size)))
+    xml.set_in(joint, "mimic", multiplier=number_text(old * (1.0 + size)))
     return [Expected(joint.get("name"), ("polynomial",), abs(old * size))]

@@ -12,6 +12,7 @@ import numpy as np
 
 from screwgauge.models.placement import number_text, quaternion, rpy, vector_text
 from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array, rotation
 
 _KINDS = ("revolute", "revolute", "continuous", "prismatic", "fixed")
@@ -77,7 +78,7 @@ def urdf(parts: list[Part]) -> str:
     for i, part in enumerate(parts):
         skewed = rotation(np.array([0.0, 0.0, 1.0]), np.array(0.4))  # not the principal axes: there are products
         I, R = skewed.T @ np.diag(part.moments) @ skewed, part.turn @ skewed
-        entries = " ".join(f'i{"xyz"[j]}{"xyz"[k]}="{number_text(I[j, k])}"' for j in range(3) for k in range(j, 3))
+        entries = " ".join(f'{name}="{value}"' for name, value in moments(I).items())
         lines += [
             f'  <link name="link{i}">',
             "    <inertial>",
