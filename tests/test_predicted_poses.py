@@ -4,7 +4,7 @@ more than once."""
 import numpy as np
 import pytest
 
-from screwgauge.reference.closed.between import knots, predicted
+from screwgauge.reference.closed.between import Spacing, knots, predicted
 from screwgauge.reference.closed.following import Follower
 
 EVERY, STEP = 16, 0.1
@@ -58,3 +58,13 @@ def test_a_follower_asks_for_most_poses_once(n):
     found = path.follow(y, np.arange(float(n)))
     assert np.abs(found.z[:, 0] - np.sin(y[:, 0])).max() < 1e-15
     assert sum(asked) < 1.7 * n
+
+
+def test_samples_that_are_followed_lie_as_far_apart_as_those_between_need_no_second_look():
+    spacing = Spacing()
+    for again, every in ((0.0, 24), (0.1, 24), (0.0, 36), (0.3, 24), (0.0, 24), (0.5, 16), (0.5, 10), (0.9, 8), (0.9, 8)):
+        spacing.learn(spacing.every, again)
+        assert spacing.every == every
+    y = np.linspace(0.0, 0.01, 1000)[:, None]
+    assert len(spacing.rows(y)) == 1 + 1000 // 8
+    assert spacing.rows(y[:100]) is None  # not worth it

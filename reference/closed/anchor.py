@@ -60,3 +60,8 @@ class Anchor:
         """How much other derivatives differ from this one. Shape (n, m, n_q) -> (n,)."""
         turned = self.U.T @ matrix @ self.V - np.diag(self.s)
         return np.asarray(np.sqrt((turned.reshape(len(matrix), len(self.weights)) ** 2 @ self.weights).min(axis=1)))
+
+
+def no_further(y: Array) -> str:
+    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"

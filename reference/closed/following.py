@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear
-from screwgauge.reference.closed.anchor import SHORT, Anchor
-from screwgauge.reference.closed.between import Rows, knots, predicted
+from screwgauge.reference.closed.anchor import SHORT, Anchor, no_further
+from screwgauge.reference.closed.between import Spacing, predicted
 from screwgauge.reference.closed.continuation import OPEN, Evaluation, newton
 from screwgauge.reference.closed.ways import Way, quintic, rest, straight_and_bent
 from screwgauge.reference.errors import ClosureError
@@ -35,16 +35,10 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 FAINT = 1e-9
 NEARER = 1e-3  # share of the least singular value where a way begins, below which it leads towards a singular pose
 BLOCK = 1024  # samples corrected at a time
-EVERY, SPREAD = 24, 0.1  # samples, and way in y, from one that is followed to the next; those between are predicted
-MANY, FEW = 100, 8  # samples from which on this pays, and steps of Newton's method that it is worth
+FEW = 8  # steps of Newton's method that predicted samples are worth
 REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
-
-
-def no_further(y: Array) -> str:
-    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
-    return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
 class PathEnd(ClosureError):
@@ -113,7 +107,7 @@ class Follower:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)
         self.home = self.anchor = Anchor.at(found[0], y, matrix[0], float(error[0]), read(found[0], None))
-        self.begun, self.last = False, tuple[Array, ...]()
+        self.begun, self.last, self.spacing = False, tuple[Array, ...](), Spacing()
 
     def follow(self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, *, strict: bool = False) -> Followed:
         """The closed poses of some samples, which go on from those followed before.
@@ -158,7 +152,7 @@ class Follower:
         Returns:
             Unknowns, derivative, residual of these samples, and what else `evaluate` gives.
         """
-        if len(y) > MANY and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y) and (found := self._between(y, rows)):
+        if found := self._between(y):
             return found
         at = self.anchor
         way = (y - at.y) @ at.K.T
@@ -180,19 +174,22 @@ class Follower:
             self.beside = [array[i:count] for array in more]
         return tuple(array[:count] for array in found)
 
-    def _between(self, y: Array, rows: Rows) -> tuple[Array, ...] | None:
-        """As `_correct`, where all samples are so near to some, `rows`, that they can be predicted from these.
+    def _between(self, y: Array) -> tuple[Array, ...] | None:
+        """As `_correct`, where all samples are so near to some that they can be predicted from these.
 
         Looked at is how much the derivative changes from the nearest of those to the solution. If anything stands in
         the way, nothing is done.
         """
-        anchor, reach = self.anchor, self.reach
-        z, matrix = self._correct(y[rows])[:2]
+        anchor, reach, every = self.anchor, self.reach, self.spacing.every
+        if (rows := self.spacing.rows(y)) is None:
+            return None
+        z, matrix = self._correct(y[rows])[:2]  # which may learn of its own spacing
         if len(z) > 1 and not self.anchor.blurred:
             rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
             inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
             z, matrix, error, *_ = found = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
+            self.spacing.learn(every, float((z != start).any(axis=1).mean()))
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
             change = linear.departure(matrix, inverse, near)
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
