@@ -62,7 +62,8 @@ def test_a_follower_asks_for_most_poses_once(n):
 
 def test_samples_that_are_followed_lie_as_far_apart_as_those_between_need_no_second_look():
     spacing = Spacing()
-    for again, every in ((0.0, 24), (0.1, 24), (0.0, 36), (0.3, 24), (0.0, 24), (0.5, 16), (0.5, 10), (0.9, 8), (0.9, 8)):
+    asked = ((0.0, 24), (0.1, 24), (0.0, 36), (0.3, 24), (0.0, 24), (0.5, 16), (0.5, 10), (0.9, 8), (0.9, 8))
+    for again, every in asked:
         spacing.learn(spacing.every, again)
         assert spacing.every == every
     y = np.linspace(0.0, 0.01, 1000)[:, None]
