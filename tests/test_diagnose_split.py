@@ -53,10 +53,13 @@ def test_a_ball_joint_and_three_hinges_about_its_centre_are_one_difference(other
     assert (said.what, found.exit_status) == ("kind", 1)
 
 
-def test_a_free_joint_and_six_of_one_freedom_are_one_difference(write):
+@pytest.mark.parametrize("home", ["", ' pos="0 0 0.1"'])
+def test_a_free_joint_and_six_of_one_freedom_are_one_difference(home, write):
+    """Where the six count from says nothing of what they carry."""
     floating = MODEL.replace('<joint name="turn" axis="0 0 1"/>', "{}").replace("@", '<joint name="q" axis="0 1 0"/>')
     six = SLIDES + HINGES
-    found = diagnose(write("a.xml", floating.format('<freejoint name="float"/>')), write("b.xml", floating.format(six)))
+    stands = floating.replace('name="base"', f'name="base"{home}')
+    found = diagnose(write("a.xml", stands.format('<freejoint name="float"/>')), write("b.xml", floating.format(six)))
     (said,) = found.differences
     assert said.sentence.startswith("float: a free joint in A, in B the joints tx, ty, tz, wx, wrist, wz, which move")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import arm
 import pytest
 
@@ -240,3 +242,20 @@ def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
         (tmp_path / name).write_text(text.format(mass), encoding="utf-8")
     found = screwgauge.diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf")
     assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %); explains 100.0000 %" in found.verdict
+
+
+def test_gravity_of_an_import_is_that_of_its_scene(tmp_path, monkeypatch):
+    """A description cannot say it; its scene can, and the model files that are made of both."""
+    monkeypatch.chdir(tmp_path)
+    text = (
+        f'<mujoco model="m"><option gravity="0 0 0"/><worldbody><body><joint name="j" axis="0 1 0"/>{INERTIAL}</body>'
+    )
+    Path("still.xml").write_text(f"{text}</worldbody></mujoco>", encoding="utf-8")
+    assert main(["import", "still.xml"]) == 0
+    for made in ("still.toml", "still.xml"):
+        assert main(["models", made, "--out", "made", "--check"]) == 0
+        assert screwgauge.diagnose("still.xml", "made/m.xml").same
+    assert screwgauge.diagnose("still.xml", "still.toml").same
+    Path("still.scene.toml").unlink()
+    alone = screwgauge.diagnose("still.xml", "still.toml")
+    assert "B says no gravity; 9.81 m/s^2 downwards is taken" in alone.notes

@@ -71,7 +71,8 @@ def test_an_arm_moves_as_its_file_says(tmp_path):
     mechanism = imported.mechanism
     assert [joint.name for joint in mechanism.joints] == ["shoulder", "elbow-joint", "roll"]
     assert [joint.name for joint in mechanism.actuators] == ["shoulder", "elbow-joint", "roll"]
-    assert imported.names == {"upper/arm": "upper-arm", "fore arm": "fore-arm", "elbow joint": "elbow-joint"}
+    names = {"upper/arm": "upper-arm", "fore arm": "fore-arm", "elbow joint": "elbow-joint"}
+    assert imported.names == {**names, "my robot": "my-robot"}
     elbow = mechanism.joint("elbow-joint")
     assert elbow.limits.tolist() == [[0.5, 2.5]]
     assert elbow.home[0] == pytest.approx(0.8)
@@ -259,10 +260,18 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
     assert scene.file == out.with_name("grip.scene.toml")
     assert scene.name == "grip"
     assert main(["import", str(gripper), "-o", str(out)]) == 0  # what it wrote itself it writes again
-    out.write_text("# mine\n", encoding="utf-8")
-    assert main(["import", str(gripper), "-o", str(out)]) == 2
-    assert "no import has written it" in capsys.readouterr().err
-    assert out.read_text(encoding="utf-8") == "# mine\n"
+
+
+@pytest.mark.parametrize("name", ["grip.toml", "grip.scene.toml"])
+@pytest.mark.parametrize(
+    "edited", [lambda text: "# mine\n", lambda text: text.replace("mass = 0.2", "mass = 0.3"), str.upper]
+)
+def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, capsys):
+    assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
+    (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
+    assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 2
+    assert "not as an import has written it" in capsys.readouterr().err
+    assert path.read_text(encoding="utf-8") == mine
 
 
 def test_a_description_alone_runs(tmp_path):

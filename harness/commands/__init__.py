@@ -32,13 +32,14 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import write_models
     from screwgauge.models.mjcf import left_out
+    from screwgauge.scene.default import gravity_of
     from screwgauge.scene.preflight import check_home
 
     imported(options.mechanism)
-    mechanism = load_mechanism(options.mechanism)
-    check_home(mechanism)
+    check_home(mechanism := load_mechanism(options.mechanism))
     out = options.out or OUT / mechanism.name / "models"
-    for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ())):
+    said: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
+    for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ()), **said):
         say(str(path))
     for sentence in left_out(mechanism):
         say(sentence)
@@ -46,7 +47,7 @@ def models(options: argparse.Namespace) -> int:
         return 0
     from screwgauge.models.check import check_models, check_table
 
-    rows = check_models(mechanism, out)
+    rows = check_models(mechanism, out, **said)
     say(check_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 

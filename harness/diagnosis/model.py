@@ -16,6 +16,9 @@ from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import read_file
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.default import gravity_of
 
 #: Reads a file by a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
@@ -91,7 +94,11 @@ def _described(name: str) -> Model:
     mechanism = load_mechanism(name)
     file = Path(name) if Path(name).is_file() else None
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
-    return Model(name, file, "screwgauge", expected_reading(mechanism, "full", STANDARD), sha256=sha256)
+    return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)
+
+
+def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
+    return replace(expected_reading(mechanism, cut, STANDARD), gravity=gravity)
 
 
 def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
@@ -102,7 +109,7 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
 def _like(model: Model, other: Model, load: Read) -> Model:
     if model.library == "screwgauge":
         mechanism = load_mechanism(model.label)
-        cuts = [expected_reading(mechanism, cut, STANDARD) for cut in CUTS]
+        cuts = [_expected(mechanism, cut, model.reading.gravity) for cut in CUTS]
         best = max(cuts, key=lambda cut: (len({*cut.joints} & {*other.reading.joints}), -len(cut.joints)))
         return replace(model, reading=best)
     free = [any(joint.kind == "free" for joint in each.reading.joints.values()) for each in (model, other)]

@@ -16,7 +16,8 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.description import read_toml
-from screwgauge.reference.files import is_file
+from screwgauge.reference.expressions import vector
+from screwgauge.reference.files import beside, is_file, is_path
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import exciting
@@ -47,13 +48,29 @@ def scene_file(path: Path) -> Path:
         tables = read_toml(path)
         if "mechanism" in tables or not {"bodies", "joints", "extends"} & tables.keys():
             return path
-        beside = path.with_name(f"{path.stem}{SUFFIX}")
-        if is_file(beside):
-            return beside
+        scene = path.with_name(f"{path.stem}{SUFFIX}")
+        if is_file(scene):
+            return scene
         description, acting = path.resolve(), dict[str, Any]()
     file = scratch_folder() / f"{path.stem}{SUFFIX}"
     file.write_text(default_scene(load_mechanism(description), description, **acting), encoding="utf-8")
     return file
+
+
+def gravity_of(name: str) -> Array | None:
+    """What a model file, or the scene beside a description, says of gravity.
+
+    Returns:
+        World axes [m/s^2], shape (3,); None where neither says anything.
+    """
+    from screwgauge.models.importing.model import imported_file
+
+    path = beside(Path(), name)
+    if is_model(path):
+        return imported_file(path)[1].gravity
+    file = path.with_name(f"{path.stem}{SUFFIX}")
+    said = read_toml(file).get("gravity") if is_path(name) and is_file(file) else None
+    return None if said is None else vector(said, f"{file}, gravity")
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:

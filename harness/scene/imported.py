@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -13,8 +14,8 @@ from screwgauge.models.importing.write import description
 from screwgauge.reference.errors import OutputError
 from screwgauge.scene.default import SUFFIX, acting_on, default_scene
 
-#: How files begin that may be written again.
-FIRST = "# Imported from "
+#: How the last line begins, which tells a file as it was imported from one that somebody has worked on.
+DIGEST = "# As imported, lines above: sha256 "
 
 
 def write_imported(imported: Imported, file: Path) -> tuple[Path, Path]:
@@ -24,23 +25,23 @@ def write_imported(imported: Imported, file: Path) -> tuple[Path, Path]:
         Their paths.
 
     Raises:
-        OutputError: They cannot be written, or a file is there that no import has written.
+        OutputError: They cannot be written, or a file is there that is not as an import has written it.
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":
         raise OutputError("is no name of a description", str(file), "let it end in .toml")
     scene = file.with_name(f"{file.stem}{SUFFIX}")
     for path in (file, scene):
-        if path.exists() and not _ours(path):
-            raise OutputError("is there, and no import has written it", str(path), "name another file by --out")
+        if path.exists() and not _as_imported(path):
+            what = "is there, and not as an import has written it: by hand, or changed since"
+            raise OutputError(what, str(path), "name another file by --out, or take this one away")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
             made = Path(folder) / file.name, Path(folder) / scene.name
-            made[0].write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
+            _write(made[0], description(imported.mechanism, notes(imported)))
             mechanism = load_mechanism(made[0])  # as it will be read, to the last digit
-            text = default_scene(mechanism, Path(file.name), **acting_on(imported))
-            made[1].write_text(text, encoding="utf-8")
+            _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))
             for path, target in zip(made, (file, scene), strict=True):
                 os.replace(path, target)
     except OSError as error:
@@ -48,9 +49,17 @@ def write_imported(imported: Imported, file: Path) -> tuple[Path, Path]:
     return file, scene
 
 
-def _ours(path: Path) -> bool:
+def _write(path: Path, text: str) -> None:
+    path.write_text(f"{text}{_last(text)}", encoding="utf-8")
+
+
+def _last(text: str) -> str:
+    return f"{DIGEST}{hashlib.sha256(text.encode()).hexdigest()}\n"
+
+
+def _as_imported(path: Path) -> bool:
     try:
-        text = path.read_text(encoding="utf-8")
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     except (OSError, UnicodeDecodeError):
         return False
-    return text.startswith(FIRST)
+    return bool(lines) and lines[-1] == _last("".join(lines[:-1]))

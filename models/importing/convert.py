@@ -81,6 +81,7 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
     mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
+    names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
     remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
@@ -126,8 +127,7 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
         "closures": accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
         "couplings": accepted(reading.couplings, "coupling"),
     }
-    told = (names[kind] for kind in ("bodies", "joints", "closures"))
-    changed = {old: new for table in told for old, new in table.items() if old != new}
+    changed = {old: new for table in names.values() for old, new in table.items() if old != new}
     known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
     return renamed(replace(reading, couplings=known), names), changed
 

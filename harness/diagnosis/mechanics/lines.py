@@ -58,7 +58,10 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
     rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
     if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):
         return best
-    for T in [*_candidates(a, b, pairs, bodies), *stands]:
+    tried = [*_candidates(a, b, pairs, bodies), *stands]
+    if len({"free" in (joint.kind for joint in each.joints.values()) for each in (a, b)}) == 2:
+        tried = [*tried[1:], best]  # a base that one model alone says is free stands where its coordinates say
+    for T in tried:
         off = [apart(a.joints[i], moved(b.joints[j], T), length) for i, j in pairs]
         score = sum(each < CLOSE for each in off) - np.mean(np.minimum(off, 1.0)) if off else 0.0
         if score > most + 1e-3:
