@@ -149,3 +149,16 @@ def test_an_engine_that_exits_is_a_row(how, stand_in, scene):
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=QUANTITIES)
     assert results.exit_status == 3
     assert results.failures["mujoco"].reason.startswith("SystemExit: ")
+
+
+def test_what_one_engine_gives_alone_is_said_to_be_compared_with_none(scene):
+    results = screwgauge.run(scene, engines=["pinocchio", "mujoco-full"], quantities=["tree_force", "actuator_force"])
+    alone = "Compared with no other engine: tree_force of pinocchio. Compared with no other engine: tree_force of"
+    assert f"{alone} mujoco-full." in " ".join(repr(results).split())
+    both = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["tree_force", "actuator_force"])
+    assert "no other engine" not in repr(both)
+
+
+def test_no_times_are_said_to_be_none(scene):
+    with pytest.raises(ScrewgaugeError, match="there are no times; give at least one"):
+        scene.at([])

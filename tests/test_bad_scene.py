@@ -156,12 +156,14 @@ def test_unknown_mechanism_in_a_scene_is_refused(name, paper_scene, refused):
         ('on = "platform"', "'by' is missing"),
         ('by = "platform"', "'on' is missing"),
         ('on = ["platform"], by = "environment"', "is not text"),
+        ('on = "platform", by = "environment"', "the load exerts nothing"),
+        ('on = "platform", by = "environment", point = [0, 0, 1]', "the load exerts nothing"),
         ('on = "platform", by = "environment", force = 1000', "is not a list of 3 numbers"),
         ('on = "platform", by = "environment", force = [0, 1000]', "is not a list of 3 numbers"),
         ('on = "platform", by = "environment", force = [0, 0, nan]', "'nan' cannot be read as a number"),
         ('on = "platform", by = "environment", torque = [0, true, 0]', "'True' cannot be read as a number"),
         ('on = "platform", by = "environment", torque = "0"', "is not a list of 3 numbers"),
-        ('on = "platform", by = "environment", point = "tip"', "is not a list of 3 numbers"),
+        ('on = "platform", by = "environment", point = "tip", force = [1, 0, 0]', "is not a list of 3 numbers"),
     ],
 )
 def test_a_load_that_is_none_is_refused(load, what, paper_scene, refused):

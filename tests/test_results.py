@@ -12,7 +12,7 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.report.results import LINES
 
 
@@ -51,6 +51,8 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     page = results.to_html(tmp_path / "page.html")
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["mine.svg", "page.html", "plots"]
+    with pytest.raises(OutputError, match=r"is a folder; name a file, such as report\.html"):
+        results.to_html(tmp_path)
 
 
 def test_a_figure_is_found_by_its_name(results):
@@ -66,6 +68,10 @@ def test_panels_of_figures_that_no_component_matches_are_said(results):
     wrong = replace(first, title="Mine", panels=(("A", ("leg9.*", *first.panels[0][1])),))
     drawn = replace(results, scene=replace(results.scene, figures=(wrong,)))
     said = f"figure 'Mine': no component of {first.quantity} in {first.unit} is called leg9.*"
+    assert said in " ".join(str(drawn).split())
+    unasked = replace(first, title="Forces", quantity="observable")
+    drawn = replace(results, scene=replace(results.scene, figures=(first, unasked)))
+    said = "figure 'Forces' is left out: observable is not asked for, or not given"
     assert said in " ".join(str(drawn).split())
 
 

@@ -51,6 +51,7 @@ class Engine:
         reads: Ending of its model file.
         cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
         lacks: Quantity that it cannot give -> why not. Whatever else it is asked for, it has to give.
+        sprung: Whether it knows springs and motors.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Engine:
     reads: str = ".toml"
     cut: str = ""
     lacks: Mapping[str, str] = field(default_factory=dict)
+    sprung: bool = True
 
     @property
     def installed(self) -> bool:
@@ -121,7 +123,9 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
-        Engine("truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint", lacks=_OPEN),
+        Engine(
+            "truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint", lacks=_OPEN, sprung=False
+        ),
     )
 }
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.report.blocks import Picture
 from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
@@ -67,7 +67,8 @@ class Results(Comparison):
         Raises:
             OutputError: The file cannot be written.
         """
-        path = Path(path)
+        if (path := Path(path)).is_dir():
+            raise OutputError("is a folder", str(path), "name a file, such as report.html, or use `write`")
         write_files(path.parent, {path.name: page(run_page.report(self, self.plot()))})
         return path
 

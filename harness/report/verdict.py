@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from screwgauge.quantities import digits
 from screwgauge.reference.wording import first_few
 from screwgauge.report.blocks import Banner
@@ -98,16 +100,26 @@ def _because(row: Row) -> str:
     return f", {row['reason']}" if row.get("reason") else ""
 
 
+def _alone(results: Comparison) -> Iterator[str]:
+    """What an engine gives and no other one beside it."""
+    beside = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
+    for engine, solution in results.solutions.items():
+        names = [name for name, values in solution.values.items() if values.array.size and (engine, name) not in beside]
+        if names:
+            yield f"Compared with no other engine: {listed(names)} of {engine}."
+
+
 def _agreement(results: Comparison) -> str:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
         return "No engine ran."
     if pairs:
-        unseen = f" {results.coverage.poor}" if results.coverage.poor else ""
+        unseen = " ".join(["", *_alone(results), *filter(None, [results.coverage.poor])])
         # what is zero within rounding has no digits
         least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
+        every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         return (
-            f"{listed(engines)} agree: all {len(pairs)} comparisons are within tolerance, "
+            f"{listed(engines)} agree: {every} within tolerance, "
             f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{unseen}"
         )
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"

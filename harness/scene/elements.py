@@ -25,6 +25,8 @@ def read_load(mechanism: Mechanism, table: Any, where: str) -> Load:
     body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
     check_name("body", body, [*(each.name for each in mechanism.bodies), "environment"], where)
     point = table.get("point", "com")
+    if not {"force", "torque"} & table.keys():
+        raise DescriptionError("the load exerts nothing", where, "give a force or a torque")
     return Load(
         body=body,
         point=None if point == "com" else vector(point, f"{where}.point"),

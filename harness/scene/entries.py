@@ -62,8 +62,10 @@ def read_times(values: list[Any], where: str) -> Array:
         t = np.array(values, dtype=float)
     else:
         t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
-    if not len(t) or not np.isfinite(t).all():
-        raise DescriptionError("the times are not finite numbers", where, "give at least one time in s")
+    if not len(t):
+        raise DescriptionError("there are no times", where, "give at least one time in s")
+    if not np.isfinite(t).all():
+        raise DescriptionError("the times are not all finite numbers", where, "give times in s")
     return t
 
 

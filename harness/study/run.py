@@ -13,7 +13,7 @@ import pandas as pd
 
 from screwgauge.casebook.book import suspects
 from screwgauge.engines.parts import Names, described
-from screwgauge.engines.registry import ENGINES, check_engines
+from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
@@ -74,6 +74,7 @@ def run(
     if limits is not None:
         load_engines(names, limits, progress)
     check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task), scene.tables)
+    _check_acting(scene, names)
     progress("preflight", 0.0)
     checked = _check_simulated if scene.simulated else _check_given
     counted, components, lay, wanted, warnings = checked(scene, wanted)
@@ -176,6 +177,13 @@ def _asked(
             raise DescriptionError("there is no observable", scene.name, "add [[observables]]")
         wanted = tuple(name for name in wanted if name != "observable")
     return names, wanted
+
+
+def _check_acting(scene: Scene, names: Iterable[str]) -> None:
+    for name in names if scene.applied.springs or scene.applied.motors else ():
+        if name not in scene.tables and not get_engine(name).sprung:
+            what = f"{name} knows no springs and no motors, which this scene has"
+            raise DescriptionError(what, str(scene.file or scene.name), f"run it without {name}")
 
 
 def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:

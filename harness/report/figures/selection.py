@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -28,12 +28,19 @@ def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> 
 
 
 def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
-    """Sentences on patterns that no component of a quantity that is there matches."""
+    """Sentences on figures of quantities that nobody gives, and on patterns that no component matches."""
     values = _first_values(solutions)
+    missing = [figure for figure in figures if figure.quantity not in values]
+    return [
+        *(f"figure '{each.title}' is left out: {each.quantity} is not asked for, or not given" for each in missing),
+        *_no_component([figure for figure in figures if figure.quantity in values], values),
+    ]
+
+
+def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> list[str]:
     return [
         f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} is called {pattern}"
         for figure in figures
-        if figure.quantity in values
         for pattern in dict.fromkeys(pattern for _, patterns in figure.panels for pattern in patterns)
         if not select(values[figure.quantity], figure.unit, (pattern,))
     ]
