@@ -103,7 +103,8 @@ def _because(row: Row) -> str:
 def _alone(results: Comparison) -> Iterator[str]:
     """What an engine gives and no other one beside it."""
     beside = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
-    for engine, solution in results.solutions.items():
+    engines = {name: one for name, one in results.solutions.items() if name not in results.scene.tables}
+    for engine, solution in engines.items() if len(engines) > 1 else ():  # what a table leaves out it says itself
         names = [name for name, values in solution.values.items() if values.array.size and (engine, name) not in beside]
         if names:
             yield f"Compared with no other engine: {listed(names)} of {engine}."

@@ -61,6 +61,9 @@ def _csv(path: Path) -> DataFrame:
     text = read_file(path, "MB of CSV")
     head = re.search(r"^[^#\r\n].*", text, re.MULTILINE)
     check_count(head[0].count(",") + 1 if head else 0, "CSV columns", str(path))
+    if head and "," not in head[0] and (other := re.search("[;\t]", head[0])):
+        what = f"its columns are separated by {'a tab' if other[0] == chr(9) else repr(other[0])}"
+        raise DescriptionError(what, str(path), "separate them by commas, with decimal points in the numbers")
     try:
         data = pd.read_csv(BytesIO(text.encode()), dtype=str, keep_default_na=False, comment="#")
     except ValueError as error:

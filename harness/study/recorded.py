@@ -24,6 +24,8 @@ from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
 
 #: Share of the largest number that may be left over where one table is a multiple of another.
 ALIKE = 1e-3
+#: An angle that is so close to that of the scene, whole turns aside, is meant to be that [rad].
+NEAR = 0.1
 NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
 
 Columns = dict[str, dict[str, Array]]
@@ -65,10 +67,12 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         array = np.full((n, len(units)), np.nan)
         array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
         values[quantity] = Values(tuple(units), tuple(units.values()), array)
+    if "joint_position" in values:
+        values["joint_position"] = _unwound(values["joint_position"], scene, rows)
     if not values:
         what = f"gives nothing of what is compared ({', '.join(wanted)})"
         raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
-    short, long = _left_out(name, values, names, wanted)
+    short, long = _left_out(name, values, names, wanted, [f"{len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped := len(table.t) - len(np.unique(at)):
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
@@ -119,11 +123,12 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 
 
 def _left_out(
-    name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str]
+    name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
     """What a table does not give of what was asked for: in a sentence, and component by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
-    short, long = [f"no {', '.join(lost)}"] * bool(lost), [f"gives no {', '.join(lost)}"] * bool(lost)
+    short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
+    long = [f"gives {each}" for each in short]
     for quantity, has in values.items():
         if rest := [component for component in names[quantity][0] if component not in has.components]:
             short.append(f"{len(has.components)} of the {len(names[quantity][0])} components of {quantity}")
@@ -141,6 +146,15 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
     q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
     q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q
     return q
+
+
+def _unwound(values: Values, scene: Scene, rows: Rows) -> Values:
+    """Recorded angles with whole turns added where these and little else are missing: an encoder counts within one."""
+    columns = [scene.mechanism.coordinates.index(name) for name in values.components]
+    off = _assembly(scene, rows)[:, columns] - values.array
+    turns = np.round(off / (2 * np.pi)) * [unit == "rad" for unit in values.units]
+    near = np.nanmax(np.abs(off - 2 * np.pi * turns), axis=0) < NEAR
+    return replace(values, array=values.array + 2 * np.pi * np.where(near, turns, 0.0))
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
@@ -165,12 +179,12 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
 def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
     """The rows of pairs; those out of tolerance say if a table is a multiple of what it is compared with."""
     own, pairs = {*own}, pairs.copy()
-    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & (pairs["reason"] == "")].iterrows():
+    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & pairs["max_scaled"].notna()].iterrows():
         a, b = (solutions[row[side]] for side in "ab")
         factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
         if abs(factor - 1.0) > ALIKE:
             said = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
-            pairs.loc[i, "reason"] = said
+            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], said)))
     return pairs
 
 
