@@ -180,6 +180,7 @@ def test_a_load_that_is_none_is_refused(load, what, paper_scene, refused):
         ("{ duration = -1, step = 0.1 }", "time.duration: -1 is not positive"),
         ("{ duration = 1, step = -0.1 }", "time.step: -0.1 is not positive"),
         ("{ duration = 1, step = 0 }", "time.step: 0 is not positive"),
+        ("{ duration = 1, step = 5 }", "time: the step of 5 s is longer than the duration of 1 s; check their units"),
         ("{ duration = 0, step = 1 }", "time.duration: 0 is not positive"),
         ("{ duration = nan, step = 1 }", "time.duration: 'nan' cannot be read"),
         ("{ duration = inf, step = 1 }", "time.duration: 'inf' cannot be read"),

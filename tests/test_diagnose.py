@@ -200,6 +200,31 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
     assert "leg3.upper: mass 1.4342 kg in own.xml, 1.4200 kg in the description (+1.00 %)" in verdict(results).text
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "word", "said"),
+    [
+        (
+            'pos="0.12 0 0"',
+            'pos="0.12 0 0.05"',
+            "✗ OUT OF TOLERANCE",
+            "rod: centre of mass (0.12, 0, 0.05) m in own",
+        ),
+        ('name="pin" type="hinge" axis="0 0 1"', 'name="pin" type="hinge" axis="0.1 0 1"', "✗ FAILED", "pin: its axis"),
+    ],
+)
+def test_what_the_judge_alone_faults_and_what_stops_an_engine_is_named(old, new, word, said, tmp_path):
+    from dataclasses import replace as with_
+
+    from screwgauge.report.verdict import verdict
+
+    write_models(load_mechanism("slider-crank"), tmp_path)
+    own = changed(tmp_path / "slider-crank.xml", old, new, "own")
+    scene = with_(screwgauge.load_scene("slider-crank").at([0.0, 0.5]), models={"mujoco": own})
+    found = verdict(screwgauge.run(scene, ("screw", "mujoco")))
+    assert found.word == word
+    assert said in found.text
+
+
 def test_of_many_causes_those_that_explain_the_most_are_named_first(tmp_path):
     """Not those that are the largest beside what stands in A: nothing is infinitely less than a trace of damping."""
     model = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" {0}/>

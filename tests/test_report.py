@@ -131,6 +131,7 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         t=task.t,
         simulated=False,
         published=(),
+        tables={},
         rule="min_norm",
         figures=figures,
         text={"motion": {"a": {"offset": 0, "harmonics": [["1.5", 0, "pi/3"]]}}},

@@ -127,6 +127,7 @@ def test_scene_is_evaluated_at_the_times_of_the_table(scene, right):
     assert results.ok, results
     assert results.times == pytest.approx([0, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0])
     assert [*np.flatnonzero(np.isfinite(results.values("actuator_force", "mine")[:, 0]))] == [0, 3, 6, 9]
+    assert "mine gives 4 of the 13 samples; no joint_position" in " ".join(repr(results).split())
 
 
 def test_times_rounded_otherwise_are_the_same(scene, right):
@@ -140,6 +141,21 @@ def test_other_times_leave_rows_out_and_say_so(scene, right):
     assert any("2 of its 4 times are not compared" in note for note in results.solutions["mine"].notes)
     with pytest.raises(ScrewgaugeError, match=r"mine.csv: has none of the times of the scene"):
         screwgauge.run(scene(forces(right)).at([0.1]))
+
+
+def test_degrees_are_told_by_their_factor_and_whole_turns_do_not_count(scene, right):
+    """An encoder counts within one turn; degrees are no such thing."""
+    angles = ["t [s]", *(name for name in right if name.startswith("joint_position/"))]
+
+    def ran(change):
+        table = right[angles].copy()
+        table[angles[1:]] = change(table[angles[1:]])
+        return screwgauge.run(scene(table), ["screw", "mine"], ["joint_position"])
+
+    assert ran(lambda q: q + 2.0 * np.pi).ok
+    assert not ran(lambda q: q + np.pi).ok
+    found = ran(np.rad2deg)
+    assert "mine is 57.2958 times screw throughout: check its units and signs" in " ".join(repr(found).split())
 
 
 @pytest.mark.parametrize("factor", [-1.0, 1e3, 180.0 / np.pi])
@@ -176,6 +192,8 @@ def test_arrays_are_a_table_too(scene, right):
 BAD = {
     "no times": ("x,a\n0,1\n", "column 't' is missing"),
     "no columns": ("t\n0\n", "has no column besides t"),
+    "semicolons": ("t;a\n0;1\n", "its columns are separated by ';'; separate them by commas"),
+    "tabs": ("t\ta\n0\t1\n", "its columns are separated by a tab"),
     "no rows": ("t,a\n", "has no samples"),
     "times that do not increase": ("t,right\n0,1\n0,2\n", "the times do not increase"),
     "a time that is none": ("t,right\nnan,1\n", "column 't' is not a finite number in data row 1"),

@@ -9,8 +9,7 @@ from screwgauge.reference.wording import first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
-
-DOUBTS = 3  # about the models or the engines, that a verdict names
+from screwgauge.study.question import DOUBTS
 
 
 def compared(results: Comparison) -> list[Row]:
@@ -29,7 +28,8 @@ def first_difference(results: Comparison) -> Row | None:
 def verdict(results: Comparison) -> Banner:
     """What a run found, worst news first."""
     refused = _refused(results)
-    difference, fault = _difference(results, beside=bool(refused)), _fault(results)
+    difference = _difference(results, beside=bool(refused))
+    fault = _fault(results, beside=bool(difference))
     rest = " ".join(part for part in (refused, difference, fault) if part)
     if results.failures:
         failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
@@ -72,23 +72,24 @@ def _difference(results: Comparison, *, beside: bool) -> str:
         return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
-    return " ".join([f"{differ}{_otherwise(results, row)}{more}", *results.known])
+    return " ".join([f"{differ}{_otherwise(results, row['a'], row['b'])}{more}", *results.known])
 
 
-def _otherwise(results: Comparison, row: Row) -> str:
-    """What the models of the two engines say otherwise than the description."""
-    said = dict.fromkeys(text for name in (row["a"], row["b"]) for text in results.solutions[name].otherwise)
+def _otherwise(results: Comparison, *engines: str) -> str:
+    """What the models of engines say otherwise than the description."""
+    said = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
     return f" The models differ, too: {first_few(said, DOUBTS, '; ')}." if said else ""
 
 
-def _fault(results: Comparison) -> str:
-    """The first judge residual out of tolerance."""
+def _fault(results: Comparison, *, beside: bool) -> str:
+    """The first judge residual out of tolerance; `beside`: of a difference, which says how models differ."""
     bad = [row for row in rows(results.judge) if not row["ok"] and row["engine"] not in results.failures]
     if not bad:
         return ""
     row = bad[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
-    return f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
+    said = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
+    return said if beside else f"{said}{_otherwise(results, row['engine'])}"
 
 
 def _amount(row: Row) -> str:

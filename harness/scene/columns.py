@@ -50,7 +50,7 @@ def numbers(values: Any, what: str, where: str) -> Array:
 
 def _number(value: Any) -> float:
     try:
-        return float(value)
+        return float("nan" if isinstance(value, complex) else value)  # of complex ones numpy drops a part
     except (TypeError, ValueError):
         return float("nan")
 

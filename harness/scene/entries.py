@@ -82,6 +82,9 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     duration = positive(required(table, "duration", where), f"{where}.duration")
     step = positive(required(table, "step", where), f"{where}.step")
     check_count(duration / step, "samples", where, GRID)
+    if step > duration * (1 + 1e-12):
+        what = f"the step of {step:g} s is longer than the duration of {duration:g} s"
+        raise DescriptionError(what, where, "check their units, or write times = [...]")
     # multiples of the step; a duration that is no whole number of steps ends at the last one before it
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 

@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING
 
 from screwgauge.engines.registry import Engine, Model
 from screwgauge.problem import ModelFiles, Problem, Progress, States
-from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError
+from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure, Solution
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
+
+
+DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
@@ -76,10 +80,16 @@ class Question:
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
-        """What was raised, as a failure."""
+        """What was raised, as a failure, with what the user's own model file says otherwise than the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
-        return failure(error, self.engine.name, self.folder, self.engine)
+        found = failure(error, self.engine.name, self.folder, self.engine)
+        if self.scene is None or not isinstance(error, ScrewgaugeError):
+            return found
+        from screwgauge.study.otherwise import otherwise
+
+        said = first_few(otherwise(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
 
     def _ordered(self, model: Model) -> Problem:
         """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
