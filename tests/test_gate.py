@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -44,6 +45,16 @@ def worse(text: str, by: float) -> str:
     (written,) = {word for word in text.split() if word.startswith("0.0288")}
     assert float(written) == pytest.approx(value, rel=1e-15, abs=0)
     return text.replace(written, repr(value * (1.0 + by)))
+
+
+def test_an_assertion_of_a_result_alone_fails_where_the_result_does(theirs):
+    Path("edited.xml").write_text(worse(Path("four-bar.xml").read_text(encoding="utf-8"), 0.01), encoding="utf-8")
+    scene_ = screwgauge.load_scene("turn.toml")
+    for edit, right in (("four-bar.xml", True), ("edited.xml", False)):
+        own = replace(scene_, models={"mujoco": Path(edit)})
+        assert bool(screwgauge.run(own, ["screw", "mujoco"], ["actuator_force"])) is right
+        assert bool(screwgauge.diagnose("four-bar.xml", edit)) is right
+        assert bool(screwgauge.check("four-bar.xml", edit)) is right
 
 
 def test_what_agrees_passes_in_every_form(theirs):

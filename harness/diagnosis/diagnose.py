@@ -73,6 +73,10 @@ class Diagnosis:
     by_joint: tuple[tuple[str, float, float], ...] = ()
     left_out: tuple[str, ...] = ()
 
+    def __bool__(self) -> bool:
+        """So that an assertion of it alone says what it seems to."""
+        return self.exit_status == 0
+
     @property
     def exit_status(self) -> int:
         """Of the command: 0 the same, 1 different, 3 a library failed or time was over."""

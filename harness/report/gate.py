@@ -48,6 +48,10 @@ class Check:
         """Whether there is something, all of it passes, and no digits were lost."""
         return self.exit_status == 0
 
+    def __bool__(self) -> bool:
+        """So that an assertion of it alone says what it seems to."""
+        return self.ok
+
     @property
     def exit_status(self) -> int:
         """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""

@@ -67,6 +67,10 @@ class Comparison:
             return False
         return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
 
+    def __bool__(self) -> bool:
+        """So that an assertion of it alone says what it seems to."""
+        return self.ok
+
     @property
     def exit_status(self) -> int:
         """0 agreement, 1 out of tolerance or nothing compared, 3 an engine failed or is missing."""
