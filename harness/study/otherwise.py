@@ -18,15 +18,17 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.scene.scene import Scene
+from screwgauge.study.departures import of_loops
 
 #: Library -> what the description does not say and the library does not apply: `departures` says what becomes of it.
 _UNUSED = {"pinocchio": {"limits", "damping", "friction", "stiffness", "rest"}, "mujoco": {"limits"}}
 
 
 def otherwise(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
-    """Sentences on mass properties, geometry, gravity and closures, the largest difference first."""
+    """Sentences on mass properties, geometry, gravity and closures, the largest difference first; on the loops file."""
     sides = "in the description", f"in {files.model.name}"
-    return tuple(with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+    said = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+    return (*said, *of_loops(scene, name, files, read=True))
 
 
 def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
