@@ -259,3 +259,21 @@ def test_gravity_of_an_import_is_that_of_its_scene(tmp_path, monkeypatch):
     Path("still.scene.toml").unlink()
     alone = screwgauge.diagnose("still.xml", "still.toml")
     assert "B says no gravity; 9.81 m/s^2 downwards is taken" in alone.notes
+
+
+def test_mass_that_welded_bodies_share_otherwise_is_said_to_be_the_same_as_a_whole(diagnosed):
+    arm_, twin = (f'<body name="{n}"><joint name="j{n}" axis="0 1 0"/>{INERTIAL}</body>' for n in "ab")
+    model = f'<mujoco><worldbody>{arm_}{twin}</worldbody><equality><weld body1="a" body2="b"/></equality></mujoco>'
+    said = "a and b are welded to each other and are the same as a whole, which A and B divide otherwise"
+
+    def notes(one, two):
+        text = model.replace(arm_, arm_.replace(INERTIAL, scaled(one)))
+        return " ".join(diagnosed(a=model, b=text.replace(twin, twin.replace(INERTIAL, scaled(two)))).notes)
+
+    def scaled(share):
+        moments = " ".join(repr(share * moment) for moment in (0.01, 0.02, 0.02))
+        return INERTIAL.replace('"1"', f'"{share}"').replace("0.01 0.02 0.02", moments)
+
+    assert said in notes(0.5, 1.5)
+    assert said not in notes(0.5, 1.0)
+    assert said not in notes(1.0, 1.0)

@@ -99,6 +99,13 @@ def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
     assert check_start(screwgauge.load_scene(scene()))[1] == ()
 
 
+def test_a_start_in_degrees_is_asked_about(scene):
+    for start, said in (("crank = -1.5", False), ("crank = 30", True), ("crank = '30*deg'", False)):
+        warnings = check_start(screwgauge.load_scene(scene(start=start)))[1]
+        sentence = "the start crank = 30 rad is more than a turn from home (degrees are written as '30*deg')"
+        assert [*warnings] == [sentence] * said
+
+
 @pytest.fixture
 def no_engine(stand_in):
     """An engine that is not installed; that it was asked stands in the list."""

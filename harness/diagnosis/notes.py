@@ -8,6 +8,7 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
 from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
@@ -42,7 +43,28 @@ def notes(
             )
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
+    said += _welded(common)
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
+
+
+def _welded(common: Common) -> Iterator[str]:
+    """Bodies that welds make one in both models, which divide the mass of the whole among them each in its own way."""
+    a, b = common.a.bodies, common.b.bodies
+    ends = [[{c.first, c.second} for c in r.closures.values() if c.kind == "weld"] for r in (common.a, common.b)]
+    for pair in (pair for pair in ends[0] if pair in ends[1] and pair <= a.keys() & b.keys()):
+        first, second = sorted(pair)
+        whole = [combined(*(displaced(of_body(each[n]), each[n].pose) for n in (first, second))) for each in (a, b)]
+        alone = [displaced(of_body(each[first]), each[first].pose) for each in (a, b)]
+        if _alike(*whole) and not _alike(*alone):
+            yield (
+                f"{first} and {second} are welded to each other and are the same as a whole, which A and B divide "
+                "otherwise: torques of the open tree show that, motors and the motion do not"
+            )
+
+
+def _alike(one: Matter, two: Matter) -> bool:
+    pairs = ((one.mass, two.mass), (one.com, two.com), (one.inertia, two.inertia))
+    return all(np.allclose(x, y, rtol=1e-9, atol=1e-9 * float(np.abs(y).max())) for x, y in pairs)
 
 
 def _calls(readings: dict[str, Reading], seen: Sequence[Witness], seed: int) -> Iterator[str]:
