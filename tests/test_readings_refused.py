@@ -46,6 +46,7 @@ REFUSED = {
     "unnamed link": (ARM.replace('link name="a"', "link"), "a link has no name; give it one"),
     "not a number": (ARM.replace('value="1"', 'value="nan"'), "value of mass is not a finite number (nan); write one"),
     "infinite": (ARM.replace('value="1"', 'value="-inf"'), "value of mass is not a finite number (-inf); write one"),
+    "negative mass": (ARM.replace('value="1"', 'value="-1"'), "mass of body b is -1 kg; give it one that is not neg"),
     "infinite mjcf": (mjcf(BODY.replace('pos="0', 'pos="infinity')), "pos of inertial is not a finite number"),
     "no such link": (ARM.replace('child link="b"', 'child link="x"'), "unknown link 'x'; choose one of: a, b"),
     "no child": (ARM.replace('<child link="b"/>', ""), "joint j has no child; name that link"),

@@ -12,7 +12,7 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, UnknownNameError
+from screwgauge.reference.errors import OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.report.results import LINES
 
 
@@ -53,6 +53,14 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["mine.svg", "page.html", "plots"]
     with pytest.raises(OutputError, match=r"is a folder; name a file, such as report\.html"):
         results.to_html(tmp_path)
+
+
+def test_errata_are_those_of_the_paper_s_scene(results, tmp_path):
+    """What is asked for is there or refused."""
+    other = replace(results, scene=replace(results.scene, mechanism=replace(results.scene.mechanism, name="other")))
+    with pytest.raises(ScrewgaugeError, match="its motion is not that of the paper"):
+        other.write(tmp_path / "out", errata=True)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_figure_is_found_by_its_name(results):

@@ -36,11 +36,12 @@ class Results(Comparison):
         Args:
             out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
             samples: Also every sample of every engine, as Parquet.
-            errata: Also a section with the errata of the paper, if the scene is the paper's.
+            errata: Also a section with the errata of the paper, whose scene it has to be.
             pdf: Also the page as PDF, printed by a Chromium.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
+            DescriptionError: Errata are asked for of another scene than the paper's.
             ReportError: The numbers are there, the report could not be made.
         """
         return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf)

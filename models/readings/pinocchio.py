@@ -195,7 +195,7 @@ def _inertias(model: Any) -> dict[int, Any]:
             Y = model.inertias[frame.parentJoint]
             merged = [f.placement.act(f.inertia) for f in fixed if f.parentJoint == frame.parentJoint]
             # What rounding leaves of a massless link must not pass for a body.
-            if Y.mass and Y.mass - sum(share.mass for share in merged) <= 1e-12 * Y.mass:
+            if Y.mass and abs(Y.mass - sum(share.mass for share in merged)) <= 1e-12 * abs(Y.mass):
                 continue
             for share in merged:
                 Y = Y - share

@@ -66,7 +66,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
 
 
 def _check(reading: Reading, where: str) -> None:
-    """Refuses what moves nothing or is not finite.
+    """Refuses what moves nothing, is not finite, or has negative mass.
 
     Raises:
         ModelFileError: So it is.
@@ -83,6 +83,8 @@ def _check(reading: Reading, where: str) -> None:
         for what, value in values.items():
             if not np.isfinite(value).all():
                 raise ModelFileError(f"{what} of body {name} is not finite", where, "write finite numbers")
+        if body.mass < 0.0:
+            raise ModelFileError(f"mass of body {name} is {body.mass:g} kg", where, "give it one that is not negative")
     for name, joint in reading.joints.items():
         if not (np.isfinite(joint.screw).all() and np.isfinite(joint.centre).all()):
             raise ModelFileError(f"axis of joint {name} is not finite", where, "write finite numbers")

@@ -14,6 +14,7 @@ import pandas as pd
 
 from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT, Guarded
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.blocks import Banner, Block, Folded, Picture
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.figures.selection import drawable, unmatched
@@ -257,7 +258,11 @@ def _kind(results: Comparison, **values: Value) -> Report:
 def _errata(results: Comparison) -> dict[str, Value]:
     from screwgauge.report.pages.paper import errata_values  # brings all that measures them
 
-    return errata_values(results.scene)
+    if not (said := errata_values(results.scene)):
+        raise DescriptionError(
+            "its motion is not that of the paper, of which errata are", results.scene.name, "ask none"
+        )
+    return said
 
 
 def report(results: Comparison, pictures: Iterable[Picture], *, errata: bool = False) -> list[Block]:
