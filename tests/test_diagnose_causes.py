@@ -151,3 +151,13 @@ def test_names_that_all_have_a_prefix_are_the_same_names(tmp_path):
 def test_rounding_beside_the_largest_entry_is_not_printed():
     gravity = np.array([3.8e-16, -7.1e-17, 9.81])
     assert vector(gravity, np.array([0.0, 0.0, -9.81])) == "(0, 0, 9.810)"
+
+
+def test_masses_that_a_compiler_bounds_are_not_swapped(tmp_path):
+    body = '<body name="{0}"><joint axis="0 1 0"/><inertial pos="0.1 0 0.1" mass="1" diaginertia="1 1 1"/>{1}</body>'
+    text = f"<mujoco>@<worldbody>{body.format('a', body.format('b', ''))}</worldbody></mujoco>"
+    for name, bound in (("a", ""), ("b", '<compiler boundmass="2"/>')):
+        (tmp_path / f"{name}.xml").write_text(text.replace("@", bound), encoding="utf-8")
+    found = diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+    assert "mass 2.000 kg in B" in found.verdict
+    assert "swapped" not in found.verdict

@@ -277,3 +277,10 @@ def test_mass_that_welded_bodies_share_otherwise_is_said_to_be_the_same_as_a_who
     assert said in notes(0.5, 1.5)
     assert said not in notes(0.5, 1.0)
     assert said not in notes(1.0, 1.0)
+
+
+def test_what_both_say_and_nothing_compares_is_noted(diagnosed):
+    servo = FOUR_BAR.replace('<motor name="m" joint="a" gear="2"/>', '<position name="m" joint="a" kp="{}"/>')
+    (said,) = [note for note in diagnosed(a=servo.format(1), b=servo.format(2)).notes if "whether or not both" in note]
+    assert "force law of 1 actuators, among them m" in said
+    assert not any("whether or not both" in note for note in diagnosed().notes)

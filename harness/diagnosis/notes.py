@@ -15,7 +15,10 @@ from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import first_few
 
+#: Things that a note names, others being counted.
+NAMED = 3
 #: Library -> its call for inverse dynamics.
 _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 #: What one call contains and another one does not -> case of the casebook.
@@ -44,6 +47,8 @@ def notes(
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
     said += _welded(common)
+    if both := [what for what in a.reading.ignored if what in b.reading.ignored]:
+        said.append(f"not compared, whether or not both say the same of it: {first_few(both, NAMED, '; ')}")
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
 
 
@@ -53,8 +58,8 @@ def _welded(common: Common) -> Iterator[str]:
     ends = [[{c.first, c.second} for c in r.closures.values() if c.kind == "weld"] for r in (common.a, common.b)]
     for pair in (pair for pair in ends[0] if pair in ends[1] and pair <= a.keys() & b.keys()):
         first, second = sorted(pair)
-        whole = [combined(*(displaced(of_body(each[n]), each[n].pose) for n in (first, second))) for each in (a, b)]
-        alone = [displaced(of_body(each[first]), each[first].pose) for each in (a, b)]
+        parts = [[displaced(of_body(each[n]), each[n].pose) for n in (first, second)] for each in (a, b)]
+        whole, alone = [combined(one, other) for one, other in parts], [one for one, _ in parts]
         if _alike(*whole) and not _alike(*alone):
             yield (
                 f"{first} and {second} are welded to each other and are the same as a whole, which A and B divide "
