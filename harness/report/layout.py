@@ -49,8 +49,9 @@ class Report:
     Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
     text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, with what is said if there are
-    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph may begin with ``{?name}`` or
-    ``{!name}``: it is there only if the value is true, or is not. Names within paragraphs are filled in.
+    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph or an item may begin with
+    ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in. A line
+    ``{# Title}`` stands for what that section says.
 
     Attributes:
         text: Name of the file in ``texts/``.
@@ -128,7 +129,8 @@ Sections = list[tuple[str, str]]
 def _parts(name: str) -> tuple[str, Sections, Sections]:
     """First screen, sections and appendix of a text."""
     front, *rest = re.split(r"^# (.*)\n", (TEXTS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    sections = list(zip(rest[::2], rest[1::2], strict=True))
+    known = dict(zip(rest[::2], rest[1::2], strict=True))
+    sections = [(title, re.sub(r"\{# (.*)\}", lambda x: known[x[1]].strip(), text)) for title, text in known.items()]
     at = [title for title, _ in sections].index("Appendix")
     return front, sections[:at], sections[at + 1 :]
 
@@ -174,11 +176,9 @@ class _Filled(Mapping[str, Any]):
     def section(self, title: str, text: str) -> list[Block]:
         """Heading and blocks; nothing where it may be left out and has nothing to say."""
         told, asked, got = list[Block](), 0, 0
-        for part in filter(None, text.strip().split("\n\n")):
-            if mark := re.match(r"\{([?!])([^}]*)\}\s*", part):
-                if bool(self[mark[2]]) is (mark[1] == "?"):
-                    told += prose(part[mark.end() :].format_map(self))
-            elif part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
+        text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
+        for part in filter(None, re.split(r"\n{2,}", text.strip())):
+            if part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
                 blocks = [block for line in part.splitlines() for block in self._place(line)]
                 told, asked, got = [*told, *blocks], asked + 1, got + bool(blocks)
             else:
@@ -209,6 +209,7 @@ class _Filled(Mapping[str, Any]):
         return [Items(tuple(value))] if isinstance(value[0], str) else list(value)
 
 
+_WHEN = re.compile(r"^(- )?\{([?!])([^}]*)\}\s*(.*(?:\n(?!\n|- ).*)*)\n?", re.MULTILINE)
 _PLACE = re.compile(r"\{([^:;{}]+)(?:: ((?:[^;{}]|\{[^}]*\})+))?(?:; (.*))?\}")
 
 

@@ -247,31 +247,21 @@ RUN = Report(
     draw=pictures,
     plots=_plots,
 )
-DATA = RUN.DATA
-
-
-def _kind(results: Comparison, **values: Value) -> Report:
-    return replace(RUN, text="simulation" if results.scene.simulated else "run", values={**VALUES, **values})
-
-
-def _errata(results: Comparison) -> dict[str, Value]:
-    from screwgauge.report.pages.paper import errata_values  # brings all that measures them
-
-    return errata_values(results.scene)
-
-
-def report(results: Comparison, pictures: Iterable[Picture], *, errata: bool = False) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``; `errata`: also what the paper has wrong."""
-    return _kind(results, **(_errata(results) if errata else {})).blocks(results, pictures)
+DATA, report = RUN.DATA, RUN.blocks
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
     """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
     residual of the judge, conditioning."""
-    return _kind(results, **({} if judge else {"worst residuals": lambda results: ()})).terminal(results)
+    brief: dict[str, Value] = {} if judge else {"worst residuals": lambda results: ()}
+    return replace(RUN, values={**VALUES, **brief}).terminal(results)
 
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
-    kind = _kind(results, **(_errata(results) if errata else {}))
-    return kind.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)
+    page = RUN
+    if errata:
+        from screwgauge.report.pages.paper import errata_values  # brings all that measures them
+
+        page = replace(RUN, values={**VALUES, **errata_values(results.scene)})
+    return page.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)
