@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.report.formatting import FORMS, missing, number, words
+from screwgauge.report.formatting import FORMS, missing, number, printable, words
 
 Status = Literal["agree", "differ", "failed", "note"]
 LONG = 12  # rows of a table that are shown; further ones may be folded
@@ -48,6 +48,11 @@ class Banner:
     text: str
     word: str = ""
     status: Status = "note"
+
+    @staticmethod
+    def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
+        """One of two."""
+        return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,11 +215,8 @@ def _said(value: Any) -> str:
 
 
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones.
-
-    What steers a terminal, or the direction of writing, becomes a space.
-    """
-    shown, end = str(text) if text.isprintable() else "".join(x if x.isprintable() else " " for x in text), 0
+    """Pieces of a `printable` text with the name of the HTML element that each belongs in; empty for plain ones."""
+    shown, end = printable(str(text)), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)

@@ -50,8 +50,8 @@ class Report:
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
     text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, with what is said if there are
     none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph or an item may begin with
-    ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in. A line
-    ``{# Title}`` stands for what that section says.
+    ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in.
+    ``{# Title}`` stands for what the section of that title says.
 
     Attributes:
         text: Name of the file in ``texts/``.

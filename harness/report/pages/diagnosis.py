@@ -21,11 +21,9 @@ __all__ = ["DATA", "summary", "terminal", "write"]
 
 
 def _banner(found: Diagnosis) -> Banner:
-    if found.left_out:
-        return Banner(found.verdict, "✗ STOPPED", "failed")
-    if found.exit_status == 3:
-        return Banner(found.verdict, "✗ FAILED", "failed")
-    return Banner(found.verdict, "✓ SAME", "agree") if found.same else Banner(found.verdict, "✗ DIFFER", "differ")
+    if found.left_out or found.exit_status == 3:
+        return Banner(found.verdict, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
+    return Banner.of(found.verdict, found.same, "SAME", "DIFFER")
 
 
 def _differences(found: Diagnosis) -> list[Row]:

@@ -49,18 +49,12 @@ def _rows(paper: Paper) -> list[Row]:
 
 def errata_frame(errata: Sequence[Erratum]) -> pd.DataFrame:
     """The table of ``errata.csv``."""
-    rows = [
-        {
-            "number": row.number,
-            "equation": f"{row.equation}: {row.measure}",
-            "printed": f"{row.printed_form} -> {number(row.printed)}",
-            "right": f"{row.right_form} -> {number(row.right)}",
-            "effect": row.effect,
-            "unit": row.unit,
-        }
-        for row in errata
-    ]
-    return pd.DataFrame(rows)
+    rows = []
+    for row in errata:
+        forms = ((row.printed_form, row.printed), (row.right_form, row.right))
+        gives = (f"{form} -> {number(value)}" for form, value in forms)
+        rows.append((row.number, f"{row.equation}: {row.measure}", *gives, row.effect, row.unit))
+    return pd.DataFrame(rows, columns=["number", "equation", "printed", "right", "effect", "unit"])
 
 
 def _banner(paper: Paper) -> Banner:

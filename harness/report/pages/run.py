@@ -64,14 +64,6 @@ def _shown(found: Iterable[Row]) -> list[Row]:
     return shown
 
 
-def _pairs(results: Comparison) -> list[Row]:
-    return _shown(rows(results.pairs))
-
-
-def _residuals(results: Comparison) -> list[Row]:
-    return _shown(rows(results.judge))
-
-
 def _worst_three(results: Comparison) -> list[Row]:
     """What comes nearest to its tolerance, or goes beyond it farthest."""
     found = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
@@ -207,10 +199,10 @@ VALUES: dict[str, Value] = {
     "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
     "worst three": _worst_three,
     "what": _what,
-    "every pair": _pairs,
-    "pairs that differ": lambda results: [row for row in _pairs(results) if not row["ok"]],
-    "residuals": _residuals,
-    "residuals too large": lambda results: [row for row in _residuals(results) if not row["ok"]],
+    "every pair": lambda results: _shown(rows(results.pairs)),
+    "pairs that differ": lambda results: _shown(row for row in rows(results.pairs) if not row["ok"]),
+    "residuals": lambda results: _shown(rows(results.judge)),
+    "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
     "parameters": _parameters,
