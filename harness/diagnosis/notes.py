@@ -8,10 +8,10 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.witness import Witness
+from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
 
