@@ -40,18 +40,13 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 def _quickest(found: Bench) -> list[Row]:
     """Of a simulation: the quickest method for three, six and nine digits."""
-    said = [
-        {
-            "family": row.contestant.family,
-            "setting": row.contestant.setting,
-            "error": row.max_scaled,
-            "cost": row.work_s,
-        }
-        for row, _ in pairs(found.rows)
-        if row.status == OK
-    ]
-    levels = (10.0**-digits for digits in DIGITS)
-    return [line for level in levels for line in _first(level, [row for row in said if row["error"] <= level])]
+    done = [row for row, _ in pairs(found.rows) if row.status == OK]
+
+    def reached(level: float) -> list[Row]:
+        who = ((row.contestant, row.work_s) for row in done if row.max_scaled <= level)
+        return [{"family": one.family, "setting": one.setting, "cost": cost} for one, cost in who]
+
+    return [line for digits in DIGITS for line in _first(10.0**-digits, reached(10.0**-digits))]
 
 
 def _first(level: float, found: Sequence[Row]) -> list[Row]:
