@@ -21,10 +21,9 @@ def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:
     """
     out = {}
     for name, closure in tree.reading.closures.items():
-        (R1, p1), (R2, p2) = frames(tree, motion, closure)
-        way = p2 - p1
+        (_, _, R1, p1), (_, _, R2, p2) = _ends(tree, motion, closure)
         turn = [] if closure.kind == "point" else [rotation_vector(R2 @ np.swapaxes(R1, 1, 2))]
-        out[name] = np.concatenate([*turn, way], axis=1)
+        out[name] = np.concatenate([*turn, p2 - p1], axis=1)
     return out
 
 
@@ -40,32 +39,27 @@ def constraint_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
     Returns:
         Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
     """
-    out = {}
+    out, (w, v) = {}, (motion.screws[..., :3], motion.screws[..., 3:])
     for name, closure in tree.reading.closures.items():
         rows = np.zeros((*motion.screws.shape[:2], 6))
-        for sign, body, (_, p) in zip(
-            (-1.0, 1.0), (closure.first, closure.second), frames(tree, motion, closure), strict=True
-        ):
-            if body not in tree.reading.bodies:
-                continue
-            moves = tree.moves[list(tree.reading.bodies).index(body)]
-            w, v = motion.screws[..., :3], motion.screws[..., 3:]
-            rows += sign * moves[:, None] * np.concatenate([w, v + cross(w, np.broadcast_to(p[:, None], w.shape))], -1)
+        for sign, i, _, p in _ends(tree, motion, closure):
+            if i >= 0:
+                moving = np.concatenate([w, v + cross(w, np.broadcast_to(p[:, None], w.shape))], axis=-1)
+                rows += sign * tree.moves[i][:, None] * moving
         out[name] = np.swapaxes(rows[..., 3:] if closure.kind == "point" else rows, 1, 2)
     return out
 
 
-def frames(tree: Tree, motion: Motion, closure: ClosureReading) -> list[tuple[Array, Array]]:
-    """Frames that a closure joins, in the world. Shapes (n, 3, 3), (n, 3)."""
-    found, names = [], list(tree.reading.bodies)
-    for body, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-        if body in tree.reading.bodies:
-            i = names.index(body)
-            R = motion.R[:, i]
-            found.append((R @ frame[:3, :3], (R @ frame[:3, 3]) + motion.p[:, i]))
-        else:
-            n = len(motion.R)
-            found.append((np.broadcast_to(frame[:3, :3], (n, 3, 3)), np.broadcast_to(frame[:3, 3], (n, 3))))
+def _ends(tree: Tree, motion: Motion, closure: ClosureReading) -> list[tuple[float, int, Array, Array]]:
+    """Of both sides of a closure its sign, the number of the body (-1 the ground) and its frame in the world.
+
+    Shapes of these (n, 3, 3), (n, 3).
+    """
+    found, names, n = [], list(tree.reading.bodies), len(motion.R)
+    for sign, body, T in ((-1.0, closure.first, closure.first_frame), (1.0, closure.second, closure.second_frame)):
+        i = names.index(body) if body in names else -1
+        R, p = (motion.R[:, i], motion.p[:, i]) if i >= 0 else (np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)))
+        found.append((sign, i, R @ T[:3, :3], R @ T[:3, 3] + p))
     return found
 
 
@@ -111,11 +105,9 @@ def equations(tree: Tree, states: States) -> Equations:
 
 def _acceleration(tree: Tree, motion: Motion, name: str) -> Array:
     """Angular and linear acceleration of the second frame of a closure against the first. Shape (n, 6)."""
-    closure, names = tree.reading.closures[name], list(tree.reading.bodies)
     out = np.zeros((len(motion.R), 6))
-    ends = zip((-1.0, 1.0), (closure.first, closure.second), frames(tree, motion, closure), strict=True)
-    for sign, body, (_, p) in ends:
-        if body in tree.reading.bodies:
-            twist, change = (each[:, names.index(body)] for each in (motion.twist, motion.acceleration))
+    for sign, i, _, p in _ends(tree, motion, tree.reading.closures[name]):
+        if i >= 0:
+            twist, change = motion.twist[:, i], motion.acceleration[:, i]
             out += sign * np.concatenate([change[:, :3], acceleration_at(twist, change, p)], axis=1)
     return out
