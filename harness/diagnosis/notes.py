@@ -18,10 +18,7 @@ from screwgauge.reference.rotations import Array
 #: Library -> its call for inverse dynamics.
 _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 #: What one call contains and another one does not -> case of the casebook.
-CASES = {
-    "damping": "urdf-damping-one-side",
-    "stiffness": "pin-mjcf-springs",
-}
+CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(

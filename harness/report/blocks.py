@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import compress
 from operator import attrgetter
 from typing import Any, Literal
 
@@ -157,16 +158,11 @@ def table(rows: Iterable[Any], columns: str) -> Table:
     down, _, cross = columns.partition("||")
     shown, lines = _columns(down), [(row, tuple(_text(row, key) for key in _columns(down).values())) for row in rows]
     if not cross:
-        empty = {i for i, key in enumerate(shown.values()) if key.endswith("??") and not any(x[i] for _, x in lines)}
-        kept = [
-            tuple(x for i, x in enumerate(line) if i not in empty) for line in (tuple(shown), *(x for _, x in lines))
-        ]
-        return Table(kept[0], tuple(kept[1:]))
-    (across, cell), cells, names = (
-        cross.strip().split(" = "),
-        dict[tuple[str, ...], dict[str, str]](),
-        dict[str, None](),
-    )
+        kept = [not key.endswith("??") or any(x[i] for _, x in lines) for i, key in enumerate(shown.values())]
+        head, *body = (tuple(compress(line, kept)) for line in (shown, *(x for _, x in lines)))
+        return Table(head, tuple(body))
+    across, cell = cross.strip().split(" = ")
+    cells, names = dict[tuple[str, ...], dict[str, str]](), dict[str, None]()
     for row, line in lines:
         names[name := _text(row, across)] = None
         cells.setdefault(line, {})[name] = _text(row, cell)

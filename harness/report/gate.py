@@ -166,17 +166,12 @@ PAGE = Report(
     data={"check.json": lambda found: found.record},
     values={
         "title": lambda found: "Check",
-        "verdict": lambda found: [_banner(found)],
         "nearest": _nearest,
         "about": lambda found: {
             "scenes and pairs": len(found.rows),
             "motion": "a few samples of an exciting one" if found.smoke else "its own",
         },
-        "changed": lambda found: found.against and found.against.changed,
-        "improved": lambda found: found.against and found.against.improved,
-        "baseline": lambda found: found.against and found.against.notes,
         "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
-        "faults": lambda found: found.faults,
         "tolerances": _tolerances,
         "tested": lambda found: [f"{row.scene}: {row.coverage or row.sentence}" for row in found.rows if row.ok],
     },

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from operator import attrgetter
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -57,9 +56,10 @@ class Report:
         text: Name of the file in ``texts/``.
         banner: Verdict in a sentence, then warnings.
         data: File name -> what it holds. The record of the machine is added.
-        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found. All
-            texts know ``title``, ``environment``, ``about`` (facts of the first screen, those of the machine added),
-            ``plots`` and ``beside`` (the first picture).
+        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found (``a.b``:
+            of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
+            ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
+            ``beside`` (the first picture).
         draw: Pictures, that of the first screen first.
         plots: How all others are told.
         figures: Significant figures of numbers in CSV; every bit by default.
@@ -106,9 +106,7 @@ class Report:
             record = self.data[RECORD](found) if RECORD in self.data else {}
         filled = _Filled(self, found, record, first, others)
         front, sections, appendix = _parts(self.text)
-        banner = self.banner(found)
-        banners = [banner] if isinstance(banner, Banner) else banner
-        screen = [*banners, *filled.section("", front), *([first] if first else [])]
+        screen = [*filled["verdict"], *filled.section("", front), *([first] if first else [])]
         blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]
@@ -159,6 +157,9 @@ class _Filled(Mapping[str, Any]):
 
     def _value(self, name: str) -> Any:
         own = self.report.values
+        if name == "verdict":
+            said = self.report.banner(self.found)
+            return [said] if isinstance(said, Banner) else said
         if name == "plots":
             return self.report.plots(self.found, self.others)
         if name == "beside":
@@ -171,7 +172,10 @@ class _Filled(Mapping[str, Any]):
         if name == "about":
             known, made_by = {**self.record.get("packages", {}), **self.record}, () if self.report.grown else MACHINE
             return {**own["about"](self.found), **{key: known[key] for key in made_by if key in known}}
-        return own[name](self.found) if name in own else attrgetter(name.replace(" ", "_"))(self.found)
+        if name in own:
+            return own[name](self.found)
+        path = name.replace(" ", "_").split(".")
+        return reduce(lambda found, part: None if found is None else getattr(found, part), path, self.found)
 
     def section(self, title: str, text: str) -> list[Block]:
         """Heading and blocks; nothing where it may be left out and has nothing to say."""

@@ -91,11 +91,7 @@ def _ways(joint: JointReading) -> Array:
 
 
 def _branch(
-    reading: Reading,
-    joint: str,
-    alone: tuple[str, ...],
-    there: tuple[Reading, dict[str, str]],
-    sides: tuple[str, str],
+    reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[Reading, dict[str, str]], sides: tuple[str, str]
 ) -> Difference:
     side, lost = sides
     carried, joints = outwards(reading, joint)

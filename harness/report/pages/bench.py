@@ -194,7 +194,6 @@ PAGE = Report(
         "every row": _rows(),
         "one thread": lambda bench: bench.environment["one_thread"],
         "samples": lambda bench: len(bench.scene.t),
-        "budget": lambda bench: number(bench.plan.budget),
     },
     draw=make_plots,
     figures=6,
@@ -213,6 +212,5 @@ SIMULATION = replace(
         "headline": _simulated_headline,
         "cheapest": _quickest,
         "measured": _measured,
-        "each": lambda bench: number(bench.plan.each),
     },
 )

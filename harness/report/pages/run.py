@@ -214,7 +214,6 @@ VALUES: dict[str, Value] = {
     "published": published,
     "times": _times,
     **dict.fromkeys(("reach", "errata", "meaning"), lambda results: ""),  # see `errata_values`
-    "verdict": _banners,
     "worst pairs": lambda results: _worst(compared(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
