@@ -17,8 +17,6 @@ from screwgauge.report.layout import Report
 
 _RANKED = 12  # hypotheses that are shown
 
-__all__ = ["DATA", "summary", "terminal", "write"]
-
 
 def _banner(found: Diagnosis) -> Banner:
     if found.left_out or found.exit_status == 3:
@@ -108,4 +106,3 @@ PAGE = Report(
     },
     draw=make_plots,
 )
-DATA, write, terminal = PAGE.DATA, PAGE.write, PAGE.terminal

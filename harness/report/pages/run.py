@@ -9,7 +9,6 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from screwgauge.judging.compare import ERROR_COLUMNS
@@ -188,11 +187,8 @@ def theirs(item: Published) -> Row:
 
 def _worst(found: Sequence[Row], key: str) -> list[Row]:
     """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
-
-    def badness(row: Row) -> tuple[bool, float]:
-        return not row["ok"], np.inf if np.isnan(row["max_scaled"]) else float(row["max_scaled"])
-
-    return _shown(max(group, key=badness) for group in grouped(found, key, "unit").values())
+    groups = grouped(found, key, "unit").values()
+    return _shown(max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0))) for group in groups)
 
 
 VALUES: dict[str, Value] = {
