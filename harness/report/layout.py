@@ -55,7 +55,7 @@ class Report:
     Attributes:
         text: Name of the file in ``texts/``.
         banner: Verdict in a sentence, then warnings.
-        data: File name -> what it holds. The record of the machine is added.
+        data: File name -> what it holds. The record of the machine is added: of what was found, else of now.
         values: Name -> value; computed when a text asks for it. Other names are attributes of what was found (``a.b``:
             of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
             ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
@@ -78,7 +78,7 @@ class Report:
     @property
     def DATA(self) -> tuple[str, ...]:
         """Files beside the pages."""
-        return (*self.data, *([] if RECORD in self.data else [RECORD]))
+        return (*self.data, RECORD)
 
     @property
     def NAME(self) -> str:
@@ -87,12 +87,11 @@ class Report:
 
     def write(self, found: Any, out: Path, *, more: Mapping[str, Any] | None = None, pdf: bool = False) -> Path:
         """Writes data, pages and pictures; `more`: further files."""
-        data = {name: make(found) for name, make in self.data.items()}
-        data |= {} if RECORD in data else {RECORD: environment()}
-        data |= more or {}
+        record = getattr(found, "environment", None) or environment()
+        data = {**{name: make(found) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
         def tell() -> list[Block]:
-            return self.blocks(found, self.draw(found), data[RECORD])
+            return self.blocks(found, self.draw(found), record)
 
         return write_report(out, tell, data, self.figures, pdf=pdf)
 
@@ -102,9 +101,7 @@ class Report:
         """The blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
         first, others = drawn[0] if drawn else None, drawn[1:]
-        if record is None:
-            record = self.data[RECORD](found) if RECORD in self.data else {}
-        filled = _Filled(self, found, record, first, others)
+        filled = _Filled(self, found, record or getattr(found, "environment", {}), first, others)
         front, sections, appendix = _parts(self.text)
         screen = [*filled["verdict"], *filled.section("", front), *([first] if first else [])]
         blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]

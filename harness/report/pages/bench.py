@@ -175,7 +175,6 @@ PAGE = Report(
         "timings.csv": lambda bench: timing_table(bench.rows),
         "reach.csv": lambda bench: reach(bench.rows),
         "leaving_out.csv": lambda bench: bench.leaving_out,
-        "environment.json": lambda bench: bench.environment,
     },
     values={
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
@@ -205,7 +204,6 @@ SIMULATION = replace(
         "bench.csv": PAGE.data["bench.csv"],
         "forward.csv": lambda bench: absolute_table(bench.rows),
         "slopes.csv": PAGE.data["slopes.csv"],
-        "environment.json": PAGE.data["environment.json"],
     },
     values={
         **PAGE.values,

@@ -227,7 +227,6 @@ RUN = Report(
     data={
         "errors.csv": lambda results: results.errors[ERROR_COLUMNS],
         "timings.csv": lambda results: pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__)),
-        "environment.json": lambda results: results.environment,
         "summary.json": summary,
     },
     values=VALUES,

@@ -121,7 +121,7 @@ def _digits(row: Row) -> str:
 PAGE = Report(
     text="stress",
     banner=_banner,
-    data={"stress.csv": lambda found: found.table, "environment.json": lambda found: found.environment},
+    data={"stress.csv": lambda found: found.table},
     values={
         "title": lambda found: "Stiff and extreme: where it breaks, and whether it says so",
         "headline": headline,
