@@ -7,7 +7,7 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -36,17 +36,17 @@ def environment() -> dict[str, Any]:
     return {**record, "commit": commit} if commit else record
 
 
-def plain(value: Any) -> Any:
-    """The value as JSON knows it; what is not a finite number becomes null."""
+def plain(value: Any, text: Callable[[str], str] = str) -> Any:
+    """The value as JSON knows it; what is not a finite number becomes null, and of texts what is made of them."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain(item, text) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
-        return [plain(item) for item in value]
+        return [plain(item, text) for item in value]
     if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
+        return plain(value.tolist(), text)
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+    return value if value is None or isinstance(value, (bool, int, float)) else text(str(value))
 
 
 def json_text(value: Any, *, escaped: bool = False) -> str:

@@ -96,7 +96,7 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
-        while left > 1e-8:
+        while left > 1e-6:  # what a step leaves is its cube
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
             before, left = left, max(E.max(), -E.min())
             if not left < 0.1 * before:

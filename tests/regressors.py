@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.fitting import TENSOR
 from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
-from screwgauge.diagnosis.mechanics.tree import Motion, States, Tree
+from screwgauge.models.kinematics.tree import Motion, States, Tree
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import acceleration_at, velocity_at
 

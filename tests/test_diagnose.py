@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.mechanics.tree import draw
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
+from screwgauge.models.kinematics.tree import draw
 
 #: Torques of two readings of one model, of own dynamics and of both libraries, over the largest.
 AGREE = 1e-12

@@ -10,8 +10,7 @@ import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 from screwgauge.diagnosis.asked import answers, pairs
-from screwgauge.diagnosis.mechanics.closed import closed, equations, left
-from screwgauge.diagnosis.mechanics.closing import constraint_rows, gaps, residual_at_home
+from screwgauge.diagnosis.mechanics.closed import closed, left
 from screwgauge.diagnosis.mechanics.dynamics import (
     armature_force,
     dynamics,
@@ -19,8 +18,9 @@ from screwgauge.diagnosis.mechanics.dynamics import (
     not_modelled,
     passive_force,
 )
-from screwgauge.diagnosis.mechanics.tree import States, draw, move, moved, plant
 from screwgauge.diagnosis.pairing.common import STANDARD
+from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
+from screwgauge.models.kinematics.tree import States, draw, move, moved, plant
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading
 from screwgauge.reference.mechanism import GROUND

@@ -10,7 +10,7 @@ import pytest
 from screwgauge.diagnosis.causes.fitting import fitted
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.trees import mjcf, tree

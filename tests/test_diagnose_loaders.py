@@ -78,7 +78,7 @@ def test_the_difference_of_calls_is_that_of_the_libraries(tmp_path):
     import numpy as np
     import pinocchio
 
-    from screwgauge.diagnosis.mechanics.tree import draw
+    from screwgauge.models.kinematics.tree import draw
 
     path = arm.write(tmp_path)[0]
     found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio", seed=3)

@@ -13,7 +13,7 @@ from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.rotations import rotation

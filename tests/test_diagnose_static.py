@@ -14,11 +14,12 @@ from screwgauge.diagnosis import known
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mechanics.reshape import held, placed, rehomed
-from screwgauge.diagnosis.mechanics.tree import draw, plant
+from screwgauge.diagnosis.mechanics.reshape import held, placed
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import paired
+from screwgauge.models.kinematics.home import rehomed
+from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.renamed import renamed

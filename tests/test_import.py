@@ -207,6 +207,22 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert "generalized_force" in {*results.pairs["quantity"]}
 
 
+#: A body that moves freely and carries a ball joint is held at a place where it is not.
+HELD = """<mujoco><worldbody><site name="there" pos="1.1 0.3 0.2"/>
+<body name="base" pos="0.2 0 0.1"><freejoint name="float"/><geom size="0.1" mass="2"/>
+<body name="tip" pos="0.6 0 0"><joint name="wrist" type="ball"/><geom size="0.1" mass="1" pos="0.2 0 0"/>
+<site name="end" pos="0.3 0 0.1"/></body></body></worldbody>
+<equality><connect site1="end" site2="there"/></equality></mujoco>"""
+
+
+def test_ball_and_free_joints_close_loops_too(tmp_path):
+    (tmp_path / "held.xml").write_text(HELD, encoding="utf-8")
+    imported = import_model(tmp_path / "held.xml")
+    assert any("loops are open: 'connect_1' by 0.3 m" in sentence for sentence in imported.remarks), imported.remarks
+    assert sorted(joint.kind for joint in imported.mechanism.joints) == ["F", "S", "S"]
+    check_home(imported.mechanism)
+
+
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(assemble, "STARTS", 8)
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]

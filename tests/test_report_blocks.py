@@ -200,13 +200,16 @@ TEXT = """{worst: name}
 
 {said}
 
+{# Last words}
+
 # Prose with {count}
 
 Said of all {count}.
 
 {?many} They are **many**.
 
-{!many} They are few.
+{!many}
+They are few.
 
 {rows+ lines: name | size = {size} mm; None.}
 
@@ -218,6 +221,14 @@ Said of all {count}.
 # Kept
 
 {nothing; Nothing was found.}
+
+# Last words
+
+- Always.
+- {?many} Only of many,
+  as it seems.
+- {!many} Only of few.
+- After all.
 
 # Appendix
 
@@ -250,7 +261,8 @@ def test_a_text_is_filled_in(monkeypatch, tmp_path) -> None:
         "Nothing was found.",
     ):
         assert line in lines
-    assert "They are few." not in text
+    assert "- Always.\n- Only of many, as it seems.\n- After all.\n" in text
+    assert "few." not in text
     assert "Left out" not in text
     assert "In a word." not in text
     shown, rest = text.split("<summary>2 more lines</summary>")
@@ -263,7 +275,7 @@ def test_a_text_says_what_there_is_none_of(monkeypatch, tmp_path) -> None:
     text = markdown(report.blocks("found"))
     assert "They are few.\n\nNone.\n" in text
     assert "more lines" not in text
-    assert terminal(report.terminal("found")) == "In a word."
+    assert terminal(report.terminal("found")) == "In a word.\n\n- Always.\n- Only of few.\n- After all."
 
 
 def test_a_terminal_says_where_it_cuts_a_line() -> None:

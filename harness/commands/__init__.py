@@ -190,8 +190,9 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.self_test:
         return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
+    from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
-    from screwgauge.report.pages import diagnosis as page
+    from screwgauge.report.pages.diagnosis import PAGE as page
     from screwgauge.study.campaigns.loading import read_apart
 
     if options.b is None:
@@ -204,7 +205,7 @@ def diagnose(options: argparse.Namespace) -> int:
         page,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
-        tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
+        tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
     )
     if options.fix is not None:
         say(f"fixed: {found.write_fix(options.fix)}")

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.compare import components
-from screwgauge.diagnosis.mechanics.closed import DEPENDENT, closed, equations, left
+from screwgauge.diagnosis.mechanics.closed import DEPENDENT, closed, left
 from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
 from screwgauge.diagnosis.mechanics.lines import size
-from screwgauge.diagnosis.mechanics.tree import States, Tree
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
+from screwgauge.models.kinematics.closing import equations
+from screwgauge.models.kinematics.tree import States, Tree
 from screwgauge.reference.rotations import Array
 
 #: Libraries that have dynamics, and what asks them.

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Torques
-from screwgauge.diagnosis.mechanics.closing import constraint_rows
 from screwgauge.diagnosis.mechanics.dynamics import dynamics, inverse_dynamics
-from screwgauge.diagnosis.mechanics.tree import Motion, States, draw, move, plant
 from screwgauge.diagnosis.pairing.common import Common, brought, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.kinematics.closing import constraint_rows
+from screwgauge.models.kinematics.tree import Motion, States, draw, move, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array

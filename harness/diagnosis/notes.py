@@ -9,10 +9,10 @@ import numpy as np
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
-from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.witness import Witness
+from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
@@ -22,10 +22,7 @@ NAMED = 3
 #: Library -> its call for inverse dynamics.
 _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 #: What one call contains and another one does not -> case of the casebook.
-CASES = {
-    "damping": "urdf-damping-one-side",
-    "stiffness": "pin-mjcf-springs",
-}
+CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(

@@ -12,10 +12,10 @@ from screwgauge.diagnosis.causes.fitting import PASSIVE, fitted
 from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.mechanics.tree import States, Tree, draw, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.engines.plain import Answers
+from screwgauge.models.kinematics.tree import States, Tree, draw, plant
 from screwgauge.reference.errors import ScrewgaugeError
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.

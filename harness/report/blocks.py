@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import compress
 from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.report.formatting import FORMS, missing, number, words
+from screwgauge.report.formatting import FORMS, missing, number, printable, words
 
 Status = Literal["agree", "differ", "failed", "note"]
 LONG = 12  # rows of a table that are shown; further ones may be folded
@@ -48,6 +49,11 @@ class Banner:
     text: str
     word: str = ""
     status: Status = "note"
+
+    @staticmethod
+    def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
+        """One of two."""
+        return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,16 +158,11 @@ def table(rows: Iterable[Any], columns: str) -> Table:
     down, _, cross = columns.partition("||")
     shown, lines = _columns(down), [(row, tuple(_text(row, key) for key in _columns(down).values())) for row in rows]
     if not cross:
-        empty = {i for i, key in enumerate(shown.values()) if key.endswith("??") and not any(x[i] for _, x in lines)}
-        kept = [
-            tuple(x for i, x in enumerate(line) if i not in empty) for line in (tuple(shown), *(x for _, x in lines))
-        ]
-        return Table(kept[0], tuple(kept[1:]))
-    (across, cell), cells, names = (
-        cross.strip().split(" = "),
-        dict[tuple[str, ...], dict[str, str]](),
-        dict[str, None](),
-    )
+        kept = [not key.endswith("??") or any(x[i] for _, x in lines) for i, key in enumerate(shown.values())]
+        head, *body = (tuple(compress(line, kept)) for line in (shown, *(x for _, x in lines)))
+        return Table(head, tuple(body))
+    across, cell = cross.strip().split(" = ")
+    cells, names = dict[tuple[str, ...], dict[str, str]](), dict[str, None]()
     for row, line in lines:
         names[name := _text(row, across)] = None
         cells.setdefault(line, {})[name] = _text(row, cell)
@@ -210,11 +211,8 @@ def _said(value: Any) -> str:
 
 
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Pieces of a text with the name of the HTML element that each belongs in; empty for plain ones.
-
-    What steers a terminal, or the direction of writing, becomes a space.
-    """
-    shown, end = str(text) if text.isprintable() else "".join(x if x.isprintable() else " " for x in text), 0
+    """Pieces of a `printable` text with the name of the HTML element that each belongs in; empty for plain ones."""
+    shown, end = printable(str(text)), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
         yield ("code", "strong", "em")[(match.lastindex or 1) - 1], match.group(match.lastindex or 1)

@@ -20,14 +20,8 @@ from screwgauge.reference.files import read_file, why
 SAMPLES = "samples.parquet"
 PAGES = ("report.md", "report.html")
 MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the folder is replaced or removed
-WORKING = (
-    "random.csv",
-    "selftest.csv",
-    "matrix.csv",
-    "bench.partial.jsonl",
-    "check.partial.jsonl",
-    "alarms.csv",
-)  # grow before there is a report; who adds to them looks whose they are
+#: Grow before there is a report; who adds to them looks whose they are.
+WORKING = ("random.csv", "selftest.csv", "matrix.csv", "alarms.csv", "bench.partial.jsonl", "check.partial.jsonl")
 
 
 def check_writable(out: Path, names: Iterable[str] = ()) -> None:

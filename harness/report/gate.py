@@ -12,7 +12,7 @@ from typing import Any
 
 from screwgauge.environment import json_text
 from screwgauge.report.blocks import Banner, Heading
-from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
+from screwgauge.report.formatting import beyond, digits_text, number, printable, size, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
@@ -110,9 +110,9 @@ class Check:
         for name, kind in (("failures", "failure"), ("errors", "error")):
             suite.set(name, str(kinds[kind]))
         for name, seconds, status, said in cases:
-            case = ET.SubElement(suite, "testcase", classname="screwgauge", name=_shown(name), time=f"{seconds:.3f}")
+            case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
             if status != "agree":
-                ET.SubElement(case, _KINDS[status], message=_shown(said))
+                ET.SubElement(case, _KINDS[status], message=printable(said))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
@@ -128,11 +128,6 @@ class Check:
 _KINDS = {"differ": "failure", "failed": "error", "refused": "error"}
 
 
-def _shown(text: str) -> str:
-    """Without what XML cannot hold."""
-    return "".join(sign if sign.isprintable() else " " for sign in text)
-
-
 def _banner(found: Check) -> Banner:
     text = f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."
     judged = {any(error.b == JUDGE for error in row.errors) for row in found.rows}  # of a pair of models nobody is
@@ -140,7 +135,7 @@ def _banner(found: Check) -> Banner:
         text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
     elif found.ok:
         text += f" Models {'and engines ' * (True in judged)}agree within tolerance."
-    return Banner(text, "✓ OK", "agree") if found.ok else Banner(text, "✗ FAILED", "differ")
+    return Banner.of(text, found.ok, "OK", "FAILED")
 
 
 def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -149,14 +144,8 @@ def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
     lines = []
     for row in rows:
         worst = {**asdict(row.worst), "digits": digits_text(row.worst.error)} if row.worst else nothing
-        lines.append(
-            {
-                **worst,
-                "scene": row.scene,
-                "word": WORDS[row.status],
-                "scaled": size(row.worst.error) if row.worst else "",
-            }
-        )
+        scaled = size(row.worst.error) if row.worst else ""
+        lines.append({**worst, "scene": row.scene, "word": WORDS[row.status], "scaled": scaled})
     return lines
 
 
@@ -181,17 +170,12 @@ PAGE = Report(
     data={"check.json": lambda found: found.record},
     values={
         "title": lambda found: "Check",
-        "verdict": lambda found: [_banner(found)],
         "nearest": _nearest,
         "about": lambda found: {
             "scenes and pairs": len(found.rows),
             "motion": "a few samples of an exciting one" if found.smoke else "its own",
         },
-        "changed": lambda found: found.against and found.against.changed,
-        "improved": lambda found: found.against and found.against.improved,
-        "baseline": lambda found: found.against and found.against.notes,
         "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
-        "faults": lambda found: found.faults,
         "tolerances": _tolerances,
         "tested": lambda found: [f"{row.scene}: {row.coverage or row.sentence}" for row in found.rows if row.ok],
     },

@@ -8,23 +8,9 @@ from html import escape
 from pathlib import Path
 from string import Template
 
+from screwgauge.report import blocks as b
 from screwgauge.report import libraries
-from screwgauge.report.blocks import (
-    Appendix,
-    Banner,
-    Block,
-    Folded,
-    Front,
-    Glossary,
-    Heading,
-    Items,
-    Paragraph,
-    Picture,
-    Table,
-    plain,
-    spans,
-    walk,
-)
+from screwgauge.report.blocks import Block, plain, spans, walk
 from screwgauge.report.formatting import file_name, free_name
 
 PAGE = Path(__file__).with_name("page.html")
@@ -38,9 +24,9 @@ MOVING = {"chart": libraries.chart, "stage": libraries.stage}  # part of a pictu
 def page(blocks: Iterable[Block]) -> str:
     """The whole page, pictures and what draws them inside; its title is the first heading."""
     blocks = list(blocks)
-    title = next((block.text for block in blocks if isinstance(block, Heading)), "Screwgauge")
-    pictures = [block for block in walk(blocks) if isinstance(block, Picture)]
-    words = [term for block in walk(blocks) if isinstance(block, Glossary) for term, _ in block.entries]
+    title = next((block.text for block in blocks if isinstance(block, b.Heading)), "Screwgauge")
+    pictures = [block for block in walk(blocks) if isinstance(block, b.Picture)]
+    words = [term for block in walk(blocks) if isinstance(block, b.Glossary) for term, _ in block.entries]
     return fill(plain(title), _linked(_with_contents(fragment(blocks)), words), _scripts(pictures))
 
 
@@ -52,7 +38,7 @@ def fill(title: str, body: str, scripts: str = "", images: str = "") -> str:
     return Template(PAGE.read_text(encoding="utf-8")).substitute(parts, style=style)
 
 
-def _scripts(pictures: Sequence[Picture]) -> str:
+def _scripts(pictures: Sequence[b.Picture]) -> str:
     """The data of each picture, in order, the libraries that any of them needs, and what brings them together."""
     lines, needed = list[str](), dict[str, None]()
     for picture in pictures:
@@ -113,37 +99,37 @@ def fragment(blocks: Iterable[Block]) -> str:
 
 def _block(block: Block) -> str:
     match block:
-        case Heading(text, level):
+        case b.Heading(text, level):
             return f"<h{level}>{_text(text)}</h{level}>"
-        case Paragraph(text):
+        case b.Paragraph(text):
             return f"<p>{_text(text)}</p>"
-        case Banner(text, word, status):
+        case b.Banner(text, word, status):
             lead = f"<strong>{_text(word)}</strong> " if word else ""
             return f'<div class="banner {status}">{lead}{_text(text)}</div>'
-        case Front(inside):
+        case b.Front(inside):
             return _front(inside)
-        case Appendix(inside):
+        case b.Appendix(inside):
             return _folded_sections(fragment(inside))
-        case Glossary(entries):
+        case b.Glossary(entries):
             terms = (f'<dt id="word-{file_name(x)}">{_text(x)}</dt><dd>{_text(y)}</dd>' for x, y in entries)
             return f"<dl>{''.join(terms)}</dl>"
-        case Items(texts):
+        case b.Items(texts):
             return "<ul>" + "".join(f"<li>{_text(text)}</li>" for text in texts) + "</ul>"
-        case Table():
+        case b.Table():
             return _table(block)
-        case Picture():
+        case b.Picture():
             return f"<figure>{_inline(block)}</figure>"
-        case Folded(title, inside, note):
+        case b.Folded(title, inside, note):
             lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
             return f"<details>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
     """Banners over all of the page; the rest at the left of the picture, if there is one."""
-    banners = fragment(block for block in blocks if isinstance(block, Banner))
-    rest = [block for block in blocks if not isinstance(block, Banner)]
-    left = fragment(block for block in rest if not isinstance(block, Picture))
-    right = fragment(block for block in rest if isinstance(block, Picture))
+    banners = fragment(block for block in blocks if isinstance(block, b.Banner))
+    rest = [block for block in blocks if not isinstance(block, b.Banner)]
+    left = fragment(block for block in rest if not isinstance(block, b.Picture))
+    right = fragment(block for block in rest if isinstance(block, b.Picture))
     return f'<div class="front{"" if right else " plain"}">\n{banners}\n<div>{left}</div>\n{right}\n</div>'
 
 
@@ -155,7 +141,7 @@ def _folded_sections(body: str) -> str:
     return "\n".join(["<h2>Appendix</h2>", front, *folded])
 
 
-def _inline(picture: Picture) -> str:
+def _inline(picture: b.Picture) -> str:
     """A picture within the page: with ids of its own, and a label for screen readers."""
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(picture.title))}" ', 1).strip()
@@ -166,7 +152,7 @@ def _text(text: str) -> str:
     return "".join(f"<{tag}>{piece}</{tag}>" if tag else piece for tag, piece in pieces)
 
 
-def _table(block: Table) -> str:
+def _table(block: b.Table) -> str:
     """A table that scrolls if it is wider than the page."""
     named, right = any(block.head), block.right
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from operator import attrgetter
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -49,16 +48,18 @@ class Report:
     Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
     text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, with what is said if there are
-    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph may begin with ``{?name}`` or
-    ``{!name}``: it is there only if the value is true, or is not. Names within paragraphs are filled in.
+    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph or an item may begin with
+    ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in.
+    ``{# Title}`` stands for what the section of that title says.
 
     Attributes:
         text: Name of the file in ``texts/``.
         banner: Verdict in a sentence, then warnings.
-        data: File name -> what it holds. The record of the machine is added.
-        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found. All
-            texts know ``title``, ``environment``, ``about`` (facts of the first screen, those of the machine added),
-            ``plots`` and ``beside`` (the first picture).
+        data: File name -> what it holds. The record of the machine is added: of what was found, else of now.
+        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found (``a.b``:
+            of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
+            ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
+            ``beside`` (the first picture).
         draw: Pictures, that of the first screen first.
         plots: How all others are told.
         figures: Significant figures of numbers in CSV; every bit by default.
@@ -77,7 +78,7 @@ class Report:
     @property
     def DATA(self) -> tuple[str, ...]:
         """Files beside the pages."""
-        return (*self.data, *([] if RECORD in self.data else [RECORD]))
+        return (*self.data, RECORD)
 
     @property
     def NAME(self) -> str:
@@ -86,12 +87,11 @@ class Report:
 
     def write(self, found: Any, out: Path, *, more: Mapping[str, Any] | None = None, pdf: bool = False) -> Path:
         """Writes data, pages and pictures; `more`: further files."""
-        data = {name: make(found) for name, make in self.data.items()}
-        data |= {} if RECORD in data else {RECORD: environment()}
-        data |= more or {}
+        record = getattr(found, "environment", None) or environment()
+        data = {**{name: make(found) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
         def tell() -> list[Block]:
-            return self.blocks(found, self.draw(found), data[RECORD])
+            return self.blocks(found, self.draw(found), record)
 
         return write_report(out, tell, data, self.figures, pdf=pdf)
 
@@ -101,13 +101,9 @@ class Report:
         """The blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
         first, others = drawn[0] if drawn else None, drawn[1:]
-        if record is None:
-            record = self.data[RECORD](found) if RECORD in self.data else {}
-        filled = _Filled(self, found, record, first, others)
+        filled = _Filled(self, found, record or getattr(found, "environment", {}), first, others)
         front, sections, appendix = _parts(self.text)
-        banner = self.banner(found)
-        banners = [banner] if isinstance(banner, Banner) else banner
-        screen = [*banners, *filled.section("", front), *([first] if first else [])]
+        screen = [*filled["verdict"], *filled.section("", front), *([first] if first else [])]
         blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]
@@ -128,7 +124,8 @@ Sections = list[tuple[str, str]]
 def _parts(name: str) -> tuple[str, Sections, Sections]:
     """First screen, sections and appendix of a text."""
     front, *rest = re.split(r"^# (.*)\n", (TEXTS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    sections = list(zip(rest[::2], rest[1::2], strict=True))
+    known = dict(zip(rest[::2], rest[1::2], strict=True))
+    sections = [(title, re.sub(r"\{# (.*)\}", lambda x: known[x[1]].strip(), text)) for title, text in known.items()]
     at = [title for title, _ in sections].index("Appendix")
     return front, sections[:at], sections[at + 1 :]
 
@@ -157,6 +154,9 @@ class _Filled(Mapping[str, Any]):
 
     def _value(self, name: str) -> Any:
         own = self.report.values
+        if name == "verdict":
+            said = self.report.banner(self.found)
+            return [said] if isinstance(said, Banner) else said
         if name == "plots":
             return self.report.plots(self.found, self.others)
         if name == "beside":
@@ -169,16 +169,17 @@ class _Filled(Mapping[str, Any]):
         if name == "about":
             known, made_by = {**self.record.get("packages", {}), **self.record}, () if self.report.grown else MACHINE
             return {**own["about"](self.found), **{key: known[key] for key in made_by if key in known}}
-        return own[name](self.found) if name in own else attrgetter(name.replace(" ", "_"))(self.found)
+        if name in own:
+            return own[name](self.found)
+        path = name.replace(" ", "_").split(".")
+        return reduce(lambda found, part: None if found is None else getattr(found, part), path, self.found)
 
     def section(self, title: str, text: str) -> list[Block]:
         """Heading and blocks; nothing where it may be left out and has nothing to say."""
         told, asked, got = list[Block](), 0, 0
-        for part in filter(None, text.strip().split("\n\n")):
-            if mark := re.match(r"\{([?!])([^}]*)\}\s*", part):
-                if bool(self[mark[2]]) is (mark[1] == "?"):
-                    told += prose(part[mark.end() :].format_map(self))
-            elif part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
+        text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
+        for part in filter(None, re.split(r"\n{2,}", text.strip())):
+            if part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
                 blocks = [block for line in part.splitlines() for block in self._place(line)]
                 told, asked, got = [*told, *blocks], asked + 1, got + bool(blocks)
             else:
@@ -209,6 +210,7 @@ class _Filled(Mapping[str, Any]):
         return [Items(tuple(value))] if isinstance(value[0], str) else list(value)
 
 
+_WHEN = re.compile(r"^(- )?\{([?!])([^}]*)\}\s*(.*(?:\n(?!\n|- ).*)*)\n?", re.MULTILINE)
 _PLACE = re.compile(r"\{([^:;{}]+)(?:: ((?:[^;{}]|\{[^}]*\})+))?(?:; (.*))?\}")
 
 

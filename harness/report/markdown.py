@@ -6,21 +6,8 @@ import re
 from collections.abc import Iterable
 from html import escape
 
-from screwgauge.report.blocks import (
-    Appendix,
-    Banner,
-    Block,
-    Folded,
-    Front,
-    Glossary,
-    Heading,
-    Items,
-    Paragraph,
-    Picture,
-    Table,
-    plain,
-    spans,
-)
+from screwgauge.report import blocks as b
+from screwgauge.report.blocks import Block, plain, spans
 
 MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
@@ -32,27 +19,27 @@ def markdown(blocks: Iterable[Block]) -> str:
 
 def _block(block: Block) -> str:
     match block:
-        case Heading(text, level):
+        case b.Heading(text, level):
             return f"{'#' * level} {_text(text)}"
-        case Paragraph(text):
+        case b.Paragraph(text):
             return _line(text)
-        case Banner(text, word):
+        case b.Banner(text, word):
             return f"> **{_text(word)}** {_text(text)}" if word else f"> {_line(text)}"
-        case Items(texts):
+        case b.Items(texts):
             return "\n".join(f"- {_line(text)}" for text in texts)
-        case Table():
+        case b.Table():
             right = block.right
             rule = tuple("---:" if i in right else "---" for i in range(len(block.head)))
             lines = [_cells(block.head), rule, *map(_cells, block.body)]
             return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-        case Picture(name, title):
+        case b.Picture(name, title):
             return f"![{_text(title)}](plots/{name}.svg)"
-        case Folded(title, inside, note):
+        case b.Folded(title, inside, note):
             lead = escape(plain(f"{title}: {note}" if note else title), quote=False)
             return f"<details>\n<summary>{lead}</summary>\n\n{markdown(inside)}\n</details>"
-        case Front(inside) | Appendix(inside):
+        case b.Front(inside) | b.Appendix(inside):
             return markdown(inside).rstrip("\n")
-        case Glossary(entries):
+        case b.Glossary(entries):
             return "\n".join(f"- **{_text(word)}**: {_text(meaning)}" for word, meaning in entries)
 
 

@@ -35,7 +35,6 @@ def study(
         data={file: lambda found: found[[*kept]] if kept else found},
         values={
             "title": lambda found: title,
-            "verdict": banner,
             "about": lambda found: {"table": f"{file}, {len(found)} rows"},
             **values,
         },

@@ -5,20 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-from screwgauge.report.blocks import (
-    Appendix,
-    Banner,
-    Block,
-    Folded,
-    Front,
-    Glossary,
-    Heading,
-    Items,
-    Paragraph,
-    Picture,
-    Table,
-    plain,
-)
+from screwgauge.report import blocks as b
+from screwgauge.report.blocks import Block, plain
 
 COLUMNS = 100
 
@@ -31,19 +19,19 @@ def terminal(blocks: Iterable[Block]) -> str:
 
 def _lines(block: Block) -> list[str]:
     match block:
-        case Heading(text) | Paragraph(text):
+        case b.Heading(text) | b.Paragraph(text):
             return textwrap.wrap(plain(text), COLUMNS)
-        case Banner(text, word):
+        case b.Banner(text, word):
             return textwrap.wrap(plain(f"{word}: {text}" if word else text), COLUMNS)
-        case Items(texts):
+        case b.Items(texts):
             return [line for text in texts for line in textwrap.wrap(f"- {plain(text)}", COLUMNS)]
-        case Table(head, body):
+        case b.Table(head, body):
             return _table([[plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
-        case Folded(title, inside):
+        case b.Folded(title, inside):
             return [f"{plain(title)}:", *terminal(inside).splitlines()]
-        case Front(inside) | Appendix(inside):
+        case b.Front(inside) | b.Appendix(inside):
             return terminal(inside).splitlines()
-        case Picture() | Glossary():
+        case b.Picture() | b.Glossary():
             return []
 
 
@@ -52,7 +40,7 @@ def _cut(line: str) -> str:
     return line if len(line) <= COLUMNS else f"{line[: COLUMNS - 4]} ..."
 
 
-def _table(lines: list[list[str]], block: Table) -> list[str]:
+def _table(lines: list[list[str]], block: b.Table) -> list[str]:
     """Columns side by side, numbers at their right ends."""
     right, widths = block.right, [max(map(len, column)) for column in zip(*lines, strict=True)]
     forms = [f"{'>' if i in right else '<'}{width}" for i, width in enumerate(widths)]

@@ -33,11 +33,7 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
 
 
 def stream(
-    scene: Scene,
-    parts: Iterable[Array],
-    *,
-    engine: str = "screw",
-    quantities: Iterable[str] | None = None,
+    scene: Scene, parts: Iterable[Array], *, engine: str = "screw", quantities: Iterable[str] | None = None
 ) -> Iterator[tuple[Array, Solution]]:
     """Solves a scene for times that come in parts; memory is that of one part, however many there are.
 

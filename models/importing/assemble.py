@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.models.importing.closing import CLOSED, Loops
-from screwgauge.models.importing.motion import State, at_home, moved_home
-from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.models.kinematics.home import rehomed
+from screwgauge.models.kinematics.tree import plant
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
@@ -48,19 +49,19 @@ def assemble(reading: Reading, where: str) -> Assembled:
     Raises:
         ClosureError: Some loops do not close from any start.
     """
-    loops, home = Loops(reading), at_home(reading)
-    state, error, rank = _nearest(loops, home, where)
-    state, error = _centred(loops, state, error, rank)
-    free = {
-        name: replace(joint, limits=FREE) for name, joint in reading.joints.items() if name in _beyond(loops, state)
-    }
+    loops = Loops(plant(reading))
+    q, error, rank = _nearest(loops, where)
+    q, error = _centred(loops, q, error, rank)
+    free = {name: replace(joint, limits=FREE) for name, joint in reading.joints.items() if name in _beyond(loops, q)}
     reading = replace(reading, joints={**reading.joints, **free})
-    return Assembled(moved_home(reading, state), _said(loops, home, state, error))
+    there = {name: q[place] for name, place in loops.tree.places.items() if (q != loops.home)[place].any()}
+    return Assembled(rehomed(reading, there)[0], _said(loops, q, error))
 
 
-def _said(loops: Loops, home: State, state: State, error: float) -> tuple[str, ...]:
-    moved = {name: value - home.values[name] for name, value in state.values.items() if value != home.values[name]}
-    said, opened = [], loops.gaps(home, CLOSED)
+def _said(loops: Loops, q: Array, error: float) -> tuple[str, ...]:
+    home = loops.values(loops.home)
+    moved = {name: value - home[name] for name, value in loops.values(q).items() if value != home[name]}
+    said, opened = [], loops.gaps(loops.home, CLOSED)
     if moved:
         most = max(moved, key=lambda name: abs(moved[name]))
         aim = "closed loops nearest to that of the file" if opened else "room to the limits"
@@ -69,17 +70,17 @@ def _said(loops: Loops, home: State, state: State, error: float) -> tuple[str, .
     if opened:
         said.append(f"At the file's own home loops are open: {some(opened)}.")
     if error > CLOSED:
-        rounding = some(loops.gaps(state, CLOSED))
+        rounding = some(loops.gaps(q, CLOSED))
         said.append(f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}.")
-    if beyond := _beyond(loops, state):
+    if beyond := _beyond(loops, q):
         said.append(f"Loops or couplings keep {some(beyond)} beyond limits, which are left out.")
     return tuple(said)
 
 
-def _beyond(loops: Loops, state: State) -> list[str]:
+def _beyond(loops: Loops, q: Array) -> list[str]:
     """Joints that are outside their limits."""
-    joints = loops.reading.joints.items()
-    return [name for name, joint in joints if _outside(joint, state.values.get(name))]
+    found = ((name, x, loops.reading.joints[name].limits) for name, x in loops.values(q).items())
+    return [name for name, x, (low, high) in found if low < high and not low <= x <= high]
 
 
 def some(phrases: Sequence[str]) -> str:
@@ -87,87 +88,76 @@ def some(phrases: Sequence[str]) -> str:
     return first_few(phrases, SHOWN)
 
 
-def _outside(joint: JointReading, value: float | None) -> bool:
-    """Whether a coordinate is beyond the limits of its joint."""
-    low, high = joint.limits
-    return value is not None and low < high and not low <= value <= high
-
-
-def _nearest(loops: Loops, home: State, where: str) -> tuple[State, float, int]:
+def _nearest(loops: Loops, where: str) -> tuple[Array, float, int]:
     """The best closed state: regular, within limits, near; its residual and the rank of its loop equations."""
-    rng, found, best = np.random.default_rng(0), [], (home, np.inf)
+    rng, found, best = np.random.default_rng(0), [], (loops.home, np.inf)
     closing = loops.closing  # whatever is on no loop stays
     for i in range(STARTS):
         reach = FARTHEST * i / (STARTS - 1)
-        start = loops.stepped(home, closing * reach * rng.uniform(-1.0, 1.0, len(closing))) if i else home
-        state, error = loops.newton(start)
-        best = min(best, (state, error), key=lambda pair: pair[1])
+        start = loops.stepped(loops.home, closing * reach * rng.uniform(-1.0, 1.0, len(closing))) if i else loops.home
+        q, error = loops.newton(start)
+        best = min(best, (q, error), key=lambda pair: pair[1])
         if not error <= ROUNDED:
             continue
-        s = np.linalg.svd(loops.system(state)[1], compute_uv=False)
+        s = np.linalg.svd(loops.system(q)[1], compute_uv=False)
         rank = int(np.sum(s > REDUNDANT))
         clear = not rank or s[rank - 1] > REGULAR
-        excess = sum(_outside(joint, state.values.get(name)) for name, joint in loops.reading.joints.items())
-        found.append((-rank, not clear, excess, _distance(loops, home, state), i, state, error))
+        excess = len(_beyond(loops, q))
+        found.append((-rank, not clear, excess, _distance(loops, q), i, q, error))
         if (clear and not excess) or len(found) == ENOUGH:
             break
     if not found:
         raise _never(loops, best[0], where)
-    *_, state, error = min(found, key=lambda row: row[:5])
-    return state, error, -min(found, key=lambda row: row[:5])[0]
+    rank, *_, q, error = min(found, key=lambda row: row[:5])
+    return q, error, -rank
 
 
-def _distance(loops: Loops, home: State, state: State) -> float:
-    """How far two states are apart, hinges and slides only, without dimension."""
-    sizes = loops.size
-    parts = loops.reading.freedoms
-    way = [(value - home.values[name]) / sizes[parts[name]][0] for name, value in state.values.items()]
+def _distance(loops: Loops, q: Array) -> float:
+    """How far coordinates are from home, hinges and slides only, without dimension."""
+    home, parts = loops.values(loops.home), loops.tree.freedoms
+    way = [(value - home[name]) / loops.size[parts[name]][0] for name, value in loops.values(q).items()]
     return float(np.linalg.norm(way))
 
 
-def _never(loops: Loops, state: State, where: str) -> ClosureError:
-    what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(state, ROUNDED))}"
+def _never(loops: Loops, q: Array, where: str) -> ClosureError:
+    what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(q, ROUNDED))}"
     return ClosureError(what, where, "check the frames that they join, or name fewer loops")
 
 
-def _centred(loops: Loops, state: State, error: float, rank: int) -> tuple[State, float]:
-    """The state moved, with its loops closed, until coordinates have room to their limits, as far as they can."""
+def _centred(loops: Loops, q: Array, error: float, rank: int) -> tuple[Array, float]:
+    """Coordinates moved, with the loops closed, until they have room to their limits, as far as they can."""
     for _ in range(CENTRINGS):
-        wish = _wish(loops, state)
+        wish = _wish(loops, q)
         if not wish.any():
             break
-        J = loops.system(state)[1]
+        J = loops.system(q)[1]
         if len(J):
             Vt = np.linalg.svd(J)[2]
             wish = Vt[rank:].T @ (Vt[rank:] @ wish)
         wish *= min(1.0, 0.3 / max(float(np.abs(wish).max()), 1e-300))
         if np.abs(wish).max() < 1e-6:
             break
-        trial, left = loops.newton(loops.stepped(state, wish))
+        trial, left = loops.newton(loops.stepped(q, wish))
         s = np.linalg.svd(loops.system(trial)[1], compute_uv=False)
-        if (
-            not left <= max(error, 1e-9)
-            or (rank and s[rank - 1] < REGULAR)
-            or _lack(loops, trial) >= _lack(loops, state)
-        ):
+        if not left <= max(error, 1e-9) or (rank and s[rank - 1] < REGULAR) or _lack(loops, trial) >= _lack(loops, q):
             break
-        state, error = trial, left
-    return state, error
+        q, error = trial, left
+    return q, error
 
 
-def _wish(loops: Loops, state: State) -> Array:
+def _wish(loops: Loops, q: Array) -> Array:
     """The step by which all coordinates would have room to their limits, without dimension. Shape (n,)."""
     wish = np.zeros(len(loops.size))
-    for name, part in loops.reading.freedoms.items():
+    for name, x in loops.values(q).items():
         joint = loops.reading.joints[name]
         low, high = joint.limits
-        if name not in state.values or not low < high:
+        if not low < high:
             continue
         room = MARGIN * (high - low)
         room = room if joint.kind == "slide" and np.isfinite(room) else min(room, ROOM)
-        wish[part] = float(np.clip(state.values[name], low + room, high - room)) - state.values[name]
+        wish[loops.tree.freedoms[name]] = float(np.clip(x, low + room, high - room)) - x
     return wish / loops.size
 
 
-def _lack(loops: Loops, state: State) -> float:
-    return float(np.linalg.norm(_wish(loops, state)))
+def _lack(loops: Loops, q: Array) -> float:
+    return float(np.linalg.norm(_wish(loops, q)))

@@ -9,9 +9,9 @@ import numpy as np
 
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.choice import choose
+from screwgauge.models.importing.closing import length_of
 from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
 from screwgauge.models.importing.left_out import left_out, listed, springs_of
-from screwgauge.models.importing.motion import length_of
 from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
 from screwgauge.models.readings.reading import CouplingReading, Reading

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
 from screwgauge.diagnosis.causes.hypotheses import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mechanics.tree import States, plant
+from screwgauge.models.kinematics.tree import States, plant
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad

@@ -21,10 +21,10 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.mechanics.closed import closed
-from screwgauge.diagnosis.mechanics.tree import States, Tree, draw, moved, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.kinematics.tree import States, Tree, draw, moved, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file

@@ -15,9 +15,8 @@ import numpy as np
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
 from screwgauge.diagnosis.mechanics.lines import apart, size
-from screwgauge.diagnosis.mechanics.reshape import rehomed
 from screwgauge.diagnosis.pairing.common import Common, owned
-from screwgauge.models.importing.motion import moved
+from screwgauge.models.kinematics.home import moved, rehomed
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 

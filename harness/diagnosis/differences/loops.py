@@ -8,12 +8,13 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import Row, components, row_of
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mechanics.closed import closed, equations, left
+from screwgauge.diagnosis.mechanics.closed import closed, left
 from screwgauge.diagnosis.mechanics.lines import size
-from screwgauge.diagnosis.mechanics.tree import draw, plant
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.kinematics.closing import equations
+from screwgauge.models.kinematics.tree import draw, plant
 
 #: States that are drawn, and closed where they can be.
 DRAWN = 12

@@ -12,10 +12,10 @@ from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.words import vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
-from screwgauge.diagnosis.mechanics.closing import residual_at_home
 from screwgauge.diagnosis.mechanics.lines import size
-from screwgauge.diagnosis.mechanics.tree import plant
 from screwgauge.diagnosis.pairing.common import Common
+from screwgauge.models.kinematics.closing import residual_at_home
+from screwgauge.models.kinematics.tree import plant
 from screwgauge.models.readings.reading import ClosureReading
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.mechanics.tree import Motion, States, Tree, move
+from screwgauge.models.kinematics.tree import Motion, States, Tree, move
 from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, cross, skew

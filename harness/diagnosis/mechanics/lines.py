@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import axis
-from screwgauge.models.importing.motion import moved
+from screwgauge.models.kinematics.home import moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array, cross
 

@@ -8,42 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.diagnosis.mechanics.matter import combined, displaced, of_body
-from screwgauge.diagnosis.mechanics.tree import displacements, home, plant
-from screwgauge.models.importing.motion import moved
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.kinematics.home import moved
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-
-
-def rehomed(reading: Reading, q: Mapping[str, float]) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
-    """A reading with its home at other coordinates.
-
-    Args:
-        q: Coordinates of hinges and slides; the others stay.
-
-    Returns:
-        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
-    """
-    if not q:
-        still = np.eye(4)
-        return reading, dict.fromkeys(reading.joints, still), dict.fromkeys(reading.bodies, still)
-    tree = plant(reading)
-    there = home(reading).q
-    for name, value in q.items():
-        there[0, tree.places[name]] = value
-    (inner_R, inner_p), (outer_R, outer_p) = displacements(tree, there)
-    before = {name: matrix(inner_p[0, i], inner_R[0, i]) for i, name in enumerate(reading.joints)}
-    behind = {name: matrix(outer_p[0, i], outer_R[0, i]) for name, i in zip(reading.bodies, tree.last, strict=True)}
-    new = replace(
-        reading,
-        joints={
-            name: replace(moved(joint, before[name]), home=float(q.get(name, joint.home)))
-            for name, joint in reading.joints.items()
-        },
-        bodies={name: replace(body, pose=behind[name] @ body.pose) for name, body in reading.bodies.items()},
-    )
-    return new, before, behind
 
 
 def placed(reading: Reading, T: Array) -> Reading:

@@ -11,10 +11,10 @@ from screwgauge.diagnosis.differences.change import Change, Difference, outwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.mechanics.reshape import held
 from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, Pairing, joints_before
-from screwgauge.models.importing.motion import moved, unit_screws
-from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.models.kinematics.home import moved
+from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
 
 
 def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
@@ -75,19 +75,23 @@ def _split(
             names, at = (*other.bodies[at].joints, *names), other.bodies[at].near
         if at != near or not names or not {*names} <= {*alone} or len(body.joints) > 1:
             continue
-        ways = np.vstack([unit_screws(moved(other.joints[each], T)) for each in names])
-        ranks = {np.linalg.matrix_rank(S, tol=CLOSE) for S in (ways, np.vstack([ways, unit_screws(joint)]))}
+        ways = np.vstack([_ways(moved(other.joints[each], T)) for each in names])
+        ranks = {np.linalg.matrix_rank(S, tol=CLOSE) for S in (ways, np.vstack([ways, _ways(joint)]))}
         if len(ways) > 1 and ranks == {len(ways)} == {FREEDOMS[joint.kind]}:
             found[body.joints[0]] = names
     return found
 
 
+def _ways(joint: JointReading) -> Array:
+    """Unit screws of what a joint can do at home, in the world; of a ball about the world's axes. Shape (n, 6)."""
+    if FREEDOMS[joint.kind] == 1:
+        return joint.screw[None]
+    turns = np.concatenate([np.eye(3), cross(joint.centre[None], np.eye(3))], axis=1)
+    return turns if joint.kind == "ball" else np.concatenate([np.eye(6)[3:], turns])
+
+
 def _branch(
-    reading: Reading,
-    joint: str,
-    alone: tuple[str, ...],
-    there: tuple[Reading, dict[str, str]],
-    sides: tuple[str, str],
+    reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[Reading, dict[str, str]], sides: tuple[str, str]
 ) -> Difference:
     side, lost = sides
     carried, joints = outwards(reading, joint)

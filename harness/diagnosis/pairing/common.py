@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, Change, applied, outwards
-from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed, rehomed
-from screwgauge.diagnosis.mechanics.tree import States, Tree
+from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.kinematics.home import rehomed
+from screwgauge.models.kinematics.tree import States, Tree
 from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED

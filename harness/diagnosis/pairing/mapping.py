@@ -12,8 +12,7 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import outwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting, size
-from screwgauge.diagnosis.mechanics.reshape import rehomed
-from screwgauge.models.importing.motion import moved
+from screwgauge.models.kinematics.home import moved, rehomed
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import read_file

@@ -76,7 +76,8 @@ class BodyPoses:
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
         """Over the coordinates that move each body, about its origin: `arms` lead there."""
-        V = self.moves @ np.ascontiguousarray((screws * v[:, None]).swapaxes(1, 2))
+        moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
+        V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
         return V
 

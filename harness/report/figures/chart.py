@@ -13,9 +13,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.environment import plain
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.looks import Look
+from screwgauge.report.formatting import printable
 
 Spec = dict[str, Any]
 Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
@@ -131,13 +133,18 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     logging.getLogger("vl_convert").setLevel(logging.ERROR)  # it warns of what has no number; notes tell of gaps
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
-    still, live = (_plain({**head, **build(moving)}) for moving in (False, True))
+    still, live = (plain({**head, **build(moving)}, _printable) for moving in (False, True))
     still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
     if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
         still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
         draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
     svg = draw(json.dumps(still))
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
+
+
+def _printable(text: str) -> str:
+    """With what no SVG may contain as spaces; most of a chart are lines of numbers, which have none."""
+    return text if text.isascii() and text.replace("\n", "").isprintable() else printable(text, "\n")
 
 
 def _still(node: Any) -> Any:
@@ -160,20 +167,6 @@ def _labelled(spec: Spec) -> Spec:
         size = {"signal": "[width, height]"}
         mark["transform"] = [{"type": "label", "size": size, "anchor": anchors, "offset": [4]}]
     return spec
-
-
-def _plain(value: Any) -> Any:
-    """Values as JSON has them: NaN as null; in texts a space for what is not printable, which no SVG may contain."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, str):
-        plain = value.isascii() and value.replace("\n", "").isprintable()
-        return value if plain else "".join(x if x.isprintable() or x == "\n" else " " for x in value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:

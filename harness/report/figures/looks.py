@@ -11,7 +11,7 @@ DASHES = ((1, 0), (6, 3), (2, 2), (8, 2, 2, 2), (4, 1, 1, 1))
 CROSS, PLUS = "M-.8,-.8L.8,.8M-.8,.8L.8,-.8", "M-1,0H1M0,-1V1"
 STAR = "M0,-1L.24,-.31L.95,-.31L.36,.12L.59,.81L0,.38L-.59,.81L-.36,.12L-.95,-.31L-.24,-.31Z"
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left")
-GREY, INK, RED = "#767676", "#1b1f24", "#b3202a"
+GREY, INK = "#767676", "#1b1f24"
 
 #: Beginnings of a family's name and their colour; the first that fits.
 CAMPS = (

@@ -228,7 +228,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # joint forces of an open tree, for one, differ from cut to cut
         yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."
-    names = [name for _, some in subject.panels for name in some]
+    names = subject.names
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():

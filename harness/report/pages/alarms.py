@@ -24,10 +24,6 @@ def passed(found: pd.DataFrame) -> bool:
     return bool(n["looked"] and n["changed"]) and not n["alarms"] and not n["missed"]
 
 
-def _banner(found: pd.DataFrame) -> Banner:
-    return Banner(sentence(found), *(("✓ PASSED", "agree") if passed(found) else ("✗ FAILED", "differ")))
-
-
 def _counts(found: pd.DataFrame) -> dict[str, int]:
     quiet, caught = found["quiet"], found["caught"]
     refused, n = int((quiet == "refused").sum()), len(found)
@@ -50,7 +46,7 @@ def _bad(found: pd.DataFrame) -> list[str]:
 PAGE = study(
     NAME,
     "False alarms and missed changes",
-    _banner,
+    lambda found: Banner.of(sentence(found), passed(found), "PASSED", "FAILED"),
     sentence=sentence,
     families=lambda found: [{"family": name, **_counts(some)} for name, some in found.groupby("family")],
     bad=_bad,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,25 +28,34 @@ DIGITS = {3: "three", 6: "six", 9: "nine"}
 def _banner(bench: Bench) -> Banner:
     good = bench.complete and all(fit.ok for fit in bench.fits)
     found = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
-    return Banner(found, "✓ MEASURED" if good else "✗ NOT ALL MEASURED AS EXPECTED", "agree" if good else "differ")
+    return Banner.of(found, good, "MEASURED", "NOT ALL MEASURED AS EXPECTED")
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """For each error the quickest family that closes the loops itself, and how much longer the next one takes."""
-    reached = grouped(rows(reach(bench.rows)), "quantity", "given", "error")
-    found = []
-    for level in LEVELS:
-        for best, *others in [reached[key]] if (key := (quantity, False, level)) in reached else []:
-            cost, second = best["seconds_per_sample"], others[0] if others else {}
-            lead = _lead(second.get("family"), second.get("seconds_per_sample", 0.0) / cost)
-            digits = {"digits": number(-np.log10(level)), "level": level}
-            found.append({**digits, "cheapest": best["family"], "a_sample": cost, **lead})
-    return found
+    """For each error the quickest family that closes the loops itself."""
+    found = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and not row["given"]]
+    said = [{**row, "cost": row["seconds_per_sample"]} for row in found]
+    return [line for level in LEVELS for line in _first(level, [row for row in said if row["error"] == level])]
 
 
-def _lead(second: str | None, times: float) -> Row:
-    """Who comes next, after how many times the cost."""
-    return {"next": second or "none", "times_as_long": number(times, 3) if second else ""}
+def _quickest(found: Bench) -> list[Row]:
+    """Of a simulation: the quickest method for three, six and nine digits."""
+    done = [row for row, _ in pairs(found.rows) if row.status == OK]
+
+    def reached(level: float) -> list[Row]:
+        who = ((row.contestant, row.work_s) for row in done if row.max_scaled <= level)
+        return [{"family": one.family, "setting": one.setting, "cost": cost} for one, cost in who]
+
+    return [line for digits in DIGITS for line in _first(10.0**-digits, reached(10.0**-digits))]
+
+
+def _first(level: float, found: Sequence[Row]) -> list[Row]:
+    """Who of those that reach an error is the first, and how much longer the next family takes; none of none."""
+    order = sorted(found, key=lambda row: float(row["cost"]))
+    second = next((row for row in order if row["family"] != order[0]["family"]), None)
+    times = number(second["cost"] / order[0]["cost"], 3) if second else ""
+    lead = {"next": second["family"] if second else "none", "times_as_long": times}
+    return [{**best, "digits": number(-np.log10(level)), "level": level, **lead} for best in order[:1]]
 
 
 def headline(bench: Bench) -> str:
@@ -54,8 +64,8 @@ def headline(bench: Bench) -> str:
     for quantity in SHOWN:
         for best in (row for row in _cheapest(bench, quantity) if row["level"] == NINE):
             lead = f", then {best['next']} ({best['times_as_long']} times as long)" if best["times_as_long"] else ""
-            what = f"{words(quantity).capitalize()} to nine digits is cheapest by {best['cheapest']}"
-            parts.append(f"{what}, {duration(best['a_sample'])} a sample{lead}.")
+            what = f"{words(quantity).capitalize()} to nine digits is cheapest by {best['family']}"
+            parts.append(f"{what}, {duration(best['cost'])} a sample{lead}.")
     if bench.fits:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
     parts.append(f"{count(len(found), 'row')} in {len(grouped(found, 'family'))} families of methods.")
@@ -114,20 +124,6 @@ def _leaving(bench: Bench) -> list[Block]:
     return [table(map(line, group), f"{engine} = {LEFT_OUT}") for (engine,), group in groups]
 
 
-def _quickest(found: Bench) -> list[Row]:
-    """Of a simulation: for three, six and nine digits the quickest method, and how much longer another family takes."""
-    told = []
-    for digits in DIGITS:
-        reached = [row for row, _ in pairs(found.rows) if row.status == OK and row.max_scaled <= 10.0**-digits]
-        for best, *others in [sorted(reached, key=lambda row: row.work_s)] if reached else []:
-            family = best.contestant.family
-            other = next((row for row in others if row.contestant.family != family), None)
-            lead = _lead(other.contestant.family, other.work_s / best.work_s) if other else _lead(None, 0.0)
-            who = {"digits": str(digits), "cheapest": family, "setting": best.contestant.setting}
-            told.append({**who, "cpu": best.work_s, **lead})
-    return told
-
-
 def _simulated_headline(found: Bench) -> str:
     """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
     t, rows = found.scene.t, [row for row, _ in pairs(found.rows)]
@@ -135,7 +131,7 @@ def _simulated_headline(found: Bench) -> str:
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
         what = f"{DIGITS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
         lead = f"; {best['next']} takes {best['times_as_long']} times as long" if best["times_as_long"] else ""
-        parts.append(f"{what} {best['cheapest']} ({best['setting']}): {duration(best['cpu'])} of processor time{lead}.")
+        parts.append(f"{what} {best['family']} ({best['setting']}): {duration(best['cost'])} of processor time{lead}.")
     parts.append(f"{len(rows)} contestants on {number(t[-1] - t[0])} s of motion.")
     for status, what in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
         names = dict.fromkeys(row.contestant.family for row in rows if row.status == status)
@@ -179,7 +175,6 @@ PAGE = Report(
         "timings.csv": lambda bench: timing_table(bench.rows),
         "reach.csv": lambda bench: reach(bench.rows),
         "leaving_out.csv": lambda bench: bench.leaving_out,
-        "environment.json": lambda bench: bench.environment,
     },
     values={
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
@@ -198,7 +193,6 @@ PAGE = Report(
         "every row": _rows(),
         "one thread": lambda bench: bench.environment["one_thread"],
         "samples": lambda bench: len(bench.scene.t),
-        "budget": lambda bench: number(bench.plan.budget),
     },
     draw=make_plots,
     figures=6,
@@ -210,13 +204,11 @@ SIMULATION = replace(
         "bench.csv": PAGE.data["bench.csv"],
         "forward.csv": lambda bench: absolute_table(bench.rows),
         "slopes.csv": PAGE.data["slopes.csv"],
-        "environment.json": PAGE.data["environment.json"],
     },
     values={
         **PAGE.values,
         "headline": _simulated_headline,
         "cheapest": _quickest,
         "measured": _measured,
-        "each": lambda bench: number(bench.plan.each),
     },
 )

@@ -17,15 +17,11 @@ from screwgauge.report.layout import Report
 
 _RANKED = 12  # hypotheses that are shown
 
-__all__ = ["DATA", "summary", "terminal", "write"]
-
 
 def _banner(found: Diagnosis) -> Banner:
-    if found.left_out:
-        return Banner(found.verdict, "✗ STOPPED", "failed")
-    if found.exit_status == 3:
-        return Banner(found.verdict, "✗ FAILED", "failed")
-    return Banner(found.verdict, "✓ SAME", "agree") if found.same else Banner(found.verdict, "✗ DIFFER", "differ")
+    if found.left_out or found.exit_status == 3:
+        return Banner(found.verdict, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
+    return Banner.of(found.verdict, found.same, "SAME", "DIFFER")
 
 
 def _differences(found: Diagnosis) -> list[Row]:
@@ -94,7 +90,6 @@ PAGE = Report(
     data={"diagnosis.json": summary},
     values={
         "title": lambda found: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(found)),
-        "verdict": lambda found: [_banner(found)],
         "about": _about,
         "differences": _differences,
         "largest": lambda found: _differences(found)[:3],
@@ -102,17 +97,12 @@ PAGE = Report(
         "ranking": _ranking,
         "taken": _taken,
         "proof": _proof,
-        "why not": lambda found: found.proof.why_not if found.proof else (),
         "growth": lambda found: found.growth.sentence if found.growth and _ranking(found) else "",
         "rows alone": lambda found: () if found.differences else found.rows,
         "witnesses": _witnesses,
-        "readings": lambda found: found.matrix.sentences if found.matrix else (),
-        "cells": lambda found: found.matrix.cells if found.matrix else (),
-        "pairs": lambda found: found.matrix.pairs if found.matrix else (),
         "map": _map,
         "ignored": lambda found: [f"{side}: {what}" for side, m in _sides(found) for what in m.reading.ignored],
         "models": lambda found: {side: _file(m) for side, m in _sides(found)},
     },
     draw=make_plots,
 )
-DATA, write, terminal = PAGE.DATA, PAGE.write, PAGE.terminal

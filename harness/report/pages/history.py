@@ -42,7 +42,7 @@ def _banner(found: pd.DataFrame) -> Banner:
     good, bad = int((last["status"] == "agree").sum()), [str(x) for x in last[last["status"] != "agree"]["scene"]]
     lost = f" Not: {', '.join(bad)}." if bad else ""
     text = f"{len(found)} checks of {len(last)} scenes were kept; {good} agreed when last checked.{lost}"
-    return Banner(text, *(("✗ NOT ALL AGREE", "differ") if bad else ("✓ AGREE", "agree")))
+    return Banner.of(text, not bad)
 
 
 PAGE = study("history.csv", "History", _banner, draw=make_plots, scenes=lambda found: [*_scenes(found)])

@@ -21,7 +21,7 @@ def _banner(found: pd.DataFrame) -> Banner:
     bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(found) if row["status"] != "agree"]
     count, lost = f"{len(found) - len(bad)} of {len(found)}", f" Not on {listed(bad)}." * bool(bad)
     text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
-    return Banner(text, *(("✗ NOT ALL AGREE", "differ") if bad else ("✓ AGREE", "agree")))
+    return Banner.of(text, not bad)
 
 
 def _pairs(found: pd.DataFrame) -> list[Row]:
@@ -30,10 +30,9 @@ def _pairs(found: pd.DataFrame) -> list[Row]:
 
 def _reasons(found: pd.DataFrame) -> list[Block]:
     """What does not pass, in how many scenes which quantities differ."""
-    form = "pin {pin}, mujoco {mujoco}: {amount}{reason}"
-    amounts = ("scenes out of tolerance in {differing}; the first: " if row["differing"] else "" for row in rows(found))
-    both = zip(rows(found), amounts, strict=True)
-    told = tuple(form.format(**row, amount=amount.format(**row)) for row, amount in both if row["reason"])
+    where, amount = "pin {pin}, mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
+    bad = [row for row in rows(found) if row["reason"]]
+    told = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
     return [Folded("What does not pass", (Items(told),))] if told else []
 
 

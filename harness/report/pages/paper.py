@@ -8,6 +8,7 @@ from dataclasses import asdict
 import pandas as pd
 
 from screwgauge.quantities import MAX_DIGITS
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.figures.paper import make_plots
 from screwgauge.report.formatting import Row, number, unit_text
@@ -49,18 +50,12 @@ def _rows(paper: Paper) -> list[Row]:
 
 def errata_frame(errata: Sequence[Erratum]) -> pd.DataFrame:
     """The table of ``errata.csv``."""
-    rows = [
-        {
-            "number": row.number,
-            "equation": f"{row.equation}: {row.measure}",
-            "printed": f"{row.printed_form} -> {number(row.printed)}",
-            "right": f"{row.right_form} -> {number(row.right)}",
-            "effect": row.effect,
-            "unit": row.unit,
-        }
-        for row in errata
-    ]
-    return pd.DataFrame(rows)
+    rows = []
+    for row in errata:
+        forms = ((row.printed_form, row.printed), (row.right_form, row.right))
+        gives = (f"{form} -> {number(value)}" for form, value in forms)
+        rows.append((row.number, f"{row.equation}: {row.measure}", *gives, row.effect, row.unit))
+    return pd.DataFrame(rows, columns=["number", "equation", "printed", "right", "effect", "unit"])
 
 
 def _banner(paper: Paper) -> Banner:
@@ -94,9 +89,14 @@ PAGE = Report(
 
 
 def errata_values(scene: Scene) -> dict[str, Value]:
-    """What the report of a run says of the errata; nothing of a scene that is not the paper's."""
+    """What the report of a run says of the errata.
+
+    Raises:
+        DescriptionError: The scene is not the paper's.
+    """
     if not is_the_papers(scene):
-        return {}
+        what = "its motion is not that of the paper, whose errata are asked for"
+        raise DescriptionError(what, scene.name, "leave errata out")
     paper = measured()
     return {
         "reach": lambda run: paper.reach.sentence,

@@ -29,8 +29,7 @@ def _sentence(found: pd.DataFrame) -> str:
 
 
 def _banner(found: pd.DataFrame) -> Banner:
-    lost = set(found["verdict"]) & {"differ", "judged", "failed"}
-    return Banner(_sentence(found), *(("✗ NOT ALL AGREE", "differ") if lost else ("✓ AGREE", "agree")))
+    return Banner.of(_sentence(found), not set(found["verdict"]) & {"differ", "judged", "failed"})
 
 
 def _families(found: pd.DataFrame) -> Table:

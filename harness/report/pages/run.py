@@ -9,12 +9,10 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT, Guarded
-from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.blocks import Banner, Block, Folded, Picture
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.figures.selection import drawable, unmatched
@@ -63,14 +61,6 @@ def _shown(found: Iterable[Row]) -> list[Row]:
         said |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
         shown.append({"reason": "", **row, **said, "unique": "yes" if row.get("unique") else "no"})
     return shown
-
-
-def _pairs(results: Comparison) -> list[Row]:
-    return _shown(rows(results.pairs))
-
-
-def _residuals(results: Comparison) -> list[Row]:
-    return _shown(rows(results.judge))
 
 
 def _worst_three(results: Comparison) -> list[Row]:
@@ -197,21 +187,18 @@ def theirs(item: Published) -> Row:
 
 def _worst(found: Sequence[Row], key: str) -> list[Row]:
     """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
-
-    def badness(row: Row) -> tuple[bool, float]:
-        return not row["ok"], np.inf if np.isnan(row["max_scaled"]) else float(row["max_scaled"])
-
-    return _shown(max(group, key=badness) for group in grouped(found, key, "unit").values())
+    groups = grouped(found, key, "unit").values()
+    return _shown(max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0))) for group in groups)
 
 
 VALUES: dict[str, Value] = {
     "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
     "worst three": _worst_three,
     "what": _what,
-    "every pair": _pairs,
-    "pairs that differ": lambda results: [row for row in _pairs(results) if not row["ok"]],
-    "residuals": _residuals,
-    "residuals too large": lambda results: [row for row in _residuals(results) if not row["ok"]],
+    "every pair": lambda results: _shown(rows(results.pairs)),
+    "pairs that differ": lambda results: _shown(row for row in rows(results.pairs) if not row["ok"]),
+    "residuals": lambda results: _shown(rows(results.judge)),
+    "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
     "parameters": _parameters,
@@ -223,7 +210,6 @@ VALUES: dict[str, Value] = {
     "published": published,
     "times": _times,
     **dict.fromkeys(("reach", "errata", "meaning"), lambda results: ""),  # see `errata_values`
-    "verdict": _banners,
     "worst pairs": lambda results: _worst(compared(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
@@ -241,42 +227,27 @@ RUN = Report(
     data={
         "errors.csv": lambda results: results.errors[ERROR_COLUMNS],
         "timings.csv": lambda results: pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__)),
-        "environment.json": lambda results: results.environment,
         "summary.json": summary,
     },
     values=VALUES,
     draw=pictures,
     plots=_plots,
 )
-DATA = RUN.DATA
-
-
-def _kind(results: Comparison, **values: Value) -> Report:
-    return replace(RUN, text="simulation" if results.scene.simulated else "run", values={**VALUES, **values})
-
-
-def _errata(results: Comparison) -> dict[str, Value]:
-    from screwgauge.report.pages.paper import errata_values  # brings all that measures them
-
-    if not (said := errata_values(results.scene)):
-        raise DescriptionError(
-            "its motion is not that of the paper, of which errata are", results.scene.name, "ask none"
-        )
-    return said
-
-
-def report(results: Comparison, pictures: Iterable[Picture], *, errata: bool = False) -> list[Block]:
-    """The blocks of ``report.md`` and ``report.html``; `errata`: also what the paper has wrong."""
-    return _kind(results, **(_errata(results) if errata else {})).blocks(results, pictures)
+DATA, report = RUN.DATA, RUN.blocks
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
     """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
     residual of the judge, conditioning."""
-    return _kind(results, **({} if judge else {"worst residuals": lambda results: ()})).terminal(results)
+    brief: dict[str, Value] = {} if judge else {"worst residuals": lambda results: ()}
+    return replace(RUN, values={**VALUES, **brief}).terminal(results)
 
 
 def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`."""
-    kind = _kind(results, **(_errata(results) if errata else {}))
-    return kind.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)
+    page = RUN
+    if errata:
+        from screwgauge.report.pages.paper import errata_values  # brings all that measures them
+
+        page = replace(RUN, values={**VALUES, **errata_values(results.scene)})
+    return page.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any
 
@@ -10,6 +11,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
+from screwgauge.report.layout import Value
 from screwgauge.report.study import counted, study
 from screwgauge.study.selftest.judged import CLOSE
 from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
@@ -23,27 +25,22 @@ def passed(found: pd.DataFrame) -> bool:
     """Whether all that is wanted is reached."""
     changed, alike = _of(found, CHANGED), _of(found, ALIKE)
     reached = all(good >= WANTED[name] * of for name, (good, of) in _figures(changed).items())
-    return reached and not any(_true(row["detected"]) for row in alike) and _median(changed) < SLOWEST
+    return reached and not any(row["detected"] for row in alike) and _median(changed) < SLOWEST
 
 
 def _of(found: pd.DataFrame, group: str) -> list[Row]:
     """Rows of a group that have a diagnosis."""
-    return [row for row in rows(found) if row["group"] == group and row["cpu_s"] != ""]
-
-
-def _true(value: Any) -> bool:
-    return str(value) == "True"
+    some = [row for row in rows(found) if row["group"] == group and row["cpu_s"] != ""]
+    return [{**row, **{name: str(row[name]) == "True" for name in ("detected", "right", "public")}} for row in some]
 
 
 def _figures(changed: Sequence[Row]) -> dict[str, tuple[int, int]]:
     """How many are good, of how many."""
-    visible = [row for row in changed if float(row["effect"]) > VISIBLE]
-    seen = [row for row in changed if _true(row["detected"])]
-    sized = [row for row in seen if row["error"] != ""]
+    seen = [row for row in changed if row["detected"]]
     good = (
-        [_true(row["detected"]) for row in visible],
-        [_true(row["right"]) for row in seen],
-        [float(row["error"]) <= CLOSE for row in sized],
+        [row["detected"] for row in changed if float(row["effect"]) > VISIBLE],
+        [row["right"] for row in seen],
+        [float(row["error"]) <= CLOSE for row in seen if row["error"] != ""],
     )
     return {name: (sum(each), len(each)) for name, each in zip(WANTED, good, strict=True)}
 
@@ -58,42 +55,33 @@ def _banner(found: pd.DataFrame) -> Banner:
         f"{name} {good} of {of} ({f'{100.0 * good / of:.1f} %' if of else 'none'})"
         for name, (good, of) in _figures(changed).items()
     )
-    alarms = sum(_true(row["detected"]) for row in alike)
-    models, public = ({row["model"] for row in changed if _true(row["public"]) or every} for every in (True, False))
+    alarms = sum(row["detected"] for row in alike)
+    models, public = ({row["model"] for row in changed if row["public"] or every} for every in (True, False))
     text = (
         f"{len(changed)} changes of {len({row['kind'] for row in changed})} kinds in {len(models)} models, "
         f"{len(public)} of them public robots: {figures}. {alarms} false alarms in {len(alike)} pairs that are alike. "
         f"Median processor time of a diagnosis: {_median([*changed, *alike]):.2g} s."
     )
-    return Banner(text, "✓ PASSED", "agree") if passed(found) else Banner(text, "✗ FAILED", "differ")
+    return Banner.of(text, passed(found), "PASSED", "FAILED")
 
 
-def _by(groups: Iterable[tuple[str, Sequence[Row]]]) -> list[Row]:
-    """A line of figures for each group of changes."""
-    return [
-        {
-            **{name.replace(" ", "_"): f"{good}/{of}" if of else "" for name, (good, of) in _figures(group).items()},
-            "label": label,
-            "diagnoses": len(group),
-            "time": f"{_median(group):.2f}",
-        }
-        for label, group in groups
-    ]
+def _by(label: Callable[[Row], str], order: Callable[[Row], Any] = lambda row: 0) -> Value:
+    """Lines of figures, one for all changes with the same label."""
+
+    def line(name: str, group: Sequence[Row]) -> Row:
+        told = {k.replace(" ", "_"): f"{good}/{of}" if of else "" for k, (good, of) in _figures(group).items()}
+        return {**told, "label": name, "diagnoses": len(group), "time": f"{_median(group):.2f}"}
+
+    def lines(found: pd.DataFrame) -> list[Row]:
+        labelled = ({**row, "label": label(row)} for row in sorted(_of(found, CHANGED), key=order))
+        return [line(name, group) for (name,), group in grouped(labelled, "label").items()]
+
+    return lines
 
 
-def _by_kind(found: pd.DataFrame) -> list[Row]:
-    return _by((words(kind), of) for (kind,), of in grouped(_of(found, CHANGED), "kind").items())
-
-
-def _by_model(found: pd.DataFrame) -> list[Row]:
-    models = sorted(grouped(_of(found, CHANGED), "model").items())
-    return _by((f"{model}{' (public)' if _true(of[0]['public']) else ''}", of) for (model,), of in models)
-
-
-def _by_size(found: pd.DataFrame) -> list[Row]:
-    changed = [(row, float(row["size"])) for row in _of(found, CHANGED)]
-    sizes = [(f"1e{k} to 1e{k + 1}", 10.0**k, 10.0 ** (k + 1)) for k in range(-6, -1)]
-    return _by((label, [row for row, size in changed if low <= size < high]) for label, low, high in sizes)
+def _decade(row: Row) -> str:
+    k = math.floor(math.log10(float(row["size"])))
+    return f"1e{k} to 1e{k + 1}"
 
 
 def _alike(found: pd.DataFrame) -> list[Row]:
@@ -102,7 +90,7 @@ def _alike(found: pd.DataFrame) -> list[Row]:
             "written": words(kind),
             "pairs": len(group),
             "readers": len({(row["a"], row["b"]) for row in group}),
-            "alarms": sum(_true(row["detected"]) for row in group),
+            "alarms": sum(row["detected"] for row in group),
             "worst": f"{max(float(row['effect']) for row in group):.1e}",
         }
         for (kind,), group in grouped(_of(found, ALIKE), "kind").items()
@@ -121,9 +109,9 @@ PAGE = study(
     _banner,
     misses=_misses,
     missed=lambda found: counted(row["verdict"] for row in _misses(found)),
-    kinds=_by_kind,
-    models=_by_model,
-    sizes=_by_size,
+    kinds=_by(lambda row: words(row["kind"])),
+    models=_by(lambda row: row["model"] + " (public)" * row["public"], order=lambda row: row["model"]),
+    sizes=_by(_decade, order=lambda row: float(row["size"])),
     alike=_alike,
     visible=lambda found: VISIBLE,
     close=lambda found: CLOSE,

@@ -43,7 +43,7 @@ def _banner(found: Stress) -> Banner:
     if not found.ok:
         return Banner(headline(found), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
     silent = any(row.verdict == SILENT for row in found.rows)
-    return Banner(headline(found), *(("✗ SILENTLY WRONG", "differ") if silent else ("✓ ALL SAY SO", "agree")))
+    return Banner.of(headline(found), not silent, "ALL SAY SO", "SILENTLY WRONG")
 
 
 def headline(found: Stress) -> str:
@@ -121,7 +121,7 @@ def _digits(row: Row) -> str:
 PAGE = Report(
     text="stress",
     banner=_banner,
-    data={"stress.csv": lambda found: found.table, "environment.json": lambda found: found.environment},
+    data={"stress.csv": lambda found: found.table},
     values={
         "title": lambda found: "Stiff and extreme: where it breaks, and whether it says so",
         "headline": headline,

@@ -58,11 +58,10 @@ def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     middle, columns = centres_of_mass(motion.lay, at)[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = few(np.arange(len(motion.t)), HELD), arrows(motion), shapes(mechanism)
     found = held(motion.lay, at.rows(keys))
-    longest = {(one.group, one.turns): 0.0 for one in shown}
+    longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
-        most = float(np.linalg.norm(one.vectors, axis=1).max())
-        longest[one.group, one.turns] = max(longest[one.group, one.turns], most)
-    scales: dict[str, str] = {}
+        most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
+        longest[which] = max(longest.get(which, 0.0), most)
     for (group, turns), most in longest.items():
         before = f"{scales[group]}, " if group in scales else "longest: "
         scales[group] = f"{before}{most:.4g} N{' m' * turns}"

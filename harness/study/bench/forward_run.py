@@ -50,11 +50,7 @@ QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
 
 
 def contest(
-    scene: Scene,
-    *,
-    plan: Plan = FULL,
-    contestants: Iterable[str] | None = None,
-    progress: Report = silent,
+    scene: Scene, *, plan: Plan = FULL, contestants: Iterable[str] | None = None, progress: Report = silent
 ) -> Bench:
     """Measures errors, energy and run times of contestants on a simulated scene.
 

@@ -145,18 +145,13 @@ def _carried(reading: Reading) -> Iterator[tuple[str, Array]]:
                 yield name, frame
 
 
-def _depth(i: int, prior: dict[int, int]) -> int:
-    depth = 0
-    while prior[i] >= 0:
-        i, depth = prior[i], depth + 1
-    return depth
-
-
 def _levels(prior: dict[int, int]) -> tuple[tuple[Array, Array], ...]:
-    levels: dict[int, list[int]] = {}
-    for i in prior:
-        levels.setdefault(_depth(i, prior), []).append(i)
-    return tuple((np.array(levels[k]), np.array([prior[i] for i in levels[k]])) for k in sorted(levels))
+    """See `Tree.levels`. `prior`: joint -> the one before it, which comes first; -1 for none."""
+    depth, levels = {-1: -1}, dict[int, list[int]]()
+    for i, before in prior.items():
+        depth[i] = depth[before] + 1
+        levels.setdefault(depth[i], []).append(i)
+    return tuple((np.array(level), np.array([prior[i] for i in level])) for level in levels.values())
 
 
 def draw(reading: Reading, n: int, seed: int = 0) -> States:

@@ -1,0 +1,1 @@
+"""How a reading moves: its tree at samples of motion, its loop equations, and its home elsewhere."""
