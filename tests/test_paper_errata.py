@@ -158,7 +158,5 @@ def test_the_default_report_has_a_section_for_the_papers_scenes_only(name, expec
     if expected:
         assert errata_values(scene)
     else:
-        with pytest.raises(
-            DescriptionError, match="not that of the paper, whose errata are asked for; leave errata out"
-        ):
+        with pytest.raises(DescriptionError, match="not that of the paper, whose errata are asked for"):
             errata_values(scene)

@@ -47,8 +47,7 @@ def models(options: argparse.Namespace) -> int:
         return 0
     from screwgauge.models.check import check_models, check_table
 
-    rows = check_models(mechanism, out, **said)
-    say(check_table(rows))
+    say(check_table(rows := check_models(mechanism, out, **said)))
     return 0 if all(row.ok for row in rows) else 1
 
 
