@@ -103,6 +103,8 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     """
     data = read_tables(path, find)
     where = str(path)
+    if "mechanism" in data:
+        raise DescriptionError("is a scene, not a mechanism", where, f"give its mechanism, {data['mechanism']!r}")
     check_keys(data, _TOP, where)
     name = _name(required(data, "name", where), f"{where}, name")
     bodies = _table(data, "bodies", where)

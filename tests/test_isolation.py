@@ -157,3 +157,8 @@ def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
     scene = replace(screwgauge.load_scene(paper_scene()), models={"pinocchio": tmp_path / "own.urdf"})
     with pytest.raises(ModelFileError, match=r"own\.urdf"):
         screwgauge.run(scene, engines=["pinocchio"], limits=Limits())
+
+
+def test_a_number_in_the_place_of_limits_is_refused():
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 is no Limits; give screwgauge\.Limits"):
+        screwgauge.run(screwgauge.load_scene("slider-crank"), limits=60)

@@ -99,6 +99,20 @@ def test_what_is_no_scene_is_refused(call, what):
         next(screwgauge.stream(what, [[0.0]])) if call == "stream" else getattr(screwgauge, call)(what)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda s: s.under(gravity=[0, 0]), "gravity: .* is not a list of 3 numbers"),
+        (lambda s: s.under(gravity=[0, 0, float("nan")]), "gravity: "),
+        (lambda s: s.under(gravitty=[0, 0, -9.81]), "unknown field 'gravitty'.*did you mean 'gravity'"),
+        (lambda _: screwgauge.diagnose("slider-crank", "slider-crank", map=3), "map: 3 is no file"),
+    ],
+)
+def test_arguments_of_another_type_are_refused(wrong, said):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=said):
+        wrong(screwgauge.load_scene("slider-crank"))
+
+
 def test_a_scene_in_the_place_of_its_name_is_refused():
     with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene\(.* is no name or path"):
         screwgauge.check(screwgauge.load_scene("slider-crank"))

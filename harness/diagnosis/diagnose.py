@@ -29,7 +29,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import OutputError, check_seed
+from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +130,9 @@ def diagnose(
     """
     check_seed(seed)
     deadline = Deadline(limit)
-    given = read_map(Path(map)) if isinstance(map, (str, Path)) else map
+    if not isinstance(map, str | Path | Mapping | None):
+        raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
+    given = read_map(Path(map)) if isinstance(map, str | Path) else map
     beside = None if loops is None else Path(loops)
     one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
     pairing = paired(one.reading, two.reading, given)

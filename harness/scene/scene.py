@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -135,7 +135,17 @@ class Scene:
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
-        """The same scene under other gravity, loads, springs or motors (fields of `Applied`)."""
+        """The same scene under other gravity, loads, springs or motors (fields of `Applied`).
+
+        Raises:
+            ScrewgaugeError: There is no such field, or gravity is no three numbers.
+        """
+        known = [each.name for each in fields(Applied)]
+        for name in changes:
+            if name not in known:
+                raise UnknownNameError("field", name, known, "what acts on the scene")
+        if (gravity := changes.get("gravity")) is not None:
+            changes["gravity"] = vector(np.asarray(gravity).tolist(), "gravity")
         return replace(self, applied=replace(self.applied, **changes))
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:

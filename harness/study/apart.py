@@ -81,8 +81,10 @@ def apart(
         were at, a failure names that.
 
     Raises:
-        ScrewgaugeError: Raised by a work; the others are stopped.
+        ScrewgaugeError: Raised by a work; the others are stopped. Or there are no limits.
     """
+    if not isinstance(limits, Limits):
+        raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
     waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, str, float]](), dict[str, T | Failure]()
     free = [f"lane-{i}" for i in range(lanes, 0, -1)]
     most = lanes or cpu_count()
