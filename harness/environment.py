@@ -18,6 +18,7 @@ import numpy as np
 
 from screwgauge.threads import ONE
 
+CODE = ("harness", "models", "reference", "pyproject.toml")
 PACKAGES = ("screwgauge", "numpy", "pandas", "pin", "mujoco", "python-flint")
 
 
@@ -86,13 +87,16 @@ def _blas() -> str:
 
 @cache
 def _commit() -> str | None:
-    """Commit of the checkout that this package runs from, marked if files were changed; None elsewhere."""
+    """Commit of the checkout that this package runs from, marked if its code was changed; None elsewhere."""
     root = Path(__file__).resolve().parents[1]
     if not (root / ".git").exists() or not (root / "pyproject.toml").is_file():
         return None
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(root), *words]
+        return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+
+    try:  # reports are no code: one that is made anew is none of its own commit
+        return git("rev-parse", "HEAD") + "-dirty" * bool(git("status", "--porcelain", "--", *CODE))
     except (OSError, subprocess.SubprocessError):  # no git, or not a checkout that it trusts
         return None
-    return done.stdout.strip() or None
