@@ -12,12 +12,12 @@ import numpy as np
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load
-from screwgauge.scene.entries import read_times
+from screwgauge.scene.entries import check_name, read_times
 from screwgauge.scene.figures import Figure
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published
@@ -140,10 +140,8 @@ class Scene:
         Raises:
             ScrewgaugeError: There is no such field, or gravity is no three numbers.
         """
-        known = [each.name for each in fields(Applied)]
         for name in changes:
-            if name not in known:
-                raise UnknownNameError("field", name, known, "what acts on the scene")
+            check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
         if (gravity := changes.get("gravity")) is not None:
             changes["gravity"] = vector(np.asarray(gravity).tolist(), "gravity")
         return replace(self, applied=replace(self.applied, **changes))

@@ -121,7 +121,7 @@ def apart(
     return {name: found[name] for name in works}
 
 
-def alone(name: str, work: Callable[[], T], limits: Limits) -> T | Failure:
+def one_apart(name: str, work: Callable[[], T], limits: Limits) -> T | Failure:
     """Does one work that does not say how far it is, as `apart` does."""
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         return apart({name: partial(unwatched, work)}, limits, Path(folder), lambda names, share: None)[name]

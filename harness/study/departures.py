@@ -43,17 +43,18 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         *_beyond(mechanism, engine, files.model, known=known),
         *_otherwise(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
     ]
-    return (*said, *of_loops(scene, name, files, read=False), *of_loops(scene, name, files, read=True))
+    ignored, other = of_loops(scene, name, files)
+    return (*said, *ignored, *other)
 
 
-def of_loops(scene: Scene, name: str, files: ModelFiles, *, read: bool) -> tuple[str, ...]:
-    """A sentence on what a loops file of the user's own says otherwise, be it what the engine reads or what not."""
+def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
+    """A sentence on what a loops file of the user's own says otherwise that the engine ignores, and one on the rest."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
-        return ()
+        return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
     unread = unread_rows(name.partition("-")[0])
-    fate = "" if read else f"ignored by {name} in "
-    return tuple(_otherwise(files.loops, (row for row in rows if (row.what not in unread) is read), fate))
+    ignored = _otherwise(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
+    return [*ignored], [*_otherwise(files.loops, (row for row in rows if row.what not in unread))]
 
 
 def _reader(engine: Engine) -> str:

@@ -28,7 +28,7 @@ def otherwise(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
     """Sentences on mass properties, geometry, gravity and closures, the largest difference first; on the loops file."""
     sides = "in the description", f"in {files.model.name}"
     said = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
-    return (*said, *of_loops(scene, name, files, read=True))
+    return (*said, *of_loops(scene, name, files)[1])
 
 
 def physical(scene: Scene, name: str, model: Path) -> list[Difference]:

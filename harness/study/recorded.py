@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,11 +67,12 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         array = np.full((n, len(units)), np.nan)
         array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
         values[quantity] = Values(tuple(units), tuple(units.values()), array)
-    if "joint_position" in values:
-        values["joint_position"] = _unwound(values["joint_position"], scene, rows)
     if not values:
         what = f"gives nothing of what is compared ({', '.join(wanted)})"
         raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
+    assembly = _assembly(scene, rows)
+    if "joint_position" in values:
+        values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
     short, long = _left_out(name, values, names, wanted, [f"{len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped := len(table.t) - len(np.unique(at)):
@@ -83,7 +84,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         condition=empty(n),
         notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
         stated=table.error,
-        assembly=None if _whole(values, names, "joint_position") else _assembly(scene, rows),
+        assembly=None if _whole(values, names, "joint_position") else assembly,
         rows=None if len(rows) == n else rows,
         warnings=short,
     )
@@ -148,10 +149,13 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
     return q
 
 
-def _unwound(values: Values, scene: Scene, rows: Rows) -> Values:
-    """Recorded angles with whole turns added where these and little else are missing: an encoder counts within one."""
-    columns = [scene.mechanism.coordinates.index(name) for name in values.components]
-    off = _assembly(scene, rows)[:, columns] - values.array
+def _unwound(values: Values, coordinates: Sequence[str], q: Array) -> Values:
+    """Recorded angles with whole turns added where these and little else are missing: an encoder counts within one.
+
+    Args:
+        q: All coordinates, as they follow from the scene. Shape (n, n_q).
+    """
+    off = q[:, [coordinates.index(name) for name in values.components]] - values.array
     turns = np.round(off / (2 * np.pi)) * [unit == "rad" for unit in values.units]
     near = np.nanmax(np.abs(off - 2 * np.pi * turns), axis=0) < NEAR
     return replace(values, array=values.array + 2 * np.pi * np.where(near, turns, 0.0))

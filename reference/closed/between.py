@@ -29,7 +29,9 @@ class Spacing:
 
     def rows(self, y: Array) -> Rows | None:
         """Those to be followed, if this is worth it. Shape (n, k) -> (m,)."""
-        rows = knots(y, self.every, SPREAD) if len(y) > MANY else np.arange(len(y))
+        if len(y) <= MANY:
+            return None
+        rows = knots(y, self.every, SPREAD)
         return rows if 2 * len(rows) <= len(y) else None
 
     def learn(self, every: int, again: float) -> None:

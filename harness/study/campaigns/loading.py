@@ -84,7 +84,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    found = apart.alone(f"{library}-reading-1", partial(read, path, library, floating=floating), LOADING)
+    found = apart.one_apart(f"{library}-reading-1", partial(read, path, library, floating=floating), LOADING)
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
