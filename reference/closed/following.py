@@ -122,23 +122,34 @@ class Follower:
         Raises:
             PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
         """
-        pieces, near, i = list[tuple[Array, ...]](), np.empty((len(y), len(self.anchor.all))), 0
+        pieces, i, tried = list[tuple[Array, ...]](), 0, 0
         while i < len(y):
-            some, anchor = y[i : i + BLOCK], self.anchor
-            near_by = np.abs(some - anchor.y).max(axis=1, initial=0.0) <= self.reach
-            some = some[: 0 if anchor.blurred else _leading(near_by)]
-            found = self._correct(some) if len(some) else None
-            if found is None or not len(found[0]):
+            some = y[i : i + BLOCK]
+            found, count = self._between(some) if i >= tried else (None, 0)
+            tried = max(tried, i + count)
+            if (found := found or self._onward(some)) is None:
                 motion = [] if rates is None else self._motion(y, t, rates, i)
                 self._reach(y[i], float(t[i]), motion, strict=strict)
-                anchor = self.anchor
-                found = anchor.z[None], anchor.matrix[None], np.array([anchor.error]), *self.beside
-            near[i : i + len(found[0])] = anchor.all
+                at = self.anchor
+                found = at.z[None], at.matrix[None], np.array([at.error]), at.all[None], *self.beside
             pieces.append(found)
             self.begun, i = True, i + len(found[0])
         self.last = (t[-1], y[-1], *(array[-1] for array in rates or ()))
-        z, matrix, error, *more = (x[0] if len(x) == 1 else np.concatenate(x) for x in zip(*pieces, strict=True))
+        z, matrix, error, near, *more = (x[0] if len(x) == 1 else np.concatenate(x) for x in zip(*pieces, strict=True))
         return Followed(z, matrix, error, near, tuple(more))
+
+    def _onward(self, y: Array) -> tuple[Array, ...] | None:
+        """Of samples those that are within reach and on the branch, if the first of them is.
+
+        Returns:
+            The fields of `Followed`, one after the other.
+        """
+        anchor = self.anchor
+        near_by = np.abs(y - anchor.y).max(axis=1, initial=0.0) <= self.reach
+        if anchor.blurred or not near_by[0]:
+            return None
+        z, matrix, error, *more = self._correct(y[: _leading(near_by)])
+        return (z, matrix, error, anchor.all[None].repeat(len(z), axis=0), *more) if len(z) else None
 
     def _correct(self, y: Array, *, arriving: bool = False) -> tuple[Array, ...]:
         """Of samples within reach those on the branch, up to the first that is not; the last of them is the new anchor.
@@ -152,8 +163,6 @@ class Follower:
         Returns:
             Unknowns, derivative, residual of these samples, and what else `evaluate` gives.
         """
-        if found := self._between(y):
-            return found
         at = self.anchor
         way = (y - at.y) @ at.K.T
         start = at.z + np.clip(way, -FARTHEST, FARTHEST)
@@ -174,28 +183,34 @@ class Follower:
             self.beside = [array[i:count] for array in more]
         return tuple(array[:count] for array in found)
 
-    def _between(self, y: Array) -> tuple[Array, ...] | None:
-        """As `_correct`, where all samples are so near to some that they can be predicted from these.
+    def _between(self, y: Array) -> tuple[tuple[Array, ...] | None, int]:
+        """As `_onward`, where samples lie so near to some of them that they can be predicted from these.
 
         Looked at is how much the derivative changes from the nearest of those to the solution. If anything stands in
         the way, nothing is done.
+
+        Returns:
+            The same, if it was possible, and how many samples were looked at.
         """
-        anchor, reach, every = self.anchor, self.reach, self.spacing.every
+        anchor, reach, every, knots, m = self.anchor, self.reach, self.spacing.every, list[tuple[Array, ...]](), 0
         if (rows := self.spacing.rows(y)) is None:
-            return None
-        z, matrix = self._correct(y[rows])[:2]  # which may learn of its own spacing
-        if len(z) > 1 and not self.anchor.blurred:
-            rows, y = rows[: len(z)], y[: rows[len(z) - 1] + 1]
+            return None, 0
+        while m < len(rows) and (found := self._onward(y[rows[m:]])):
+            knots.append(found[:4])
+            m += len(found[0])
+        rows, y = rows[:m], y[: rows[m - 1] + 1 if m else 0]
+        if m > 1 and not self.anchor.blurred:
+            z, matrix, _, joints = map(np.concatenate, zip(*knots, strict=True))
             inverse = linear.inverted(matrix)[0]
             start = predicted(y, rows, z, inverse[:, :, -y.shape[1] :])
-            z, matrix, error, *_ = found = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
+            z, matrix, error, *more = newton(self.evaluate, start, y, most=FEW)  # no more for a bad one
             self.spacing.learn(every, float((z != start).any(axis=1).mean()))
             near = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), np.arange(len(y)))
             change = linear.departure(matrix, inverse, near)
             if (change <= CHANGE).all() and (error < OPEN).all() and np.abs(z - start).max() < FARTHEST:
-                return found
+                return (z, matrix, error, joints[near], *more), len(y)
         self.anchor, self.reach = anchor, reach
-        return None
+        return None, len(y)
 
     def _learn(self, far: Array, change: Array, count: int) -> None:
         """How far the next step may lead, after `count` of those tried were taken: what changes grows as the step."""

@@ -156,14 +156,15 @@ class ClosedTree:
             )
         return found
 
-    def gaps(self, q: Array, at: BodyPoses) -> Array:
-        """Closure residuals, and below them those of the couplings, at tree coordinates q and their poses. (n, m)."""
-        gaps, couplings = self.loops.gaps(at), self.loops.couplings
+    def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
+        """Closure residuals, and below them those of the couplings, at tree coordinates q, their poses and the ends of
+        closures there, see `Loops.ends`. Shape (n, m)."""
+        gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
-    def jacobian(self, q: Array, at: BodyPoses) -> Array:
+    def jacobian(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
         """Derivative of the gaps. Shape (n, m, n_v)."""
-        G, couplings = self.loops.jacobian(at), self.loops.couplings
+        G, couplings = self.loops.jacobian(at, ends), self.loops.couplings
         return np.concatenate([G, couplings.matrix(q)], axis=1) if len(couplings) else G
 
     def gap_accelerations(self, motion: tuple[Array, Array, Array], at: BodyPoses, V: Array, A: Array) -> Array:
@@ -179,9 +180,9 @@ class ClosedTree:
         along = (couplings.matrix(q) @ a[..., None])[..., 0] + couplings.bias(q, v)
         return np.concatenate([bias, along], axis=1)
 
-    def closing_rows(self, q: Array, at: BodyPoses, charts: Charts) -> Array:
+    def closing_rows(self, q: Array, at: BodyPoses, charts: Charts, ends: Array | None = None) -> Array:
         """Derivative of the gaps over one row for each independent coordinate. (n, m + k, n_v)."""
-        loops, rows, own = self.loops, [self.jacobian(q, at)], np.eye(q.shape[1])
+        loops, rows, own = self.loops, [self.jacobian(q, at, ends)], np.eye(q.shape[1])
         sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
         cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}
         for column, name, i in loops.independent:

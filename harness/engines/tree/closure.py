@@ -17,7 +17,7 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS
 from screwgauge.reference.linear import blocks
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.rotations import Array, cross, vee
+from screwgauge.reference.rotations import Array, cross, times, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,9 +54,13 @@ class Loops:
         places = [np.zeros(3) if angular else where for _, where, angular in sides]
         return [body for body, *_ in sides], np.array(places).reshape(-1, 3)
 
-    def gaps(self, at: BodyPoses) -> Array:
-        """Child side less parent side of each anchor [m or rad]. Shape (n, 3 n_anchor)."""
-        m, ends = len(self.anchors), at.points(*self._points)
+    def ends(self, at: BodyPoses) -> Array:
+        """Points of all anchors in the world, child sides first. Shape (n, 2 n_anchor, 3)."""
+        return at.points(*self._points)
+
+    def gaps(self, at: BodyPoses, ends: Array | None = None) -> Array:
+        """Child side less parent side of each anchor [m or rad], for its `ends`. Shape (n, 3 n_anchor)."""
+        m, ends = len(self.anchors), self.ends(at) if ends is None else ends
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
             if anchor.angular:
@@ -64,14 +68,14 @@ class Loops:
                 out[:, k] = vee(child @ parent.swapaxes(1, 2))
         return out.reshape(len(out), 3 * m)
 
-    def jacobian(self, at: BodyPoses) -> Array:
-        """Derivative of the gaps, each side at its own point. Shape (n, 3 n_anchor, n_v).
+    def jacobian(self, at: BodyPoses, ends: Array | None = None) -> Array:
+        """Derivative of the gaps, each side at its own of the `ends`. Shape (n, 3 n_anchor, n_v).
 
         Taken at one point for both, it is off by the gap: at a lock of a joint, where rates grow without bound, even a
         gap of rounding then costs the accelerations all their digits.
         """
-        (n, _, n_v), m, (bodies, places) = at.screws.shape, len(self.anchors), self._points
-        out, ends, moves = np.empty((n, m, 3, n_v)), at.points(bodies, places), at.moves[bodies]
+        (n, _, n_v), m, moves = at.screws.shape, len(self.anchors), at.moves[self._points[0]]
+        out, ends = np.empty((n, m, 3, n_v)), self.ends(at) if ends is None else ends
         for rows in blocks(n):
             J = at.jacobian(moves, ends[rows], rows)
             np.subtract(J[:, :m], J[:, m:], out=out[rows])
@@ -88,7 +92,7 @@ class Loops:
         """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
 
         m, (bodies, places) = len(self.anchors), self._points
-        ends = shifted(V[:, bodies], A[:, bodies], at.points(bodies, places) - at.p[:, bodies])
+        ends = shifted(V[:, bodies], A[:, bodies], times(at.R[:, bodies], places))
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
             if anchor.angular:

@@ -93,18 +93,18 @@ class _Work:
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
-        charts = loops.charts(at, closed.given)
+        charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
                 charts[name] = charts[name].agreeing(i, value)
-        errors = [closed.gaps(q, at)]
+        errors = [closed.gaps(q, at, ends)]
         for value, (column, name, i) in zip(y.T, loops.independent, strict=True):
             if column is None:  # an angle, read within a turn
                 difference = np.remainder(charts[name].q[:, i] - value + np.pi, 2 * np.pi) - np.pi
             else:
                 difference = q[:, column] - value
             errors.append(difference[:, None])
-        return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts)
+        return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
     def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
         """The same without dimension, and the poses there."""
