@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closed.following import PathEnd
+from screwgauge.reference.closed.anchor import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.mechanism import Mechanism

@@ -1,4 +1,5 @@
-"""A closed pose from which others are predicted, and how much the closing equations change away from it."""
+"""A closed pose from which others are predicted, how much the closing equations change away from it, and where no
+others are reached."""
 
 from __future__ import annotations
 
@@ -7,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference import linear
+from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array
 
 #: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``; p = 0, that of
 #: ``dJ J^-1``, takes tens of steps past the lock of a leg at 1e-6 rad where p = 1/2 takes more than 500.
 NORMS = (0.0, 0.5, 1.0)
+REMEDY = "shorten the motion or check the geometry"
 SHORT = 64 * linear.EPS  # a way in y of which rounding leaves nothing
 
 
@@ -65,3 +68,22 @@ class Anchor:
 def no_further(y: Array) -> str:
     """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
     return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
+
+
+class PathEnd(ClosureError):
+    """A motion that cannot be followed any further.
+
+    Attributes:
+        z, y: The last pose reached: unknowns, shape (n_q,), and independent coordinates, shape (k,). No dimension.
+        t: Time of the sample that cannot be reached [s].
+        singular: Whether that pose is singular; otherwise the way is too long, or too near to a singular pose.
+        beyond: Whether the loops close beyond it, too.
+        landing: The pose there, if so, and its share of the way.
+    """
+
+    def __init__(
+        self, at: Anchor, size: Array | float, t: float, singular: bool, landing: tuple[Anchor, float] | None
+    ) -> None:
+        super().__init__(no_further(at.y * size), f"t = {t:g} s", REMEDY)
+        self.z, self.y, self.t, self.singular, self.landing = at.z, at.y, t, singular, landing
+        self.beyond = landing is not None

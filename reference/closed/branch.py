@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.closed.anchor import no_further
+from screwgauge.reference.closed.anchor import REMEDY, no_further
 from screwgauge.reference.closed.continuation import OPEN
-from screwgauge.reference.closed.following import REMEDY
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError

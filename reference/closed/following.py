@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear
-from screwgauge.reference.closed.anchor import SHORT, Anchor, no_further
+from screwgauge.reference.closed.anchor import SHORT, Anchor, PathEnd
 from screwgauge.reference.closed.between import Spacing, predicted
 from screwgauge.reference.closed.continuation import OPEN, Evaluation, newton
 from screwgauge.reference.closed.ways import Way, quintic, rest, straight_and_bent
@@ -36,28 +36,8 @@ FAINT = 1e-9
 NEARER = 1e-3  # share of the least singular value where a way begins, below which it leads towards a singular pose
 BLOCK = 1024  # samples corrected at a time
 FEW = 8  # steps of Newton's method that predicted samples are worth
-REMEDY = "shorten the motion or check the geometry"
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
-
-
-class PathEnd(ClosureError):
-    """A motion that cannot be followed any further.
-
-    Attributes:
-        z, y: The last pose reached: unknowns, shape (n_q,), and independent coordinates, shape (k,). No dimension.
-        t: Time of the sample that cannot be reached [s].
-        singular: Whether that pose is singular; otherwise the way is too long, or too near to a singular pose.
-        beyond: Whether the loops close beyond it, too.
-        landing: The pose there, if so, and its share of the way.
-    """
-
-    def __init__(
-        self, at: Anchor, size: Array | float, t: float, singular: bool, landing: tuple[Anchor, float] | None
-    ) -> None:
-        super().__init__(no_further(at.y * size), f"t = {t:g} s", REMEDY)
-        self.z, self.y, self.t, self.singular, self.landing = at.z, at.y, t, singular, landing
-        self.beyond = landing is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
