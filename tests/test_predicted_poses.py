@@ -67,5 +67,5 @@ def test_samples_that_are_followed_lie_as_far_apart_as_those_between_need_no_sec
         spacing.learn(spacing.every, again)
         assert spacing.every == every
     y = np.linspace(0.0, 0.01, 1000)[:, None]
-    assert len(spacing.rows(y)) == 1 + 1000 // 8
-    assert spacing.rows(y[:100]) is None  # not worth it
+    assert len(spacing.rows(y, 1000)) == 1 + 1000 // 8
+    assert spacing.rows(y, 100) is spacing.rows(y[:100], 100) is None  # not worth it

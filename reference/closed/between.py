@@ -11,7 +11,7 @@ Rows = NDArray[np.intp]
 
 EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
 CACHED = 2**14  # numbers worked on at a time
-MANY, SPREAD = 100, 0.1  # samples from which on this pays; way in y from one that is followed to the next, at most
+MANY, SPREAD = 100, 0.1  # samples within reach from which on this pays; way in y between two followed, at most
 SELDOM, OFTEN, LEAST = 0.05, 0.2, 8  # shares of samples for which a spacing is too narrow, or wide; the narrowest
 KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
 
@@ -27,9 +27,9 @@ class Spacing:
     def __init__(self) -> None:
         self.every, self.ceiling = 16, 48
 
-    def rows(self, y: Array) -> Rows | None:
-        """Those to be followed, if this is worth it. Shape (n, k) -> (m,)."""
-        if len(y) <= MANY:
+    def rows(self, y: Array, near: int) -> Rows | None:
+        """Those to be followed, if this is worth it. Shape (n, k) -> (m,). `near`: how many are within reach."""
+        if near <= MANY:
             return None
         rows = knots(y, self.every, SPREAD)
         return rows if 2 * len(rows) <= len(y) else None

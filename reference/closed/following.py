@@ -124,12 +124,15 @@ class Follower:
         Returns:
             The fields of `Followed`, one after the other.
         """
-        anchor = self.anchor
-        near_by = np.abs(y - anchor.y).max(axis=1, initial=0.0) <= self.reach
-        if anchor.blurred or not near_by[0]:
+        anchor, count = self.anchor, self._near(y)
+        if anchor.blurred or not count:
             return None
-        z, matrix, error, *more = self._correct(y[: _leading(near_by)])
+        z, matrix, error, *more = self._correct(y[:count])
         return (z, matrix, error, anchor.all[None].repeat(len(z), axis=0), *more) if len(z) else None
+
+    def _near(self, y: Array) -> int:
+        """How many samples are within reach before the first that is not."""
+        return _leading(np.abs(y - self.anchor.y).max(axis=1, initial=0.0) <= self.reach)
 
     def _correct(self, y: Array, *, arriving: bool = False) -> tuple[Array, ...]:
         """Of samples within reach those on the branch, up to the first that is not; the last of them is the new anchor.
@@ -173,7 +176,7 @@ class Follower:
             The same, if it was possible, and how many samples were looked at.
         """
         anchor, reach, every, knots, m = self.anchor, self.reach, self.spacing.every, list[tuple[Array, ...]](), 0
-        if (rows := self.spacing.rows(y)) is None:
+        if (rows := self.spacing.rows(y, self._near(y))) is None:
             return None, 0
         while m < len(rows) and (found := self._onward(y[rows[m:]])):
             knots.append(found[:4])
