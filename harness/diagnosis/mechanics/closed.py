@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.models.kinematics.closing import equations
@@ -21,7 +22,7 @@ STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 DEPENDENT = 1e-8
 
 
-def closed(tree: Tree, states: States) -> tuple[States, Array]:
+def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
     """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
 
     Returns:
