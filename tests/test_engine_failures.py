@@ -92,6 +92,13 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
     assert results.failures[name].reason.endswith(f"pip install {package}")
 
 
+def test_a_package_that_is_there_but_cannot_be_loaded_is_to_be_installed_anew(stand_in, scene):
+    error = ImportError("libx.so.4: cannot open shared object file: No such file or directory")
+    stand_in(pinocchio=raising(error))
+    reason = screwgauge.run(scene, quantities=QUANTITIES).failures["pinocchio"].reason
+    assert reason == f"cannot be loaded ({error}); pip install --force-reinstall pin"
+
+
 @pytest.mark.parametrize(
     "target", ["screwgauge.engines.screw.model:nothing", "screwgauge.engines.screw.model", "json:dumps"]
 )

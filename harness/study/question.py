@@ -21,9 +21,11 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that could not be imported."""
+    """What to install for a module that is not there, or was not built for what is there."""
     package = engine.package if engine is not None else (error.name or "it").split(".")[0]
-    return f"not installed ({error}); pip install {package}"
+    if isinstance(error, ModuleNotFoundError):
+        return f"not installed ({error}); pip install {package}"
+    return f"cannot be loaded ({error}); pip install --force-reinstall {package}"
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
