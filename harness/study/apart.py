@@ -121,13 +121,17 @@ def apart(
     return {name: found[name] for name in works}
 
 
-def one_apart(name: str, work: Callable[[], T], limits: Limits) -> T | Failure:
-    """Does one work that does not say how far it is, as `apart` does."""
+def unwatched_apart(
+    works: Mapping[str, Callable[[], T | Failure]],
+    limits: Limits,
+    report: Callable[[str, float], None] = lambda names, share: None,
+) -> dict[str, T | Failure]:
+    """Does works that do not say how far they are, as `apart` does."""
     with TemporaryDirectory(prefix="screwgauge-") as folder:
-        return apart({name: partial(unwatched, work)}, limits, Path(folder), lambda names, share: None)[name]
+        return apart({name: partial(_unwatched, work) for name, work in works.items()}, limits, Path(folder), report)
 
 
-def unwatched(work: Callable[[], T], progress: Progress) -> T:
+def _unwatched(work: Callable[[], T], progress: Progress) -> T:
     """Does a work that does not say how far it is."""
     return work()
 

@@ -10,15 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import LoaderError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study import apart
-from screwgauge.study.apart import Limits
+from screwgauge.study.apart import Limits, unwatched_apart
 
 #: Of one reading: the largest models take a second.
 LOADING = Limits(seconds=60.0)
@@ -64,9 +62,7 @@ def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[
     for name, request in requests.items():
         used[request.library] += 1
         processes[name] = f"{request.library}-reading-{used[request.library]}"
-    works = {processes[name]: partial(apart.unwatched, partial(_work, request)) for name, request in requests.items()}
-    with TemporaryDirectory() as folder:
-        found = apart.apart(works, limits, Path(folder), lambda names, share: None)
+    found = unwatched_apart({processes[name]: partial(_work, each) for name, each in requests.items()}, limits)
     return {name: found[process] for name, process in processes.items()}
 
 
@@ -84,7 +80,8 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    found = apart.one_apart(f"{library}-reading-1", partial(read, path, library, floating=floating), LOADING)
+    process = f"{library}-reading-1"
+    found = unwatched_apart({process: partial(read, path, library, floating=floating)}, LOADING)[process]
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
