@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, Change, applied, outwards
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.kinematics.home import rehomed
@@ -22,14 +22,6 @@ from screwgauge.reference.screws import adjoint
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])
-_KINDS = {
-    "body": "bodies",
-    "joint": "joints",
-    "closure": "closures",
-    "coupling": "couplings",
-    "actuator": "actuators",
-    "model": "",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +137,7 @@ def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, object]:
 def owned(common: Common, change: Change) -> Change:
     """A change of the common B as one of the B that was read."""
     what, value = change.what, change.value
-    item = common.own.get(_KINDS[PROPERTIES[what].owner], {}).get(change.item, change.item)
+    item = common.own.get(ROOMS.get(PROPERTIES[what].owner, ""), {}).get(change.item, change.item)
     X = common.before.get(change.item, common.placement)
     if what == "zero":
         value = value - common.b.joints[change.item].home + common.homes[change.item]
