@@ -175,13 +175,15 @@ def _changed(reading: Reading, change: Change) -> Reading:
         return reading if value else without(reading, change.item)
     if what == "sign":
         return reading if value > 0 else _reversed(reading, change.item)
+    new: Any
     if what in ("axis", "centre"):
         new = turned(item, *((value, item.centre) if what == "axis" else (axis(item), value)))
     elif what == "gear":
         new = (item[0], value)
     else:
         new = replace(item, **{"home" if what == "zero" else what: value})
-    return replace(reading, **{room: {**items, change.item: new}})
+    entries: dict[str, Any] = {room: {**items, change.item: new}}
+    return replace(reading, **entries)
 
 
 def _displaced(reading: Reading, joint: str, T: Array) -> Reading:
