@@ -9,8 +9,8 @@ import numpy as np
 
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.study.selftest import mutations, placements
-from screwgauge.study.selftest.mutant import CannotError, Expected
-from screwgauge.study.selftest.mutations import Mutation, Random, passive
+from screwgauge.study.selftest.mutant import CannotError, Expected, Random
+from screwgauge.study.selftest.mutations import Mutation, passive
 
 _SINGLE: tuple[Mutation, ...] = (
     *(mutations.mass_factor, mutations.mass_in_grams, mutations.masses_swapped, mutations.all_masses_factor),

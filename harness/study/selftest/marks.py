@@ -15,6 +15,16 @@ from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
 
 
+def is_urdf(xml: XmlText) -> bool:
+    """Whether it is a URDF, and not an MJCF."""
+    return xml.root.tag == "robot"
+
+
+def pose(xml: XmlText, element: Element) -> Array:
+    """Placement that an element gives. Shape (4, 4)."""
+    return origin(element) if is_urdf(xml) else mjcf_pose(element, compilers(xml))
+
+
 @dataclass(slots=True, eq=False)
 class Inertial:
     """The ``<inertial>`` of a link that moves.
@@ -32,7 +42,7 @@ class Inertial:
 
     @property
     def urdf(self) -> bool:
-        return self.xml.root.tag == "robot"
+        return is_urdf(self.xml)
 
     @property
     def mass(self) -> float:
@@ -60,7 +70,7 @@ class Inertial:
     @property
     def turn(self) -> Array:
         """Orientation in which the tensor is written. Shape (3, 3)."""
-        return (origin(self.at) if self.urdf else mjcf_pose(self.at, compilers(self.xml)))[:3, :3]
+        return pose(self.xml, self.at)[:3, :3]
 
     @turn.setter
     def turn(self, R: Array) -> None:
@@ -100,7 +110,7 @@ class Inertial:
 
 def inertials(xml: XmlText) -> list[Inertial]:
     """Of all links with mass that are behind a joint."""
-    if xml.root.tag == "robot":
+    if is_urdf(xml):
         moved = _moved(xml)
         owners = [element for element in xml.root.children if element.tag == "link" and element.get("name") in moved]
     else:
@@ -125,9 +135,14 @@ def end(joint: Element, tag: str) -> str:
     return found.get("link") if found else ""
 
 
+def moving(body: Element) -> list[Element]:
+    """The joints of a body of an MJCF."""
+    return [child for child in body.children if child.tag in ("joint", "freejoint")]
+
+
 def _jointed(body: Element | None) -> bool:
     while body is not None and body.tag != "worldbody":
-        if any(child.tag in ("joint", "freejoint") for child in body.children):
+        if moving(body):
             return True
         body = body.parent
     return False
@@ -135,7 +150,7 @@ def _jointed(body: Element | None) -> bool:
 
 def joints(xml: XmlText) -> list[Element]:
     """Hinges and slides with a name; those that mimic others are none."""
-    if xml.root.tag == "robot":
+    if is_urdf(xml):
         kinds = ("revolute", "continuous", "prismatic")
         own = [element for element in xml.root.children if element.tag == "joint" and element.get("type") in kinds]
         return [joint for joint in own if joint.find("mimic") is None]
