@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.placement import TENSOR
 from screwgauge.models.tables import key, lines
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
-
-#: Entries of an inertia tensor as a description has them.
-TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
-from screwgauge.diagnosis.files.write_mjcf import ORIENTATIONS, orient
+from screwgauge.diagnosis.files.write_mjcf import orient, put_tensor
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.models.importing.write import TENSOR
-from screwgauge.models.placement import number_text, rpy, vector_text
+from screwgauge.models.placement import TENSOR, number_text, rpy, tensor, vector_text
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
 
@@ -89,10 +88,7 @@ class Inertial:
             values = [float(word) for word in full.split()]
         else:
             values = [*numbers(self.at.get("diaginertia")), 0.0, 0.0, 0.0]
-        I = np.zeros((3, 3))
-        for (i, j), value in zip(TENSOR.values(), values, strict=True):
-            I[i, j] = I[j, i] = value
-        return I
+        return tensor(values)
 
     @tensor.setter
     def tensor(self, I: Array) -> None:
@@ -100,12 +96,9 @@ class Inertial:
             self.xml.set_in(self.at, "inertia", **moments(I))
         elif self.at.get("diaginertia") and not np.any(I - np.diag(np.diag(I))):
             self.xml.set(self.at, diaginertia=vector_text(np.diag(I)))
-        else:  # beside a full tensor MuJoCo admits no orientation
-            lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in self.at.attributes]
+        else:
             R = self.turn
-            I = R @ I @ R.T
-            self.xml.set(self.at, **dict.fromkeys(lost))
-            self.xml.set(self.at, fullinertia=vector_text([I[place] for place in TENSOR.values()]))
+            put_tensor(self.xml, self.at, R @ I @ R.T)
 
 
 def inertials(xml: XmlText) -> list[Inertial]:
