@@ -5,8 +5,6 @@ The softness is taken out again by proximal refinement.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -33,17 +31,6 @@ EXACT = 1e-15
 EQUALITY = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 _AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
-
-
-@contextmanager
-def heard() -> Iterator[list[str]]:
-    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
-    warnings: list[str] = []
-    mujoco.set_mju_user_warning(warnings.append)
-    try:
-        yield warnings
-    finally:
-        mujoco.set_mju_user_warning(None)
 
 
 def harden(model: mujoco.MjModel, d: float, harder: float) -> None:
