@@ -107,7 +107,8 @@ def _nearest(loops: Loops, where: str) -> tuple[Array, float, int]:
         if (clear and not excess) or len(found) == ENOUGH:
             break
     if not found:
-        raise _never(loops, best[0], where)
+        what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(best[0], ROUNDED))}"
+        raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
     rank, *_, q, error = min(found, key=lambda row: row[:5])
     return q, error, -rank
 
@@ -117,11 +118,6 @@ def _distance(loops: Loops, q: Array) -> float:
     home, parts = loops.values(loops.home), loops.tree.freedoms
     way = [(value - home[name]) / loops.size[parts[name]][0] for name, value in loops.values(q).items()]
     return float(np.linalg.norm(way))
-
-
-def _never(loops: Loops, q: Array, where: str) -> ClosureError:
-    what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(q, ROUNDED))}"
-    return ClosureError(what, where, "check the frames that they join, or name fewer loops")
 
 
 def _centred(loops: Loops, q: Array, error: float, rank: int) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.mjcf import FAR
-from screwgauge.models.readings.reading import BodyReading, JointReading
+from screwgauge.models.readings.reading import BodyReading
 from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Entries of a joint that are one number each.
@@ -94,12 +94,8 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
         first, second = getattr(a, what), getattr(b, what)
         if differ(first, second):
             yield difference(common, name, what, np.asarray(first), np.asarray(second))
-    if not _same_limits(a, b):
+    if not all(map(_same_limit, a.limits, b.limits)):
         yield difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
-
-
-def _same_limits(a: JointReading, b: JointReading) -> bool:
-    return all(_same_limit(*pair) for pair in zip(a.limits, b.limits, strict=True))
 
 
 def _same_limit(x: float, y: float) -> bool:
