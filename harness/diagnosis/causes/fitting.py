@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
 from screwgauge.diagnosis.causes.hypotheses import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mechanics.dynamics import downwards, inverse_dynamics
 from screwgauge.models.kinematics.tree import States, plant
 from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import matrix
@@ -74,7 +74,7 @@ def families(reading: Reading) -> Iterator[Family]:
     for name, joint in reading.joints.items():
         if FREEDOMS[joint.kind] == 1:
             yield from _of_joint(reading, name)
-    g = np.zeros(3) if reading.gravity is None else reading.gravity
+    g = downwards(reading)
     yield Family("gravity", np.full(3, 9.81), lambda x: (Change("", "gravity", g + x),))
 
     def scaled(x: Array) -> tuple[Change, ...]:

@@ -47,11 +47,15 @@ class Common:
     placement: Array
 
 
+def weighed(reading: Reading) -> Reading:
+    """A reading with gravity, also of a file that cannot say it."""
+    return replace(reading, gravity=STANDARD) if reading.gravity is None else reading
+
+
 def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     """Brings both to common terms."""
-    a, b = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in (a, b))
-    a = held(collapsed(a, pairing.bodies), pairing.only_a)
-    b = held(collapsed(b, {*pairing.bodies.values()}), pairing.only_b)
+    a = held(collapsed(weighed(a), pairing.bodies), pairing.only_a)
+    b = held(collapsed(weighed(b), {*pairing.bodies.values()}), pairing.only_b)
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},
