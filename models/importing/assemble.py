@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,20 +31,11 @@ SHOWN = 5
 FREE = (-np.inf, np.inf)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Assembled:
-    """A reading whose home is closed.
-
-    Attributes:
-        said: What was moved and why, a sentence each.
-    """
-
-    reading: Reading
-    said: tuple[str, ...]
-
-
-def assemble(reading: Reading, where: str) -> Assembled:
+def assemble(reading: Reading, where: str) -> tuple[Reading, tuple[str, ...]]:
     """Finds the closed home nearest to that of the file, within limits and off singular poses if there is one.
+
+    Returns:
+        The reading with that home, and what was moved and why, a sentence each.
 
     Raises:
         ClosureError: Some loops do not close from any start.
@@ -55,7 +46,7 @@ def assemble(reading: Reading, where: str) -> Assembled:
     free = {name: replace(joint, limits=FREE) for name, joint in reading.joints.items() if name in _beyond(loops, q)}
     reading = replace(reading, joints={**reading.joints, **free})
     there = {name: q[place] for name, place in loops.tree.places.items() if (q != loops.home)[place].any()}
-    return Assembled(rehomed(reading, there)[0], _said(loops, q, error))
+    return rehomed(reading, there)[0], _said(loops, q, error)
 
 
 def _said(loops: Loops, q: Array, error: float) -> tuple[str, ...]:

@@ -73,8 +73,7 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
     own, names = _renamed(reading)
-    assembled = assemble(own, where)
-    reading = assembled.reading
+    reading, moves = assemble(own, where)
     graph = graph_of(reading, length_of(reading))
     if not graph.chains:
         said = " ".join(graph.remarks)
@@ -85,7 +84,7 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
-    remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
+    remarks = [*moves, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain

@@ -31,16 +31,12 @@ class Deviation:
     """How a joint of B differs in place from that of A.
 
     Attributes:
-        joint: Common name.
-        what: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
-        value: That B should have, in common terms.
+        right: What B should have in common terms: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
         amount: Angle [rad] and way [m] of the difference.
-        change: In B's own terms.
+        change: The same in B's own terms.
     """
 
-    joint: str
-    what: str
-    value: Array
+    right: Change
     amount: tuple[float, float]
     change: Change
 
@@ -54,7 +50,7 @@ def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Com
             continue
         for what, value, amount in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
-            found.append(Deviation(name, what, change.value, amount, owned(common, change)))
+            found.append(Deviation(change, amount, owned(common, change)))
             common = _righted(common, change)
     return found, common
 
