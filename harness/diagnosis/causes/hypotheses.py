@@ -154,7 +154,7 @@ def _base(i: int, change: Change, b: Reading, files: Files) -> Iterator[Hypothes
         sine, cosine = float(np.linalg.norm(axis)), float(other @ down)
         unit = axis / sine if sine > 0.0 else np.eye(3)[int(np.abs(down).argmin())]
         T = matrix(np.zeros(3), rotation(unit, np.array(np.arctan2(sine, cosine))))
-        roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
+        roots = [b.bodies[name].joints[0] for name in b.roots]
         values = tuple(Value(joint, "placement", T, np.eye(4)) for joint in roots)
         frames = [link.frame for link in files.b.links if {*roots} & {*link.joints}] if files.b else []
         turns = [matrix(np.zeros(3), F[:3, :3]) for F in frames]
@@ -170,9 +170,9 @@ def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array,
         i, frames = links[0], frames_of(file, after)
         near = file.links[i].near
         return relative(frames[near], frames[i]), relative(file.links[near].frame, file.links[i].frame)
-    name, body = next((name, body) for name, body in b.bodies.items() if joint in body.joints)
-    poses = [({name: body.pose for name, body in r.bodies.items()}) for r in (after, b)]
-    a, old = (relative(pose.get(body.near, np.eye(4)), pose[name]) for pose in poses)
+    name = b.moved_by(joint)
+    poses = [({n: body.pose for n, body in r.bodies.items()}) for r in (after, b)]
+    a, old = (relative(pose.get(b.bodies[name].near, np.eye(4)), pose[name]) for pose in poses)
     return a, old
 
 

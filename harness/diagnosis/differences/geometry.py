@@ -68,15 +68,11 @@ def _righted(common: Common, change: Change) -> Common:
     now = b.joints[change.item].home
     b, _, behind = rehomed(b, {change.item: home} if now != home else {})
     bodies, joints = outwards(common.b, change.item)
-    before = {n: _displacement(b, behind, n) @ X if n in joints[1:] else X for n, X in common.before.items()}
+    # as one joint moves, all that it carries is displaced alike
+    before = {n: behind[b.moved_by(n)] @ X if n in joints[1:] else X for n, X in common.before.items()}
     after = {n: behind[n] @ X if n in bodies else X for n, X in common.behind.items()}
     homes = {**common.homes, change.item: common.homes[change.item] * (-1.0 if change.what == "sign" else 1.0)}
     return replace(common, b=b, before=before, behind=after, homes=homes)
-
-
-def _displacement(b: Reading, behind: dict[str, Array], joint: str) -> Array:
-    """Of one joint that moves, all that it carries is displaced alike."""
-    return next(behind[name] for name, body in b.bodies.items() if joint in body.joints)
 
 
 def _of_joint(
@@ -137,7 +133,7 @@ def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None
 
 def _next(b: Reading, name: str) -> tuple[list[str], list[str]]:
     """What a joint carries itself, not by another joint: a body at most, and the joints behind it; itself."""
-    carrier = next(key for key, body in b.bodies.items() if name in body.joints)
+    carrier = b.moved_by(name)
     joints = b.bodies[carrier].joints
     if name != joints[-1]:
         return [], [name, joints[joints.index(name) + 1]]
