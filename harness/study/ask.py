@@ -128,7 +128,7 @@ def ask_engines(
     else:
         from screwgauge.study.apart import apart
 
-        answers = apart(questions, limits, folder, progress)
+        answers = apart(questions, limits, progress)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     for name, answer in answers.items():
