@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from screwgauge.models.layout import Closure, length_scale
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.reading import ClosureReading, CouplingReading, Reading, couplings_of
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading, couplings_of
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
+T = TypeVar("T")
 #: Of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
 #: chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
@@ -56,6 +58,11 @@ class Comparison:
         difference = float(np.abs(expected - found).max()) / scale
         self._add(item, what, (_short(expected), _short(found)), difference, tolerance, difference <= tolerance)
 
+    def both(self, what: str, expected: Mapping[str, T], found: Mapping[str, T]) -> list[tuple[str, T, T]]:
+        """A row for the names of things of a kind. Returns those that are expected and found: name and both."""
+        self.names("", f"{what} names", sorted(expected), sorted(found))
+        return [(name, want, found[name]) for name, want in expected.items() if name in found]
+
     def _add(self, item: str, what: str, said: tuple[str, str], difference: float, tolerance: float, ok: bool) -> None:
         self.rows.append(CheckRow(self.file, self.reading, item, what, *said, difference, tolerance, ok))
 
@@ -68,22 +75,20 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
     """Rows for all that the reading says."""
     length = length_scale(mechanism)
     found = collapsed(found, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
-    out.names("", "body names", sorted(expected.bodies), sorted(found.bodies))
-    out.names("", "coordinate names", sorted(expected.joints), sorted(found.joints))
+    bodies = out.both("body", expected.bodies, found.bodies)
+    joints = out.both("coordinate", expected.joints, found.joints)
     out.numbers("", "total mass", np.array([mechanism.mass]), np.array([found.mass]), mechanism.mass)
-    _compare_bodies(out, expected, found, length, mechanism.mass)
-    for name in _common(expected.joints, found.joints):
-        want, have = expected.joints[name].screw, found.joints[name].screw
-        scale = np.repeat([1.0, length], 3) if want[:3].any() else np.ones(6)
-        out.numbers(name, "joint axis at home", want / scale, have / scale)
+    _compare_bodies(out, bodies, length, mechanism.mass)
+    for name, want, have in joints:
+        scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
+        out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
     if found.gravity is None or expected.gravity is None:
         return
     size = float(np.linalg.norm(expected.gravity)) or 9.81
     out.numbers("", "gravity", expected.gravity, found.gravity, size)
     out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
-    out.names("", "closure names", sorted(expected.closures), sorted(found.closures))
-    for name in _common(expected.closures, found.closures):
-        _compare_closures(out, name, expected.closures[name], found.closures[name], length)
+    for name, shut, otherwise in out.both("closure", expected.closures, found.closures):
+        _compare_closures(out, name, shut, otherwise, length)
     _compare_couplings(out, expected.couplings, found.couplings)
 
 
@@ -92,9 +97,7 @@ def _compare_couplings(
 ) -> None:
     if not (expected or found):
         return
-    out.names("", "coupling names", sorted(expected), sorted(found))
-    for name in _common(expected, found):
-        want, have = expected[name], found[name]
+    for name, want, have in out.both("coupling", expected, found):
         out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
         size = max(len(want.polynomial), len(have.polynomial))
         wanted, other = (np.pad(one.polynomial, (0, size - len(one.polynomial))) for one in (want, have))
@@ -111,9 +114,10 @@ def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: Cl
     out.numbers(name, "closure frames", *frames)
 
 
-def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: float, total: float) -> None:
-    for name in _common(expected.bodies, found.bodies):
-        want, have = expected.bodies[name], found.bodies[name]
+def _compare_bodies(
+    out: Comparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
+) -> None:
+    for name, want, have in pairs:
         out.names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
         out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
         if want.mass:
@@ -123,10 +127,6 @@ def _compare_bodies(out: Comparison, expected: Reading, found: Reading, length: 
             out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
         out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
-
-
-def _common(expected: Mapping[str, object], found: Mapping[str, object]) -> list[str]:
-    return [name for name in expected if name in found]
 
 
 def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
@@ -140,25 +140,19 @@ def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechan
     out.names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, found.axial)))
     if expected.axial and found.axial:
         out.numbers("", "direction of spherical_axial", expected.axial[1], found.axial[1])
-    joints = {joint.name: joint for joint in found.joints}
-    out.names("", "joint names", sorted(joint.name for joint in expected.joints), sorted(joints))
-    for want in expected.joints:
-        if have := joints.get(want.name):
-            out.names(want.name, "joint", _joint_says(want), _joint_says(have))
-            out.names(want.name, "joint limits", want.limits.tolist(), have.limits.tolist())
-            if want.kind == have.kind:
-                values = _joint_values(want, length), _joint_values(have, length)
-                out.numbers(want.name, "joint axes and frames", *values)
-    said = [couplings_of(file.couplings) for file in (expected, found)]
-    _compare_couplings(out, said[0], said[1])
-    closures = {closure.joint: closure for closure in found.closures}
-    out.names("", "closure names", sorted(closure.joint for closure in expected.closures), sorted(closures))
-    for shut in expected.closures:
-        if other := closures.get(shut.joint):
-            out.names(shut.joint, "closure", _closure_says(shut), _closure_says(other))
-            if shut.type == other.type:
-                values = _closure_values(shut, length), _closure_values(other, length)
-                out.numbers(shut.joint, "closure points and frames", *values)
+    joints = [{joint.name: joint for joint in file.joints} for file in (expected, found)]
+    for name, want, have in out.both("joint", *joints):
+        out.names(name, "joint", _joint_says(want), _joint_says(have))
+        out.names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
+        if want.kind == have.kind:
+            out.numbers(name, "joint axes and frames", _joint_values(want, length), _joint_values(have, length))
+    _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, found)))
+    closures = [{closure.joint: closure for closure in file.closures} for file in (expected, found)]
+    for name, shut, other in out.both("closure", *closures):
+        out.names(name, "closure", _closure_says(shut), _closure_says(other))
+        if shut.type == other.type:
+            values = _closure_values(shut, length), _closure_values(other, length)
+            out.numbers(name, "closure points and frames", *values)
 
 
 def _joint_says(joint: Joint) -> tuple[object, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.layout import CUTS, Closure, lay_out
-from screwgauge.models.tables import key, lines
+from screwgauge.models.tables import document, key, lines
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import check_keys, read_couplings, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
@@ -63,16 +63,10 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
     """The loops file (TOML) of a cut mechanism."""
     file = loops_of(mechanism, cut)
     head = {"mechanism": file.mechanism, "cut": file.cut, "bodies": file.bodies, "tree": file.tree}
-    tables: list[tuple[str, Mapping[str, Any]]] = [("[independent]", file.independent)]
-    if file.axial:
-        tables.append(("[spherical_axial]", {"joint": file.axial[0], "direction": file.axial[1]}))
-    tables += [(f"[joints.{key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
-    tables += [(f"[couplings.{key(coupling.name)}]", _coupling_entries(coupling)) for coupling in file.couplings]
-    tables += [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
-    out = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
-    for title, entries in tables:
-        out += ["", title, *lines(entries)]
-    return "\n".join(out) + "\n"
+    top = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
+    joints = [(f"[joints.{key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
+    closures = [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
+    return document(top, mechanism, joints, closures)
 
 
 def _joint_entries(joint: Joint) -> dict[str, Any]:
@@ -82,11 +76,6 @@ def _joint_entries(joint: Joint) -> dict[str, Any]:
     if joint.actuated:
         names.append("actuated")
     return {name: getattr(joint, name) for name in (*names, "parent_frame", "child_frame")}
-
-
-def _coupling_entries(coupling: Coupling) -> dict[str, Any]:
-    names = ["coordinate", *(["of"] if coupling.of else []), "polynomial"]
-    return {name: getattr(coupling, name) for name in names}
 
 
 def _closure_entries(closure: Closure) -> dict[str, Any]:

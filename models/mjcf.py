@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
-from screwgauge.models.placement import compose, inverse, number_text, quaternion, vector_text
+from screwgauge.models.placement import compose, inverse, number_text, quaternion, tensor_text, vector_text
 from screwgauge.models.view import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError
@@ -137,8 +137,7 @@ def _inertial(element: ET.Element, body: Body) -> None:
     if not body.mass:
         inertial.set("diaginertia", vector_text([LEAST] * 3))
         return
-    order = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx yy zz xy xz yz, not URDF's order
-    inertial.set("fullinertia", vector_text(body.inertia[order]))
+    inertial.set("fullinertia", tensor_text(body.inertia))
 
 
 def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequence[Closure]) -> None:

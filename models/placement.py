@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, skew
+
+#: Entries of an inertia tensor, in the order in which MJCF has them; that of URDF is another.
+TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def number_text(value: float) -> str:
@@ -20,6 +24,19 @@ def number_text(value: float) -> str:
 def vector_text(values: ArrayLike) -> str:
     """Numbers with blanks between them, as XML attributes want them."""
     return " ".join(number_text(value) for value in np.ravel(values))
+
+
+def tensor_text(I: Array) -> str:
+    """An inertia tensor as the ``fullinertia`` of MJCF. Shape (3, 3)."""
+    return vector_text([I[place] for place in TENSOR.values()])
+
+
+def tensor(entries: Iterable[float]) -> Array:
+    """An inertia tensor of entries in the order of `TENSOR`. Shape (3, 3)."""
+    I = np.zeros((3, 3))
+    for (i, j), entry in zip(TENSOR.values(), entries, strict=True):
+        I[i, j] = I[j, i] = entry
+    return I
 
 
 def inverse(frame: Frame) -> Frame:

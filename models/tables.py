@@ -4,13 +4,31 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from screwgauge.models.placement import number_text
-from screwgauge.reference.mechanism import Frame
+from screwgauge.reference.mechanism import Frame, Mechanism
+
+Table = tuple[str, Mapping[str, Any]]
+
+
+def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], closures: Sequence[Table] = ()) -> str:
+    """The first lines, then tables, each under its title: what is independent, the parts, couplings and closures."""
+    tables: list[Table] = [("[independent]", mechanism.independent)]
+    if mechanism.axial:
+        tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
+    tables += parts
+    for one in mechanism.couplings:
+        of = {"of": one.of} if one.of else {}
+        coupling = {"coordinate": one.coordinate, **of, "polynomial": one.polynomial}
+        tables.append((f"[couplings.{key(one.name)}]", coupling))
+    out = [*top]
+    for title, entries in (*tables, *closures):
+        out += ["", title, *lines(entries)]
+    return "\n".join(out) + "\n"
 
 
 def lines(entries: Mapping[str, Any]) -> list[str]:

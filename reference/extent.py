@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.pose import Layout, length, tree_pose
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, widest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,9 +54,8 @@ def _extent(lay: Layout) -> Extent:
     index, loops = mechanism.body_index, []
     for loop in around:
         joints = [joint for joint in mechanism.joints if loop[lay.columns[joint.name]].any()]
-        ends = [(j.parent, j.parent_frame.p) for j in joints] + [(j.child, j.child_frame.p) for j in joints]
-        points = np.array([p[0, index[body]] + R[0, index[body]] @ point for body, point in ends])
-        loops.append(float(np.linalg.norm(points[:, None] - points[None], axis=2).max()) or L)
+        ends = [(index[body], frame.p) for joint in joints for body, frame in joint.sides]
+        loops.append(widest([p[0, body] + R[0, body] @ point for body, point in ends]) or L)
     shortest = np.where(around, np.array(loops)[:, None], np.inf).min(axis=0)
     size = np.where(lay.turns, 1.0, np.where(np.isfinite(shortest), shortest, L))
     return Extent(np.array(loops), size, np.argmax(around, axis=0), L / min(loops))

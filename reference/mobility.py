@@ -124,7 +124,7 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     hidden = linear.null_space(c)  # forces that balance among themselves
     internal = linear.null_space(c[:, :constraints])  # those that need no actuator
     rank = constraints - internal.shape[1]
-    freedoms = len(mechanism.coordinates) - (linear.rank(G) if G.size else 0)
+    freedoms = len(mechanism.coordinates) - linear.rank(G)
     return Mobility(
         bodies=len(mechanism.bodies),
         joint_freedoms=len(mechanism.coordinates),
@@ -155,8 +155,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
     mechanism = lay.mechanism
     A = closure_system(lay, at)[0]
     k = len(mechanism.independent)
-    G = A[: len(A) - k]
-    freedoms = A.shape[1] - (linear.rank(G) if G.size else 0)
+    freedoms = A.shape[1] - linear.rank(A[: len(A) - k])
     names = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
     where = f"{mechanism.where}, independent"
     if k != freedoms:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from screwgauge.reference.crossing import Crossing, crossing
 from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
-from screwgauge.reference.rotations import Array, cross, skew, times, vee
+from screwgauge.reference.rotations import Array, cross, skew, times, vee, widest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,10 +274,8 @@ def _length(lay: Layout) -> float:
     R, p, _ = tree_pose(lay, mechanism.home[None])
     index = mechanism.body_index
     places = [(b.name, b.com) for b in mechanism.bodies]
-    places += [(j.parent, j.parent_frame.p) for j in mechanism.joints]
-    places += [(j.child, j.child_frame.p) for j in mechanism.joints]
-    cloud = np.array([p[0, index[body]] + R[0, index[body]] @ point for body, point in places])
-    return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
+    places += [(body, frame.p) for joint in mechanism.joints for body, frame in joint.sides]
+    return widest([p[0, index[body]] + R[0, index[body]] @ point for body, point in places]) or 1.0
 
 
 def loop_matrix(lay: Layout, at: Pose) -> Array:

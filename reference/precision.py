@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
-from typing import Any, TypeVar
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
+from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.pose import Layout, centres_of_mass, layout, pose
 from screwgauge.reference.rotations import Array
 
-T = TypeVar("T", Body, Frame, Joint)
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
@@ -23,10 +26,22 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
 
     The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
     """
-    bodies = tuple(_rounded(body, dtype, "com", "inertia") for body in mechanism.bodies)
-    joints = tuple(_joint(joint, dtype) for joint in mechanism.joints)
+    bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
+    joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)
     axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
     return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
+
+
+def rounded(item: T, dtype: DTypeLike) -> T:
+    """A dataclass with its arrays, those of its frames too, rounded to `dtype`; checks of its class are not made."""
+    changed = copy(item)
+    for one in fields(item):
+        value = getattr(item, one.name)
+        if isinstance(value, np.ndarray):
+            object.__setattr__(changed, one.name, value.astype(dtype))
+        elif isinstance(value, Frame):
+            object.__setattr__(changed, one.name, rounded(value, dtype))
+    return changed
 
 
 def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
@@ -50,20 +65,3 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     if not np.abs(at.residual).max(initial=0.0) < 64 * wider.eps:
         return None
     return force_matrix(lay, at, centres_of_mass(lay, at), joint_reactions(lay, at))
-
-
-def _joint(joint: Joint, dtype: DTypeLike) -> Joint:
-    frames = {name: _rounded(getattr(joint, name), dtype, "p", "R") for name in ("parent_frame", "child_frame")}
-    return _with(_rounded(joint, dtype, "axes", "home", "limits"), **frames)
-
-
-def _rounded(item: T, dtype: DTypeLike, *names: str) -> T:
-    return _with(item, **{name: getattr(item, name).astype(dtype) for name in names})
-
-
-def _with(item: T, **changes: Any) -> T:
-    """A copy with other fields, made without the checks of its class."""
-    changed = copy(item)
-    for name, value in changes.items():
-        object.__setattr__(changed, name, value)
-    return changed

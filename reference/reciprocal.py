@@ -149,13 +149,13 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
     lay = layout(few, spanning_tree(few))
     at = pose(lay, q[:, mechanism.columns(few.coordinates)])
     path = lay.path[few.body_index[body], :, None]
-    moves = (linear.null_space(G) if G.size else np.eye(G.shape[1]) for G in constraint_matrix(lay, at))
+    moves = map(linear.null_space, constraint_matrix(lay, at))
     return [_span((S * path).T @ free) for S, free in zip(at.S, moves, strict=True)]
 
 
 def _span(A: Array) -> Array:
     """Orthonormal basis of the columns."""
-    return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)]) if A.size else A[:, :0]
+    return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)])
 
 
 def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
@@ -172,7 +172,7 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
         systems = [reciprocal_screws(twists[k]) for twists in left]
         both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
         wrenches = tuple(_in_metres(elements(system, middle), unit) for system in systems)
-        redundant = both.shape[1] - (linear.rank(both) if both.size else 0)
+        redundant = both.shape[1] - linear.rank(both)
         found.append(Held(body, ways, wrenches, _in_metres(elements(free[k], middle), unit), redundant))
     return tuple(found)
 
@@ -210,7 +210,7 @@ def elements(system: Array, near: Array) -> tuple[Element, ...]:
     couples = _upright(_span(moments @ Vt[f:].T))
     D, M = U[:, :f], moments @ Vt[:f].T / s[:f]
     off = np.eye(3) - couples @ couples.T  # moments along couples may be had at will
-    fixed = linear.null_space(couples.T @ D) if couples.size else np.eye(f)
+    fixed = linear.null_space(couples.T @ D)
     E, h = _principal(D @ fixed, M @ fixed)
     rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
     E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,12 @@ def cross(a: Array, b: Array) -> Array:
     c[..., 1] = az * bx - ax * bz
     c[..., 2] = ax * by - ay * bx
     return c
+
+
+def widest(points: ArrayLike) -> float:
+    """The largest distance of two points, 0 of fewer. Shape (n, 3)."""
+    cloud = np.reshape(points, (-1, 3))
+    return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max(initial=0.0))
 
 
 def lanes(n: int, *shape: int) -> Array:

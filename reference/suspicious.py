@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.reference.mechanism import Body, Joint, Mechanism
 from screwgauge.reference.pose import layout, length, tree_pose
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, widest
 
 #: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
 #: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
@@ -44,7 +44,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     unit, at, index = length(lay), tree_pose(lay, mechanism.home[None]), mechanism.body_index
     joints = [joint for joint in mechanism.joints if joint.kind != "F"]
     cloud = [at[1][0, index[j.parent]] + at[0][0, index[j.parent]] @ j.parent_frame.p for j in joints]
-    extent = _spread(cloud)
+    extent = widest(cloud)
     found = list[Suspicion]()
     for body in mechanism.bodies:
         its = [(joint, frame.p) for joint in joints for name, frame in joint.sides if name == body.name]
@@ -75,7 +75,7 @@ def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: flo
     if body.mass == 0.0:
         yield Suspicion(name, body.com, f"{name} has no mass of its own")
         return
-    spread = _spread(points)
+    spread = widest(points)
     away = min((_distance(body.com, a, b) for a in points for b in points), default=0.0)
     measure = (spread, "its joints are") if spread > DISTANCE * unit else (extent, "all joints are")
     if len(points) > 1 and away > max(2.0 * measure[0], 0.05 * unit) and measure[0] > 0.0:
@@ -89,11 +89,6 @@ def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: flo
     if moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]:
         text = f"{name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
         yield Suspicion(name, body.com, text)
-
-
-def _spread(points: list[Array]) -> float:
-    """The largest distance of two points."""
-    return max((float(np.linalg.norm(a - b)) for a, b in combinations(points, 2)), default=0.0)
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:

@@ -71,7 +71,7 @@ def here():
         patch.setattr(
             apart,
             "apart",
-            lambda works, limits, folder, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
+            lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
         )
         yield
 

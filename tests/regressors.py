@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.fitting import TENSOR
 from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
 from screwgauge.models.kinematics.tree import Motion, States, Tree
+from screwgauge.models.placement import TENSOR
 from screwgauge.reference.rotations import Array, cross, skew
 from screwgauge.reference.screws import acceleration_at, velocity_at
 
@@ -31,7 +31,8 @@ def parameters(mass: Array, com: Array, inertia: Array) -> Array:
     C = skew(com)
     I = inertia - mass[..., None, None] * (C @ C)
     first = mass[..., None] * com
-    return np.concatenate([mass[..., None], first, np.stack([I[..., i, j] for i, j in TENSOR], axis=-1)], axis=-1)
+    entries = np.stack([I[..., i, j] for i, j in TENSOR.values()], axis=-1)
+    return np.concatenate([mass[..., None], first, entries], axis=-1)
 
 
 def inertial_regressor(tree: Tree, motion: Motion) -> Array:
@@ -63,7 +64,7 @@ def inertial_regressor(tree: Tree, motion: Motion) -> Array:
 def _tensor(w: Array) -> Array:
     """``I @ w`` as a matrix times the six entries of I. Shape (..., 3) -> (..., 3, 6)."""
     out = np.zeros((*w.shape, 6))
-    for k, (i, j) in enumerate(TENSOR):
+    for k, (i, j) in enumerate(TENSOR.values()):
         out[..., i, k] = w[..., j]
         out[..., j, k] = w[..., i]
     return out

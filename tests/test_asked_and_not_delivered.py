@@ -18,7 +18,7 @@ from screwgauge.study.ask import ask as put
 from screwgauge.study.bench.run import QUICK, bench
 from screwgauge.study.cases.case import REFUSED
 from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 from screwgauge.study.method import Method
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
@@ -118,7 +118,7 @@ def test_the_bench_has_rows_that_say_so(stand_in):
 
 def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
     stand_in(mujoco=only("joint_position"))
-    case = load("speed")
+    case = CASES["speed"]
     question = next(iter(case.ask(case.quick[0], True, tmp_path)))
     found = list(findings(replace(question, methods=(Method("mujoco"),))))
     assert found

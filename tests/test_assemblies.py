@@ -25,7 +25,7 @@ from screwgauge.study.cases.asking import SCENE, still
 from screwgauge.study.cases.case import OK, SILENT
 from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
 from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 
 FAR = 1.2
 #: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.
@@ -103,7 +103,7 @@ def test_the_stress_case_tells_an_engine_that_jumps(step, verdict, tmp_path, mon
         monkeypatch.setattr(following, "STEP", step)
         monkeypatch.setattr(following, "CHANGE", step)
         monkeypatch.setattr(following, "FARTHEST", step)
-    found = [one for question in load("assembly").ask(1e-2, True, tmp_path) for one in findings(question)]
+    found = [one for question in CASES["assembly"].ask(1e-2, True, tmp_path) for one in findings(question)]
     assert {one.verdict for one in found if one.engine.endswith("1.2 rad") and not one.own} == {verdict}
     assert {one.verdict for one in found if one.own} == {OK}
 

@@ -224,7 +224,7 @@ def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:
 
     def energy(angle: float) -> float:
         bar = FourBar(speed, angle)
-        lengths, masses = bar.links.lengths, bar.links.masses
+        lengths, masses = bar.lengths, bar.masses
         omega = np.array([bar.v[0], bar.v[0] + bar.v[1], bar.v[2]])
         centres = np.array(
             [
@@ -238,7 +238,7 @@ def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:
             lengths[0] * omega[0] * bar.beside[0] + lengths[1] / 2 * omega[1] * bar.beside[1],
         ]
         v = np.array([*ends, lengths[2] / 2 * omega[2] * bar.beside[2]])
-        kinetic = (masses @ np.sum(v**2, axis=1) + bar.links.moments @ omega**2) / 2
+        kinetic = (masses @ np.sum(v**2, axis=1) + bar.moments @ omega**2) / 2
         return float(kinetic - masses @ (centres @ bar.gravity))
 
     slope = (energy(crank + h) - energy(crank - h)) / (2 * h)

@@ -14,7 +14,7 @@ from screwgauge.report.pages.selftest import PAGE as page
 from screwgauge.report.pages.selftest import passed
 from screwgauge.study.selftest import run
 from screwgauge.study.selftest.judged import judged
-from screwgauge.study.selftest.kinds import KINDS, changed
+from screwgauge.study.selftest.kinds import KINDS
 from screwgauge.study.selftest.lookalikes import REWRITES
 from screwgauge.study.selftest.mutant import Expected
 from screwgauge.study.selftest.trees import tree, urdf
@@ -48,7 +48,7 @@ def test_rows_that_are_there_are_not_made_again(study, monkeypatch):
 def heavier(tmp_path):
     """A diagnosis of a link that is 1 % heavier, and its name."""
     (tmp_path / "a.urdf").write_text(urdf(tree(0)))
-    text, (expected,) = changed("mass_factor", urdf(tree(0)), np.random.default_rng(1), 0.01)
+    text, (expected,) = KINDS["mass_factor"](urdf(tree(0)), np.random.default_rng(1), 0.01)
     (tmp_path / "b.urdf").write_text(text)
     return diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf"), expected
 

@@ -28,16 +28,11 @@ def isolated(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("shares")
-
-
-@pytest.fixture(scope="module")
-def ended(folder):
+def ended():
     """What became of works of all kinds, done at once."""
     names = ("fine", "segfault", "abort", "leave", "odd", "hog")
     works = {name: getattr(bad_works, name) for name in names}
-    return apart(works, Limits(memory=0.5), folder, silent)
+    return apart(works, Limits(memory=0.5), silent)
 
 
 @pytest.mark.parametrize(
@@ -63,22 +58,22 @@ def test_the_others_go_on_in_the_order_asked_for(ended):
     assert ended["fine"] not in (0, os.getpid())
 
 
-def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended, folder):
-    again = apart({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), folder, silent)
+def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
+    again = apart({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), silent)
     assert again["fine"] == ended["fine"]
     assert not isinstance(again["segfault"], Failure)
 
 
-def test_what_never_ends_is_stopped_and_the_next_one_is_not(folder):
-    (found,) = apart({"fine": bad_works.hang}, Limits(seconds=0.3), folder, silent).values()
+def test_what_never_ends_is_stopped_and_the_next_one_is_not():
+    (found,) = apart({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
     assert found.reason.startswith("stopped after 0.3 s, ")
     assert found.reason.endswith("of the way, the limit; --limit sets another")
-    (pid,) = apart({"fine": bad_works.fine}, Limits(), folder, silent).values()
+    (pid,) = apart({"fine": bad_works.fine}, Limits(), silent).values()
     assert not isinstance(pid, Failure)
 
 
-def test_progress_is_that_of_all(folder):
-    seen, said = folder / "seen", []
+def test_progress_is_that_of_all(tmp_path):
+    seen, said = tmp_path / "seen", []
 
     def report(step: str, share: float) -> None:
         said.append((step, share))
@@ -86,15 +81,15 @@ def test_progress_is_that_of_all(folder):
             seen.touch()
 
     works = {"fine": partial(bad_works.until_seen, seen=seen)}
-    assert apart(works, Limits(), folder, report) == {"fine": "seen"}
+    assert apart(works, Limits(), report) == {"fine": "seen"}
     assert said[-1] == ("fine", 0.5)
 
 
-def test_bad_input_is_raised_as_it_is(folder):
+def test_bad_input_is_raised_as_it_is():
     with pytest.raises(
         UnknownNameError, match=r"own.xml: unknown leg 'leg5'; did you mean 'leg4'\? Known: leg4\.$"
     ) as caught:
-        apart({"fine": bad_works.refuse}, Limits(), folder, silent)
+        apart({"fine": bad_works.refuse}, Limits(), silent)
     assert caught.value.where == "own.xml"
 
 

@@ -16,7 +16,7 @@ from screwgauge.reference.linear import EPS
 from screwgauge.reference.rotations import Array
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
 from screwgauge.study.method import Method
 from screwgauge.study.stress import climb
@@ -72,7 +72,7 @@ def test_refined_steps_have_no_floor_but_an_error_of_first_order(motion: Questio
 
 def refined(softness: float) -> list[Finding]:
     """The findings of each number of passes."""
-    return [one for one in climb(load("refinement"), softness) if one.engine.startswith("mujoco")]
+    return [one for one in climb(CASES["refinement"], softness) if one.engine.startswith("mujoco")]
 
 
 def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
@@ -84,7 +84,7 @@ def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
 
 
 def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_loop(tmp_path: Path) -> None:
-    question = list(load("refinement").ask(1e-4, True, tmp_path))[1]
+    question = list(CASES["refinement"].ask(1e-4, True, tmp_path))[1]
     methods = tuple(Method("mujoco", {"solimp": 0.9999, "passes": passes}) for passes in range(5))
     errors = [finding.error for finding in findings(replace(question, methods=methods))]
     # each pass but the last, which ends in rounding, is worth more than three digits
@@ -93,7 +93,7 @@ def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_lo
 
 
 def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
-    found = climb(load("softness"), 1e-3, quick=True)
+    found = climb(CASES["softness"], 1e-3, quick=True)
     labels = dict.fromkeys(finding.engine for finding in found)
     assert list(labels) == ["screw", *(f"mujoco {label}" for label in SETTINGS)]
     assert {finding.quantity for finding in found} == {*("loop_gap", "constraint_force", "energy", "joint_position")}

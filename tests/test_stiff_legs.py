@@ -14,7 +14,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.cases.asking import SCREW, loaded, push, tree_coordinates
 from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
 from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
 from screwgauge.study.method import Method
 from screwgauge.study.stress import climb
@@ -71,7 +71,7 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path
 
 
 def test_a_rung_holds_every_engine_and_only_fixed_steps_are_silent() -> None:
-    found = climb(load("stiff-legs"), 1e2)
+    found = climb(CASES["stiff-legs"], 1e2)
     assert {finding.quantity for finding in found} == {"joint_acceleration", "motion", "energy"}
     found = [finding for finding in found if finding.quantity != "joint_acceleration"]
     assert list(dict.fromkeys(finding.engine for finding in found)) == [

@@ -7,7 +7,7 @@ import pytest
 
 from screwgauge.study.cases.case import OK, SILENT, Finding
 from screwgauge.study.cases.open_states import FORWARD, HARD
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 from screwgauge.study.stress import climb
 
 GAPS = (1e-9, 1e-7, 1e-5)
@@ -17,7 +17,7 @@ CLOSED = 1e-13
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[float, str, str], Finding]:
-    case = load("closure-violation")
+    case = CASES["closure-violation"]
     return {(gap, one.engine, one.quantity): one for gap in GAPS for one in climb(case, gap, quick=True)}
 
 

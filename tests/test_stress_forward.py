@@ -9,7 +9,7 @@ import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.cases.case import DEGRADED, OK, SILENT, Finding
 from screwgauge.study.cases.loops import ITERATIONS
-from screwgauge.study.cases.registry import load
+from screwgauge.study.cases.registry import CASES
 from screwgauge.study.stress import climb
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
@@ -19,7 +19,7 @@ ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
     "name", ["softness", "refinement", "proximal", "redundant-constraints", "long-run", "stiff-legs"]
 )
 def test_ladders_have_six_rungs_and_three_when_quick(name: str) -> None:
-    case = load(name)
+    case = CASES[name]
     assert len(set(case.full)) >= 6
     assert len(set(case.quick)) >= 3
     assert case.low <= min(*case.full, *case.quick)
@@ -32,7 +32,7 @@ def labelled(found: list[Finding], engine: str) -> Finding:
 
 
 def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() -> None:
-    found = climb(load("proximal"), 0.0)
+    found = climb(CASES["proximal"], 0.0)
     for iterations in ITERATIONS:
         assert labelled(found, f"pinocchio full rank {iterations}x").verdict == OK
         assert labelled(found, "pinocchio deficient safe").error < 1e-13  # a hundred roundings
@@ -44,7 +44,7 @@ def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() ->
 
 def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
     mus = np.array([1e-6, 1e-5, 1e-4])
-    found = [climb(load("proximal"), mu) for mu in mus]
+    found = [climb(CASES["proximal"], mu) for mu in mus]
     for loop in ("full rank", "deficient"):
         for iterations in (1, 2):
             errors = [labelled(rows, f"pinocchio {loop} {iterations}x").error for rows in found]
@@ -56,7 +56,7 @@ def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
 
 
 def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_the_loop() -> None:
-    found = climb(load("redundant-constraints"), 2.0)
+    found = climb(CASES["redundant-constraints"], 2.0)
     for finding in found:
         if finding.quantity == "reaction":
             assert "compared: fx, fy; not unique, left out: fz, mx, my (6 redundant" in finding.reason
@@ -69,11 +69,11 @@ def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_
 
 
 def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
-    found = climb(load("long-run"), 1000.0)
+    found = climb(CASES["long-run"], 1000.0)
     for finding in found:
         if finding.engine == "screw":
             assert finding.error < 4e-14  # a hundred times the rounding of angles of 1 rad
-    short = climb(load("long-run"), 100.0)
+    short = climb(CASES["long-run"], 100.0)
     drift = [labelled(rows, "paper Euler").error for rows in (short, found)]
     assert drift[1] > 5 * drift[0] > 1e-4
     assert labelled(found, "paper Euler").verdict == SILENT

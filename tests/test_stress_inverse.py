@@ -20,7 +20,7 @@ from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, stil
 from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
 from screwgauge.study.cases.poses import WRIST_LOCKS
 from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES, decades, load
+from screwgauge.study.cases.registry import CASES, decades
 from screwgauge.study.stress import climb as climb_rung
 
 FORCES = ("generalized_force", "actuator_force")
@@ -31,18 +31,18 @@ INVERSE = ("upu-singularity", "u-lock", "wrist-chart", "mass-ratio", "speed", "s
 
 @cache
 def rung(case: str, severity: float) -> tuple[Finding, ...]:
-    return tuple(climb_rung(load(case), severity, quick=True))
+    return tuple(climb_rung(CASES[case], severity, quick=True))
 
 
 def climb(case: str, *severities: float) -> dict[tuple[float, str, str], Finding]:
     """Findings of a reduced run by severity, engine and quantity."""
-    rungs = load(case).rungs(quick=True, severities=severities)
+    rungs = CASES[case].rungs(quick=True, severities=severities)
     return {(one, each.engine, each.quantity): each for one in rungs for each in rung(case, one)}
 
 
 @pytest.mark.parametrize("name", [*INVERSE, "inertia-anisotropy", "closure-violation"])
 def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
-    case = load(name)
+    case = CASES[name]
     assert len(case.full) >= 6
     assert len(case.quick) >= 6
     for rungs in (case.full, case.quick):
@@ -54,7 +54,7 @@ def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
 
 def test_cases_are_listed_without_loading_an_engine() -> None:
     code = (
-        "import sys; from screwgauge.study.cases.registry import CASES, load; [load(name) for name in CASES]; "
+        "import sys; from screwgauge.study.cases.registry import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

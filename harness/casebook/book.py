@@ -42,9 +42,9 @@ def reproduce(id: str) -> CaseResult:
         run = getattr(import_module(f"screwgauge.{module}"), name)
         with ExitStack() as stack:
             if "mujoco" in case.engines:  # whose warnings go into a file of the working directory otherwise
-                from screwgauge.engines.mujoco.settings import heard
+                from screwgauge.models.readings.mujoco import warned
 
-                stack.enter_context(heard())
+                stack.enter_context(warned())
             return CaseResult(case, versions, run())
     except Exception as error:  # an engine of another version may raise anything
         return CaseResult(case, versions, failure=f"{type(error).__name__}: {error}")

@@ -56,7 +56,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.campaigns.importing import import_apart
+    from screwgauge.study.campaigns.loading import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
@@ -74,7 +74,7 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.campaigns.importing import import_apart
+        from screwgauge.study.campaigns.loading import import_apart
 
         for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")

@@ -95,12 +95,11 @@ def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
 
 def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     """A few samples of a scene, and what the solver says of them; nothing where it fails, which is told."""
-    import numpy as np
-
-    from screwgauge.study.motion import FRAMES, few
+    from screwgauge.problem import spread
+    from screwgauge.study.motion import FRAMES
     from screwgauge.study.run import run
 
-    scene = scene.at(scene.t[few(np.arange(len(scene.t)), FRAMES)])
+    scene = scene.at(scene.t[spread(len(scene.t), FRAMES)])
     try:
         found = run(scene, engines=("screw",))
     except ScrewgaugeError as error:

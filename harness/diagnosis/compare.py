@@ -12,7 +12,7 @@ from screwgauge.diagnosis.mechanics.dynamics import dynamics, inverse_dynamics
 from screwgauge.diagnosis.pairing.common import Common, brought, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.kinematics.closing import constraint_rows
-from screwgauge.models.kinematics.tree import Motion, States, draw, move, plant
+from screwgauge.models.kinematics.tree import Motion, States, move, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -134,8 +134,3 @@ def row_of(quantity: str, a: Array, b: Array, names: Sequence[tuple[str, str]], 
     scaled = np.where(scale > 0.0, apart / np.where(scale > 0.0, scale, 1.0), apart)
     i = int(scaled.argmax())
     return Row(quantity, names[i][0], names[i][1], float(apart[i]), float(scaled[i]))
-
-
-def drawn(common: Common, seed: int) -> States:
-    """The states of a diagnosis."""
-    return draw(common.a, STATES, seed)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Torques
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
 from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
-from screwgauge.diagnosis.compare import Row, drawn, table, torques
+from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.digits import marked
@@ -28,6 +28,7 @@ from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
 from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
+from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
@@ -155,7 +156,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     common = brought(ours, b.reading, pairing)
     found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
     found = compiled((a, b), marked(_said(found, a, b), (a.digits, b.digits)))
-    states = drawn(common, seed)
+    states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops((a, b), common, pairing, seed, deadline)
@@ -183,7 +184,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         fix=why.fix,
         witnesses=seen,
         notes=notes((a, b), common, seen, of_loops, seed),
-        by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else _changes(found)),
+        by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else changes_of(found)),
     )
 
 
@@ -206,7 +207,7 @@ def _explained(
         return b.read_again(file, load)
 
     why = explained(asked, (a.reading, b.reading), (first, second), found, read, deadline)
-    everything, proof = _changes(found), why.proof
+    everything, proof = changes_of(found), why.proof
     if len(everything) == len(why.attribution.changes) or deadline.over(PROOF):
         return replace(why, fix=proof)
     whole = proved(asked, b.reading, everything, (first, second), read)
@@ -214,10 +215,6 @@ def _explained(
         return replace(why, proof=whole, fix=whole)
     worse = proof is not None and proof.agrees and not whole.agrees
     return replace(why, fix=proof if worse or (proof is not None and not whole.text) else whole)
-
-
-def _changes(found: Sequence[Difference]) -> list[Change]:
-    return [each.change for each in found if each.change is not None]
 
 
 def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tuple[str, float, float], ...]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.casebook.book import reproduce
-from screwgauge.diagnosis.differences.change import PROPERTIES, Change, Difference
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, Difference
 from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD
@@ -17,7 +17,6 @@ from screwgauge.models.readings.reading import Reading
 #: Value of a property that no file has to say, for all that is not zero.
 _DEFAULTS = {"gravity": STANDARD}
 _OPTIONAL = ("gravity", "medium", "gravcomp", "armature", "damping", "friction", "stiffness", "rest")
-_ITEMS = {"body": "bodies", "joint": "joints"}
 #: Library that does not use a property -> case of the casebook.
 CASES = {
     ("pinocchio", "gravity"): "pin-mjcf-gravity",
@@ -68,9 +67,9 @@ def does_not_use(library: str, whats: Sequence[str]) -> str:
 def unheard(change: Change, before: Reading, after: Reading) -> bool:
     """Whether a library reads the same as before from a file that has the change."""
     owner = PROPERTIES[change.what].owner
-    if change.what not in _OPTIONAL or (owner != "model" and change.item not in getattr(after, _ITEMS[owner])):
+    if change.what not in _OPTIONAL or (owner != "model" and change.item not in getattr(after, ROOMS[owner])):
         return False
-    holders = [r if owner == "model" else getattr(r, _ITEMS[owner])[change.item] for r in (before, after)]
+    holders = [r if owner == "model" else getattr(r, ROOMS[owner])[change.item] for r in (before, after)]
     old, new = (np.asarray(getattr(holder, change.what), dtype=float) for holder in holders)
     return np.array_equal(old, new) and not np.array_equal(new, change.value)
 

@@ -92,14 +92,8 @@ def matrix_of(a: Model, b: Model, given: Mapping[str, str] | None, seed: int, lo
         for (side, _), model in models.items()
         for witness in witnesses([model], seed, deadline)
     )
-    trees = {key: _roots(model) for key, model in models.items()}
+    trees = {key: model.reading.roots for key, model in models.items()}
     return Matrix(tuple(cells), pairs, seen, tuple(_sentences(cells, pairs, seen, trees)))
-
-
-def _roots(model: Model) -> list[str]:
-    """Bodies that hang on the ground."""
-    bodies = model.reading.bodies
-    return [name for name, body in bodies.items() if body.near not in bodies]
 
 
 def _libraries(model: Model) -> Sequence[str]:
@@ -114,8 +108,7 @@ def _read(model: Model, library: str, load: Read) -> Model:
 
 def _cell(side: str, model: Model) -> Cell:
     reading = model.reading
-    freedoms = sum(part.stop - part.start for part in reading.freedoms.values())
-    return Cell(side, model.library, len(reading.joints), freedoms, len(reading.bodies), reading.mass)
+    return Cell(side, model.library, len(reading.joints), reading.freedom, len(reading.bodies), reading.mass)
 
 
 def _between(

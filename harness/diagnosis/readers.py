@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from screwgauge.diagnosis.asked import answers
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.matrix import differences_between
-from screwgauge.diagnosis.pairing.common import STANDARD, counterpart, states_of_b, velocity_map
+from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map, weighed
 from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.engines.plain import Answers
 from screwgauge.models.kinematics.tree import draw, plant
@@ -72,7 +72,7 @@ def _torques(
     Args:
         file: It, and whether its base floats.
     """
-    one, two = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in readings)
+    one, two = map(weighed, readings)
     path, floating = file
     a, states = plant(one), draw(one, STATES)
     first = answers(path, one.library, a, states, floating=floating)

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from screwgauge.diagnosis.causes.attribution import Attribution, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explain import Explanation
-from screwgauge.diagnosis.causes.growth import Growth
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.loops import Loops
 from screwgauge.diagnosis.differences.static import sorted_by_size
@@ -44,7 +43,8 @@ def verdict(
     """
     cause, proof, grown = why.attribution, why.proof, why.growth
     if found or cause.before.scaled > SAME:
-        said = [_differs(found, cause, proof, "there was no time to explain" if late else _unexplained(grown))]
+        unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
+        said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
     else:
         said = ["Nothing differs in what was compared." if late else _same(models, cause)]
     first, second = models
@@ -112,10 +112,6 @@ def _beyond(models: tuple[Model, Model]) -> Iterator[tuple[str, str]]:
     said = [model.reading.ignored for model in models]
     for side, mine, others in zip("AB", said, said[::-1], strict=True):
         yield from ((side, what) for what in mine if what not in others)
-
-
-def _unexplained(grown: Growth | None) -> str:
-    return f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
 
 
 def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, unexplained: str) -> str:

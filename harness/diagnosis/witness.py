@@ -13,7 +13,7 @@ from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.pairing.common import STANDARD
+from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.engines.plain import Answers
 from screwgauge.models.kinematics.tree import States, Tree, draw, plant
 from screwgauge.reference.errors import ScrewgaugeError
@@ -59,7 +59,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
         reading = model.reading
-        tree = plant(replace(reading, gravity=STANDARD if reading.gravity is None else reading.gravity))
+        tree = plant(weighed(reading))
         states = draw(reading, STATES, seed)
         try:
             said, found = _asked(model, tree, states)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -76,18 +75,6 @@ def joint(
     return f'<joint name="{child}" type="{kind}">{ends}{limit}{inside}</joint>'
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Links:
-    """Lengths [m], masses [kg] and moments about their centres [kg m^2] of uniform crank, coupler and rocker."""
-
-    lengths: Array
-    masses: Array
-
-    @property
-    def moments(self) -> Array:
-        return self.masses * self.lengths**2 / 12.0
-
-
 class FourBar:
     """A four-bar in the x-y plane with gravity along -y, in motion at home, where all coordinates are zero.
 
@@ -97,7 +84,9 @@ class FourBar:
     """
 
     base = np.array([0.5, 0.0])  #: Where the rocker stands [m].
-    links = _Links(np.array([0.3, 0.6, 0.4]), np.array([1.0, 2.0, 1.5]))
+    #: Lengths [m], masses [kg] and moments about their centres [kg m^2] of uniform crank, coupler and rocker.
+    lengths, masses = np.array([0.3, 0.6, 0.4]), np.array([1.0, 2.0, 1.5])
+    moments = masses * lengths**2 / 12.0
     gravity = np.array([0.0, -G])
     #: Rates of the tree's coordinates from those of the links.
     _tree = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -110,7 +99,7 @@ class FourBar:
             crank: Its angle at home [rad].
         """
         self.speed = speed
-        first, second, third = self.links.lengths
+        first, second, third = self.lengths
         elbow = first * np.array([np.cos(crank), np.sin(crank)])
         across = self.base - elbow
         reach = np.hypot(*across)
@@ -125,7 +114,7 @@ class FourBar:
     @cached_property
     def _rates(self) -> tuple[Array, Array]:
         """Angular velocities and accelerations of the links. Shape (3,) each."""
-        lengths = self.links.lengths
+        lengths = self.lengths
         closing = np.column_stack([lengths[1] * self.beside[1], -lengths[2] * self.beside[2]])
         omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.beside[0] * self.speed)])
         inwards = (lengths * omega**2 * [1.0, 1.0, -1.0]) @ self.along
@@ -145,10 +134,10 @@ class FourBar:
     def torque(self) -> float:
         """Of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
         omega, alpha = self._rates
-        arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.links.lengths
+        arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.lengths
         v = (arms * omega) @ self.beside
         a = (arms * alpha) @ self.beside - (arms * omega**2) @ self.along
-        power = self.links.masses @ np.sum((a - self.gravity) * v, axis=1) + self.links.moments @ (alpha * omega)
+        power = self.masses @ np.sum((a - self.gravity) * v, axis=1) + self.moments @ (alpha * omega)
         return float(power / self.speed)
 
     @property
@@ -166,8 +155,8 @@ class FourBar:
         return mjcf(first + third, before=option, after=f"<equality>{closure}</equality>")
 
     def _body(self, k: int, name: str, at: Array, inside: str) -> str:
-        com, moment = self.along[k] * self.links.lengths[k] / 2.0, self.links.moments[k]
-        mass = f'mass="{self.links.masses[k]}" diaginertia="{numbers([moment] * 3)}"'
+        com, moment = self.along[k] * self.lengths[k] / 2.0, self.moments[k]
+        mass = f'mass="{self.masses[k]}" diaginertia="{numbers([moment] * 3)}"'
         inertial = f'<inertial pos="{numbers([*com, 0.0])}" {mass}/>'
         hinge = f'<joint name="{name}" axis="0 0 1"/>'
         return f'<body name="{name}" pos="{numbers([*at, 0.0])}">{hinge}{inertial}{inside}</body>'

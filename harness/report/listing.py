@@ -12,7 +12,6 @@ from screwgauge.report.casebook import discrepancies
 from screwgauge.report.terminal import terminal
 from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.cases.registry import CASES
-from screwgauge.study.cases.registry import load as load_case
 
 
 def mechanisms() -> dict[str, str]:
@@ -26,7 +25,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
     "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
-    "cases": lambda: {name: f"{case.title} ({case.span})" for name in CASES for case in [load_case(name)]},
+    "cases": lambda: {name: f"{case.title} ({case.span})" for name, case in CASES.items()},
     "discrepancies": discrepancies,
 }
 

@@ -61,7 +61,6 @@ class Limits:
 def apart(
     works: Mapping[str, Callable[[Progress], T | Failure]],
     limits: Limits,
-    folder: Path,
     report: Callable[[str, float], None],
     *,
     lanes: int = 0,
@@ -71,7 +70,6 @@ def apart(
 
     Args:
         works: Pickle, and take a progress, which takes what they are at, too, beside the share.
-        folder: Where they say how far they are: what a file says outlives who wrote it, and nobody waits for it.
         report: Takes the names of those under way, and the share of all that is done.
         lanes: So many processes instead, each of which does one work after the other.
         keep: Takes each result as soon as it is there.
@@ -86,6 +84,9 @@ def apart(
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
     waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, str, float]](), dict[str, T | Failure]()
+    # where they say how far they are: what a file says outlives who wrote it, and nobody waits for it
+    shared = TemporaryDirectory(prefix="screwgauge-")
+    folder = Path(shared.name)
     free = [f"lane-{i}" for i in range(lanes, 0, -1)]
     most = lanes or cpu_count()
 
@@ -118,16 +119,20 @@ def apart(
     finally:
         for _, process, _ in running.values():
             _stop(process)
+        shared.cleanup()
     return {name: found[name] for name in works}
 
 
-def one_apart(name: str, work: Callable[[], T], limits: Limits) -> T | Failure:
-    """Does one work that does not say how far it is, as `apart` does."""
-    with TemporaryDirectory(prefix="screwgauge-") as folder:
-        return apart({name: partial(unwatched, work)}, limits, Path(folder), lambda names, share: None)[name]
+def unwatched_apart(
+    works: Mapping[str, Callable[[], T | Failure]],
+    limits: Limits,
+    report: Callable[[str, float], None] = lambda names, share: None,
+) -> dict[str, T | Failure]:
+    """Does works that do not say how far they are, as `apart` does."""
+    return apart({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
 
 
-def unwatched(work: Callable[[], T], progress: Progress) -> T:
+def _unwatched(work: Callable[[], T], progress: Progress) -> T:
     """Does a work that does not say how far it is."""
     return work()
 

@@ -128,7 +128,7 @@ def ask_engines(
     else:
         from screwgauge.study.apart import apart
 
-        answers = apart(questions, limits, folder, progress)
+        answers = apart(questions, limits, progress)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     for name, answer in answers.items():
@@ -146,13 +146,12 @@ def ask_engines(
 
 def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
     """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
-    from screwgauge.study.apart import apart, unwatched
+    from screwgauge.study.apart import unwatched_apart
 
     entries = not_loaded(names)
-    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        works = {name: partial(unwatched, partial(load_entry, entry)) for name, entry in entries.items()}
-        for name, engine in apart(works, limits, Path(folder), progress).items():
-            keep(entries[name], None if isinstance(engine, Failure) else engine)
+    works = {name: partial(load_entry, entry) for name, entry in entries.items()}
+    for name, engine in unwatched_apart(works, limits, progress).items():
+        keep(entries[name], None if isinstance(engine, Failure) else engine)
 
 
 def in_turn(questions: Mapping[str, Question], progress: Report) -> dict[str, Solution | Failure]:

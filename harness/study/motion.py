@@ -65,29 +65,25 @@ def still(mechanism: Mechanism) -> Motion:
 
 def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> Motion:
     """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
-    lay, every = layout(scene.mechanism), np.arange(len(scene.t))
+    lay = layout(scene.mechanism)
     for name, found in solutions.items():
         q, told = found.assembly, found.values.get("joint_position")
         if q is None and told is not None and told.components == scene.mechanism.coordinates:
             q = told.array
-        if q is not None and name != REFERENCE and len(q) == len(every):
-            rows = few(every[np.isfinite(q).all(axis=1)], frames)
+        if q is not None and name != REFERENCE and len(q) == len(scene.t):
+            finite = np.flatnonzero(np.isfinite(q).all(axis=1))
+            rows = finite[spread(len(finite), frames)]
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in found.values.items()}
                 return Motion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
-        rows = few(every, frames)
+        rows = spread(len(scene.t), frames)
         try:
             at = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report says what no engine could follow
             return still(scene.mechanism)
         return Motion(lay, at, scene.t[rows], "screw", loads=_loads(scene, rows))
     return still(scene.mechanism)
-
-
-def few(rows: Rows, most: int) -> Rows:
-    """At most so many, evenly spread."""
-    return rows[spread(len(rows), most)]
 
 
 def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,20 +31,11 @@ SHOWN = 5
 FREE = (-np.inf, np.inf)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Assembled:
-    """A reading whose home is closed.
-
-    Attributes:
-        said: What was moved and why, a sentence each.
-    """
-
-    reading: Reading
-    said: tuple[str, ...]
-
-
-def assemble(reading: Reading, where: str) -> Assembled:
+def assemble(reading: Reading, where: str) -> tuple[Reading, tuple[str, ...]]:
     """Finds the closed home nearest to that of the file, within limits and off singular poses if there is one.
+
+    Returns:
+        The reading with that home, and what was moved and why, a sentence each.
 
     Raises:
         ClosureError: Some loops do not close from any start.
@@ -55,7 +46,7 @@ def assemble(reading: Reading, where: str) -> Assembled:
     free = {name: replace(joint, limits=FREE) for name, joint in reading.joints.items() if name in _beyond(loops, q)}
     reading = replace(reading, joints={**reading.joints, **free})
     there = {name: q[place] for name, place in loops.tree.places.items() if (q != loops.home)[place].any()}
-    return Assembled(rehomed(reading, there)[0], _said(loops, q, error))
+    return rehomed(reading, there)[0], _said(loops, q, error)
 
 
 def _said(loops: Loops, q: Array, error: float) -> tuple[str, ...]:
@@ -107,7 +98,8 @@ def _nearest(loops: Loops, where: str) -> tuple[Array, float, int]:
         if (clear and not excess) or len(found) == ENOUGH:
             break
     if not found:
-        raise _never(loops, best[0], where)
+        what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(best[0], ROUNDED))}"
+        raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
     rank, *_, q, error = min(found, key=lambda row: row[:5])
     return q, error, -rank
 
@@ -117,11 +109,6 @@ def _distance(loops: Loops, q: Array) -> float:
     home, parts = loops.values(loops.home), loops.tree.freedoms
     way = [(value - home[name]) / loops.size[parts[name]][0] for name, value in loops.values(q).items()]
     return float(np.linalg.norm(way))
-
-
-def _never(loops: Loops, q: Array, where: str) -> ClosureError:
-    what = f"loops do not close from any of {STARTS} starts: nearest are {some(loops.gaps(q, ROUNDED))}"
-    return ClosureError(what, where, "check the frames that they join, or name fewer loops")
 
 
 def _centred(loops: Loops, q: Array, error: float, rank: int) -> tuple[Array, float]:

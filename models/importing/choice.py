@@ -41,8 +41,6 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
     lay = layout(replace(mechanism, independent={}))
     lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
     G = constraint_matrix(lay, at)[0]
-    if not G.size:
-        return np.eye(len(mechanism.coordinates)), np.zeros(0)
     K, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
     s = s[: G.shape[1] - K.shape[1]]
     return K, s[s < HIDDEN * s[0]] if len(s) else s
@@ -73,7 +71,7 @@ def choose(
             if name not in names:
                 raise UnknownNameError("coordinate", name, names, f"{where}, --independent")
         chosen = dict(independent)
-        rank = linear.rank(K[[names.index(name) for name in chosen.values()]]) if chosen else 0
+        rank = linear.rank(K[[names.index(name) for name in chosen.values()]])
         if not rank == len(chosen) == K.shape[1]:
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
             raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from screwgauge.models.importing.choice import choose
 from screwgauge.models.importing.closing import length_of
 from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
 from screwgauge.models.importing.left_out import left_out, listed, springs_of
-from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
 from screwgauge.models.readings.reading import CouplingReading, Reading
 from screwgauge.models.readings.renamed import renamed
@@ -25,6 +25,8 @@ from screwgauge.reference.rotations import Array
 
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
 ROUNDING = 1e-16
+#: Names that are taken: the fixed world of a description, that of MuJoCo, and who exerts loads.
+TAKEN = (GROUND, "world", "environment")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,8 +73,7 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
     own, names = _renamed(reading)
-    assembled = assemble(own, where)
-    reading = assembled.reading
+    reading, moves = assemble(own, where)
     graph = graph_of(reading, length_of(reading))
     if not graph.chains:
         said = " ".join(graph.remarks)
@@ -83,7 +84,7 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
-    remarks = [*assembled.said, *graph.remarks, *filter(None, (doubt,))]
+    remarks = [*moves, *graph.remarks, *filter(None, (doubt,))]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
@@ -104,7 +105,7 @@ def _mechanism(
         check_count(count, what, where)
     left = {name for chain in graph.chains for name in chain.joints}
     mechanism = Mechanism(
-        name=accepted([reading.name], "model")[reading.name],
+        name=_accepted([reading.name], "model")[reading.name],
         bodies=(*solid, *carriers),
         joints=joints,
         independent={},
@@ -120,12 +121,12 @@ def _mechanism(
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
     """The reading with names that a description accepts, and those that changed."""
-    joints = accepted(reading.joints, "joint")
+    joints = _accepted(reading.joints, "joint")
     names = {
-        "bodies": accepted(reading.bodies, "body"),
+        "bodies": _accepted(reading.bodies, "body"),
         "joints": joints,
-        "closures": accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
-        "couplings": accepted(reading.couplings, "coupling"),
+        "closures": _accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
+        "couplings": _accepted(reading.couplings, "coupling"),
     }
     changed = {old: new for table in names.values() for old, new in table.items() if old != new}
     known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
@@ -176,7 +177,7 @@ def _joints(
             if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
                 pose = far.pose.copy()
                 pose[:3, 3] = group.point
-                far = Part(unused(f"{group.axes[0].name}.carrier", names), pose)
+                far = Part(_unused(f"{group.axes[0].name}.carrier", names), pose)
                 carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
             joints.append(joint(group, _joint_name(group, used), near, far, graph.length))
             near = far
@@ -209,4 +210,27 @@ def _joint_name(group: Group, used: set[str]) -> str:
         return group.axes[0].name
     parts = {axis.name.rpartition(".")[0] for axis in group.axes}
     whole = parts.pop() if len(parts) == 1 else ""
-    return unused(whole or "+".join(axis.name for axis in group.axes), used)
+    return _unused(whole or "+".join(axis.name for axis in group.axes), used)
+
+
+def _accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
+    """Each name, or one like it that a description accepts and nothing else has.
+
+    Args:
+        kind: What stands in for a name that has no usable character.
+    """
+    wanted = list(dict.fromkeys(names))
+    fine = {name for name in wanted if re.fullmatch(r"\w[\w.:+-]*", name) and name not in {*taken}}
+    used, result = {*taken, *fine}, {}
+    for name in wanted:
+        result[name] = name if name in fine else _unused(re.sub(r"[^\w.:+-]+", "-", name).strip("-.:+") or kind, used)
+    return result
+
+
+def _unused(name: str, used: set[str]) -> str:
+    """The name, numbered if it is used already; used from now on."""
+    number, base = 2, name
+    while name in used:
+        name, number = f"{base}-{number}", number + 1
+    used.add(name)
+    return name

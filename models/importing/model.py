@@ -11,11 +11,15 @@ from screwgauge.models.importing import URDF
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.models.readings.keyframe import home_of
 from screwgauge.models.readings.loops import OWN, with_loops
+from screwgauge.models.readings.mujoco import is_single, loaded, warned
 from screwgauge.models.readings.read import libraries_for, read
+from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import is_file
+
+#: Keyframe that users of MJCF call so.
+HOME = "home"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +62,16 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
 
 
 def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
-    """Coordinates at home as files say them: of an MJCF in its keyframe ``home``."""
-    if own is None:
-        return home_of(path)
-    return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+    """Coordinates at home as files say them [rad or m]: of an MJCF in its keyframe ``home``, if it has one."""
+    if own is not None:
+        return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+    source = prepare(path)
+    if source.form != "mjcf" or source.root.find(f"keyframe/key[@name='{HOME}']") is None:
+        return {}
+    with warned():
+        model = loaded(source)
+    qpos = model.key(HOME).qpos
+    return {model.joint(i).name: float(qpos[model.jnt_qposadr[i]]) for i in range(model.njnt) if is_single(model, i)}
 
 
 def loops_beside(path: Path) -> Path | None:

@@ -40,11 +40,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Joints one after the other, through `through`, bodies without mass that nothing else is fixed to."""
+    """Joints one after the other, through bodies without mass that nothing else is fixed to."""
 
     near: str
     joints: tuple[str, ...]
-    through: tuple[str, ...]
     far: str
 
 
@@ -91,7 +90,7 @@ def graph_of(reading: Reading, length: float) -> Graph:
     for name in reading.bodies:
         if owner[name] != name:
             parts[owner[name]].absorb(parts.pop(name))
-    chains = [Chain(owner[body.near], body.joints, (), owner[name]) for name, body in reading.bodies.items()]
+    chains = [Chain(owner[body.near], body.joints, owner[name]) for name, body in reading.bodies.items()]
     locked = [chain for chain in chains if chain.near == chain.far and chain.joints]
     remarks += [f"Joint '{joint}' is held by closures, and left out." for c in locked for joint in c.joints]
     graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], length, remarks)
@@ -165,6 +164,5 @@ def _join(graph: Graph) -> None:
         if len(into) == len(out) == 1 and _ends(graph, name) == 2 and into[0].near != out[0].far:
             one, two = into[0], out[0]
             graph.chains.remove(two)
-            through = (*one.through, name, *two.through)
-            graph.chains[graph.chains.index(one)] = Chain(one.near, one.joints + two.joints, through, two.far)
+            graph.chains[graph.chains.index(one)] = Chain(one.near, one.joints + two.joints, two.far)
             del graph.parts[name]

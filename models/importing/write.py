@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.tables import key, lines
-from screwgauge.reference.couplings import Coupling
+from screwgauge.models.placement import TENSOR
+from screwgauge.models.tables import document, key, lines
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
-
-#: Entries of an inertia tensor as a description has them.
-TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
@@ -24,16 +21,10 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     """
     out = [f"# {line}" for remark in remarks for line in wrap(remark, 116)]
     head = {"name": mechanism.name, "title": mechanism.title, "source": mechanism.source, "group": mechanism.group}
-    tables: list[tuple[str, dict[str, Any]]] = [("[independent]", dict(mechanism.independent))]
-    if mechanism.axial:
-        tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
-    tables += [(f"[bodies.{key(body.name)}]", _body(body)) for body in mechanism.bodies]
-    tables += [(f"[joints.{key(joint.name)}]", _joint(joint)) for joint in mechanism.joints]
-    tables += [(f"[couplings.{key(one.name)}]", _coupling(one)) for one in mechanism.couplings]
     out += lines({name: value for name, value in head.items() if value})
-    for title, entries in tables:
-        out += ["", title, *lines(entries)]
-    return "\n".join(out) + "\n"
+    parts = [(f"[bodies.{key(body.name)}]", _body(body)) for body in mechanism.bodies]
+    parts += [(f"[joints.{key(joint.name)}]", _joint(joint)) for joint in mechanism.joints]
+    return document(out, mechanism, parts)
 
 
 def _body(body: Body) -> dict[str, Any]:
@@ -41,11 +32,6 @@ def _body(body: Body) -> dict[str, Any]:
         return {"mass": 0.0}
     tensor = {name: body.inertia[place] for name, place in TENSOR.items() if body.inertia[place]}
     return {"mass": body.mass, **({"com": body.com} if body.com.any() else {}), "inertia": tensor}
-
-
-def _coupling(coupling: Coupling) -> dict[str, Any]:
-    of = {"of": coupling.of} if coupling.of else {}
-    return {"coordinate": coupling.coordinate, **of, "polynomial": coupling.polynomial}
 
 
 def _joint(joint: Joint) -> dict[str, Any]:

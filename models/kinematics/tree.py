@@ -167,7 +167,7 @@ def draw(reading: Reading, n: int, seed: int = 0) -> States:
         quaternion = random.normal(size=(n, 4))
         columns += [random.uniform(-1.0, 1.0, (n, 3))] if joint.kind == "free" else []
         columns.append(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
-    wide = sum(FREEDOMS[joint.kind] for joint in reading.joints.values())
+    wide = reading.freedom
     return States(np.hstack(columns), *random.normal(size=(2, n, wide)))
 
 
@@ -175,7 +175,7 @@ def home(reading: Reading) -> States:
     """One state: at rest at home."""
     rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
-    wide = sum(FREEDOMS[joint.kind] for joint in reading.joints.values())
+    wide = reading.freedom
     return States(np.array([q], dtype=float).reshape(1, -1), np.zeros((1, wide)), np.zeros((1, wide)))
 
 

@@ -45,7 +45,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
         data = mujoco.MjData(model)
         for i in range(model.njnt):
             at = model.jnt_qposadr[i]
-            if _single(model, i):
+            if is_single(model, i):
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
     assembly = assemble(_links(model, data, source.root_link), str(source.path))
@@ -88,19 +88,26 @@ def loaded(source: Source) -> Any:
 
 
 @contextmanager
-def heard() -> Iterator[list[str]]:
+def warned() -> Iterator[list[str]]:
     """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 
     said: list[str] = []
-    mujoco.set_mju_user_warning(lambda text: said.append(f"what MuJoCo warns of: {text}"))
+    mujoco.set_mju_user_warning(said.append)
     try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            yield said
-        said += [f"what MuJoCo warns of: {warning.message}" for warning in caught]
+        yield said
     finally:
         mujoco.set_mju_user_warning(None)
+
+
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """What MuJoCo and its Python package warn of, as phrases, known after it."""
+    phrases: list[str] = []
+    with warned() as said, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield phrases
+    phrases += [f"what MuJoCo warns of: {text}" for text in (*said, *(warning.message for warning in caught))]
 
 
 def _disabled(model: Any, flag: str) -> bool:
@@ -111,7 +118,7 @@ def _disabled(model: Any, flag: str) -> bool:
     return bool(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{'PASSIVE' if older else flag}")))
 
 
-def _single(model: Any, joint: int) -> bool:
+def is_single(model: Any, joint: int) -> bool:
     """Whether it is a hinge or slide."""
     return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
@@ -121,7 +128,7 @@ def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
     if root:
         yield Link(root, "", (), 0.0, np.zeros(3), np.zeros((3, 3)), np.eye(4))
     for i in range(1, model.nbody):
-        R, above, first = _rotation(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
+        R, above, first = turn(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
         heavy = model.body_mass[i] > LEAST
         solid = heavy or model.body_inertia[i].max() > 2.0 * LEAST  # of diagonalised tensors, which are rounded
         yield Link(
@@ -136,7 +143,8 @@ def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
         )
 
 
-def _rotation(quaternion: Array) -> Array:
+def turn(quaternion: Array) -> Array:
+    """Rotation matrix of a quaternion as MuJoCo computes it. Shape (4,) -> (3, 3)."""
     import mujoco
 
     R = np.zeros(9)
@@ -159,7 +167,7 @@ def _beyond(model: Any) -> Iterator[str]:
     """What joints have that a reading of them does not."""
     for i in range(model.njnt):
         name, dof = model.joint(i).name, model.jnt_dofadr[i]
-        if model.jnt_limited[i] and not _single(model, i):
+        if model.jnt_limited[i] and not is_single(model, i):
             yield f"range of ball joint {name}"
         for what, powers in (("damping", "dof_dampingpoly"), ("stiffness", "jnt_stiffnesspoly")):
             if hasattr(model, powers) and getattr(model, powers)[dof if what == "damping" else i].any():
@@ -167,7 +175,7 @@ def _beyond(model: Any) -> Iterator[str]:
 
 
 def _joint(model: Any, data: Any, i: int) -> JointReading:
-    kind, single, at, dof = _KINDS[model.jnt_type[i]], _single(model, i), model.jnt_qposadr[i], model.jnt_dofadr[i]
+    kind, single, at, dof = _KINDS[model.jnt_type[i]], is_single(model, i), model.jnt_qposadr[i], model.jnt_dofadr[i]
     axis, centre = data.xaxis[i].copy(), data.xanchor[i].copy()
     limited = single and model.jnt_limited[i] and not _disabled(model, "LIMIT")
     low, high = model.jnt_range[i] if limited else (-math.inf, math.inf)
@@ -226,10 +234,10 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
     first, second, kept = model.eq_obj1id[i], model.eq_obj2id[i], model.eq_data[i]
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
         sites = (first, second)
-        frames = [matrix(model.site_pos[site], _rotation(model.site_quat[site])) for site in sites]
+        frames = [matrix(model.site_pos[site], turn(model.site_quat[site])) for site in sites]
         first, second = (model.site_bodyid[site] for site in sites)
     elif model.eq_type[i] == _WELD:
-        frames = [matrix(kept[3:6], _rotation(kept[6:10])), matrix(kept[:3], np.eye(3))]
+        frames = [matrix(kept[3:6], turn(kept[6:10])), matrix(kept[:3], np.eye(3))]
     else:
         frames = [matrix(kept[:3], np.eye(3)), matrix(kept[3:6], np.eye(3))]
     sides = []
@@ -253,7 +261,7 @@ def _actuators(model: Any, ignored: list[str]) -> dict[str, tuple[str, float]]:
     found, ruled = {}, []
     for i in range(model.nu):
         joint, name = model.actuator_trnid[i, 0], model.actuator(i).name
-        if int(model.actuator_trntype[i]) not in through or not _single(model, joint):
+        if int(model.actuator_trntype[i]) not in through or not is_single(model, joint):
             ignored.append(f"actuator {name}, which drives no hinge or slide")
             continue
         found[name] = model.joint(joint).name, float(model.actuator_gear[i, 0])

@@ -148,10 +148,24 @@ class Reading:
                 return whole, body.fixed[body.first] if body.first and name != whole else np.eye(4)
         return None
 
+    def moved_by(self, joint: str) -> str:
+        """The body that a joint moves, alone or with others."""
+        return next(name for name, body in self.bodies.items() if joint in body.joints)
+
+    @property
+    def roots(self) -> list[str]:
+        """Bodies that hang on the ground."""
+        return [name for name, body in self.bodies.items() if body.near not in self.bodies]
+
     @property
     def mass(self) -> float:
         """Of all that moves [kg]."""
         return sum(body.mass for body in self.bodies.values())
+
+    @property
+    def freedom(self) -> int:
+        """How many velocities all joints have."""
+        return sum(FREEDOMS[joint.kind] for joint in self.joints.values())
 
     @property
     def freedoms(self) -> dict[str, slice]:

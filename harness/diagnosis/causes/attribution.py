@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,7 +140,7 @@ def attribute(
     before = size(start)
 
     def left(numbers: Collection[int]) -> Array:
-        return torques.left(applied(b, changes_of(differences, numbers)))
+        return torques.left(applied(b, changes_of(differences[i] for i in sorted(numbers))))
 
     def together(numbers: Collection[int]) -> float:
         return math.inf if over("combinations of hypotheses") else size(left(numbers))
@@ -155,13 +155,13 @@ def attribute(
     after = largest(torques, left(used))
     unseen = tuple(difference for i, difference in enumerate(differences) if i not in used)
     ranking = tuple((hypotheses[i], shares[i]) for i in order)
-    changes = changes_of(differences, used)
+    changes = changes_of(differences[i] for i in sorted(used))
     return Attribution(largest(torques, start), ranking, steps, changes, after, unseen)
 
 
-def changes_of(differences: Sequence[Difference], numbers: Collection[int]) -> tuple[Change, ...]:
-    """Of some differences, in the order in which they are to be made."""
-    return tuple(change for i in sorted(numbers) if (change := differences[i].change) is not None)
+def changes_of(differences: Iterable[Difference]) -> tuple[Change, ...]:
+    """What makes B as A, of those differences that have it."""
+    return tuple(each.change for each in differences if each.change is not None)
 
 
 def size(left: Array) -> float:

@@ -11,7 +11,7 @@ from itertools import permutations, product
 import numpy as np
 
 from screwgauge.diagnosis.mechanics.matter import Matter
-from screwgauge.models.importing.write import TENSOR
+from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array, rotation_vector
 

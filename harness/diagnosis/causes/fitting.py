@@ -13,14 +13,14 @@ import numpy as np
 from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
 from screwgauge.diagnosis.causes.hypotheses import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.mechanics.dynamics import downwards, inverse_dynamics
 from screwgauge.models.kinematics.tree import States, plant
+from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad
 
-#: Entries of an inertia tensor, in the order of their steps; entries of joints that are one number each.
-TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+#: Entries of joints that are one number each.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
 STEP = 1e-6
@@ -74,7 +74,7 @@ def families(reading: Reading) -> Iterator[Family]:
     for name, joint in reading.joints.items():
         if FREEDOMS[joint.kind] == 1:
             yield from _of_joint(reading, name)
-    g = np.zeros(3) if reading.gravity is None else reading.gravity
+    g = downwards(reading)
     yield Family("gravity", np.full(3, 9.81), lambda x: (Change("", "gravity", g + x),))
 
     def scaled(x: Array) -> tuple[Change, ...]:
@@ -94,7 +94,7 @@ def _of_body(reading: Reading, name: str, what: str) -> Family:
 
     def tensor(x: Array) -> tuple[Change, ...]:
         I = body.inertia.copy()
-        for (i, j), step in zip(TENSOR, x, strict=True):
+        for (i, j), step in zip(TENSOR.values(), x, strict=True):
             I[i, j] += step
             I[j, i] = I[i, j]
         return (Change(name, what, I),)

@@ -13,8 +13,9 @@ from screwgauge.diagnosis.causes.hypothesis import COMMON, COUNT, INERTIAL, File
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.files.opened import Opened, frames_of
+from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
-from screwgauge.diagnosis.pairing.common import STANDARD
+from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation
@@ -129,7 +130,7 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     """A difference of anything else than mass properties."""
     what, slips = difference.what, list[str]()
     if what == "gravity":
-        slips = gravity_slips(change.value, _down(b))
+        slips = gravity_slips(change.value, downwards(weighed(b)))
     elif what == "placement":
         slips = placement_slips(*_placements(change, b, files.b))
     elif what in ("limits", "rest", "zero") and difference.a is not None and difference.b is not None:
@@ -145,20 +146,15 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
     )
 
 
-def _down(b: Reading) -> Array:
-    """Gravity, also of a file that cannot say it."""
-    return STANDARD if b.gravity is None else b.gravity
-
-
 def _base(i: int, change: Change, b: Reading, files: Files) -> Iterator[Hypothesis]:
     """Gravity that only points elsewhere cannot be told from a base that stands turned."""
-    down, other = _down(b), change.value
+    down, other = downwards(weighed(b)), change.value
     if gravity_slips(other, down) and abs(np.linalg.norm(down) - np.linalg.norm(other)) <= 1e-9 * np.linalg.norm(down):
         axis = np.cross(other, down)
         sine, cosine = float(np.linalg.norm(axis)), float(other @ down)
         unit = axis / sine if sine > 0.0 else np.eye(3)[int(np.abs(down).argmin())]
         T = matrix(np.zeros(3), rotation(unit, np.array(np.arctan2(sine, cosine))))
-        roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
+        roots = [b.bodies[name].joints[0] for name in b.roots]
         values = tuple(Value(joint, "placement", T, np.eye(4)) for joint in roots)
         frames = [link.frame for link in files.b.links if {*roots} & {*link.joints}] if files.b else []
         turns = [matrix(np.zeros(3), F[:3, :3]) for F in frames]
@@ -174,9 +170,9 @@ def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array,
         i, frames = links[0], frames_of(file, after)
         near = file.links[i].near
         return relative(frames[near], frames[i]), relative(file.links[near].frame, file.links[i].frame)
-    name, body = next((name, body) for name, body in b.bodies.items() if joint in body.joints)
-    poses = [({name: body.pose for name, body in r.bodies.items()}) for r in (after, b)]
-    a, old = (relative(pose.get(body.near, np.eye(4)), pose[name]) for pose in poses)
+    name = b.moved_by(joint)
+    poses = [({n: body.pose for n, body in r.bodies.items()}) for r in (after, b)]
+    a, old = (relative(pose.get(b.bodies[name].near, np.eye(4)), pose[name]) for pose in poses)
     return a, old
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.asked import ASKED, CLOSING, joint_states
-from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import reread
 from screwgauge.diagnosis.causes.hypothesis import Hypothesis
 from screwgauge.diagnosis.compare import components
@@ -51,7 +51,7 @@ def softness(
     two, own = (plant(each) for each in counterpart(a.reading, b.reading, pairing.joints))
     states = _near(one, seed)
     theirs, C, text = states_of_b(one, two, states), velocity_map(one, two), read_file(file)
-    rest = [each.change for each in found if each.change is not None and each.what != "softness"]
+    rest = changes_of(each for each in found if each.what != "softness")
 
     def of(reading: Reading) -> Array:
         soft = _softness(b.reading)

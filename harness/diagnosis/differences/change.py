@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross
 
-T = TypeVar("T")
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 Kind = Literal["model", "digits", "convention"]
 
@@ -65,8 +64,16 @@ PROPERTIES: dict[str, Property] = {
     "gravity": Property("model", (3,), "m/s^2"),
     "medium": Property("model", (2,), "kg/m^3, Pa s"),
 }
-#: Properties that are plain entries of a body or joint.
-_PLAIN = {"mass", "com", "inertia", "gravcomp", "pose", "armature", "damping", "friction", "stiffness", "rest"}
+#: Owner -> where a reading has all of its kind.
+ROOMS: dict[str, str] = {
+    "body": "bodies",
+    "joint": "joints",
+    "closure": "closures",
+    "coupling": "couplings",
+    "actuator": "actuators",
+}
+#: Properties that a reading has as a tuple of numbers.
+_TUPLES = ("limits", "softness", "medium")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +127,7 @@ def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
     for change in changes:
         if change.what not in PROPERTIES:
             raise UnknownNameError("property", change.what, PROPERTIES)
-        reading = _APPLY[PROPERTIES[change.what].owner](reading, change)
+        reading = _changed(reading, change)
     return reading
 
 
@@ -150,33 +157,33 @@ def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading
     return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
 
-def _with(item: T, entry: str, value: Any) -> T:
-    return replace(item, **{entry: value})  # type: ignore[type-var]
-
-
-def _of_body(reading: Reading, change: Change) -> Reading:
-    body = _item(reading.bodies, "body", change)
-    value = float(change.value) if PROPERTIES[change.what].shape == () else change.value
-    return replace(reading, bodies={**reading.bodies, change.item: _with(body, change.what, value)})
-
-
-def _of_joint(reading: Reading, change: Change) -> Reading:
-    joint = _item(reading.joints, "joint", change)
-    if change.what == "placement":
-        return _displaced(reading, change.item, change.value)
-    if change.what == "branch":
-        return reading if change.value else without(reading, change.item)
-    if change.what in _PLAIN:
-        new = _with(joint, change.what, float(change.value))
-    elif change.what == "zero":
-        new = replace(joint, home=float(change.value))
-    elif change.what == "limits":
-        new = replace(joint, limits=(float(change.value[0]), float(change.value[1])))
-    elif change.what == "sign":
-        return reading if change.value > 0 else _reversed(reading, change.item)
+def _changed(reading: Reading, change: Change) -> Reading:
+    what, owner = change.what, PROPERTIES[change.what].owner
+    value: Any = float(change.value) if PROPERTIES[what].shape == () else change.value
+    if what in _TUPLES:
+        value = tuple(map(float, value))
+    if owner == "model":
+        return replace(reading, **{what: value})
+    room = "couplings" if what == "softness" and change.item in reading.couplings else ROOMS[owner]
+    items = getattr(reading, room)
+    if change.item not in items:
+        raise UnknownNameError(owner, change.item, items)
+    item = items[change.item]
+    if what == "placement":
+        return _displaced(reading, change.item, value)
+    if what == "branch":
+        return reading if value else without(reading, change.item)
+    if what == "sign":
+        return reading if value > 0 else _reversed(reading, change.item)
+    new: Any
+    if what in ("axis", "centre"):
+        new = turned(item, *((value, item.centre) if what == "axis" else (axis(item), value)))
+    elif what == "gear":
+        new = (item[0], value)
     else:
-        new = turned(joint, *((change.value, joint.centre) if change.what == "axis" else (axis(joint), change.value)))
-    return replace(reading, joints={**reading.joints, change.item: new})
+        new = replace(item, **{"home" if what == "zero" else what: value})
+    entries: dict[str, Any] = {room: {**items, change.item: new}}
+    return replace(reading, **entries)
 
 
 def _displaced(reading: Reading, joint: str, T: Array) -> Reading:
@@ -218,44 +225,3 @@ def without(reading: Reading, joint: str) -> Reading:
         couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & lost},
         actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in lost},
     )
-
-
-def _of_closure(reading: Reading, change: Change) -> Reading:
-    value: Any = tuple(change.value.tolist()) if change.what == "softness" else change.value
-    if change.what == "softness" and change.item in reading.couplings:
-        coupling = replace(reading.couplings[change.item], softness=value)
-        return replace(reading, couplings={**reading.couplings, change.item: coupling})
-    closure = _item(reading.closures, "closure", change)
-    return replace(reading, closures={**reading.closures, change.item: _with(closure, change.what, value)})
-
-
-def _of_coupling(reading: Reading, change: Change) -> Reading:
-    coupling = _item(reading.couplings, "coupling", change)
-    return replace(reading, couplings={**reading.couplings, change.item: replace(coupling, polynomial=change.value)})
-
-
-def _of_actuator(reading: Reading, change: Change) -> Reading:
-    joint, _ = _item(reading.actuators, "actuator", change)
-    return replace(reading, actuators={**reading.actuators, change.item: (joint, float(change.value))})
-
-
-def _of_model(reading: Reading, change: Change) -> Reading:
-    if change.what == "gravity":
-        return replace(reading, gravity=change.value)
-    return replace(reading, medium=(float(change.value[0]), float(change.value[1])))
-
-
-def _item(items: Mapping[str, T], kind: str, change: Change) -> T:
-    if change.item not in items:
-        raise UnknownNameError(kind, change.item, items)
-    return items[change.item]
-
-
-_APPLY: dict[Owner, Callable[[Reading, Change], Reading]] = {
-    "body": _of_body,
-    "joint": _of_joint,
-    "closure": _of_closure,
-    "coupling": _of_coupling,
-    "actuator": _of_actuator,
-    "model": _of_model,
-}

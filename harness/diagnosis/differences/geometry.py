@@ -31,16 +31,12 @@ class Deviation:
     """How a joint of B differs in place from that of A.
 
     Attributes:
-        joint: Common name.
-        what: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
-        value: That B should have, in common terms.
+        right: What B should have in common terms: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
         amount: Angle [rad] and way [m] of the difference.
-        change: In B's own terms.
+        change: The same in B's own terms.
     """
 
-    joint: str
-    what: str
-    value: Array
+    right: Change
     amount: tuple[float, float]
     change: Change
 
@@ -54,7 +50,7 @@ def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Com
             continue
         for what, value, amount in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
-            found.append(Deviation(name, what, change.value, amount, owned(common, change)))
+            found.append(Deviation(change, amount, owned(common, change)))
             common = _righted(common, change)
     return found, common
 
@@ -72,15 +68,11 @@ def _righted(common: Common, change: Change) -> Common:
     now = b.joints[change.item].home
     b, _, behind = rehomed(b, {change.item: home} if now != home else {})
     bodies, joints = outwards(common.b, change.item)
-    before = {n: _displacement(b, behind, n) @ X if n in joints[1:] else X for n, X in common.before.items()}
+    # as one joint moves, all that it carries is displaced alike
+    before = {n: behind[b.moved_by(n)] @ X if n in joints[1:] else X for n, X in common.before.items()}
     after = {n: behind[n] @ X if n in bodies else X for n, X in common.behind.items()}
     homes = {**common.homes, change.item: common.homes[change.item] * (-1.0 if change.what == "sign" else 1.0)}
     return replace(common, b=b, before=before, behind=after, homes=homes)
-
-
-def _displacement(b: Reading, behind: dict[str, Array], joint: str) -> Array:
-    """Of one joint that moves, all that it carries is displaced alike."""
-    return next(behind[name] for name, body in b.bodies.items() if joint in body.joints)
 
 
 def _of_joint(
@@ -141,7 +133,7 @@ def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None
 
 def _next(b: Reading, name: str) -> tuple[list[str], list[str]]:
     """What a joint carries itself, not by another joint: a body at most, and the joints behind it; itself."""
-    carrier = next(key for key, body in b.bodies.items() if name in body.joints)
+    carrier = b.moved_by(name)
     joints = b.bodies[carrier].joints
     if name != joints[-1]:
         return [], [name, joints[joints.index(name) + 1]]

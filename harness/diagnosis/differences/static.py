@@ -17,7 +17,7 @@ from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.mjcf import FAR
-from screwgauge.models.readings.reading import BodyReading, JointReading
+from screwgauge.models.readings.reading import BodyReading
 from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Entries of a joint that are one number each.
@@ -45,23 +45,19 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
 
 
 def _deviation(common: Common, found: Deviation) -> Difference:
-    joint, item = common.a.joints[found.joint], found.joint
-    length = size(common.a)
-    angle, way = found.amount
-    sentence = place(item, found.what, found.amount, joint)
-    relative = angle + way / length
-    a = found.value
+    item, what = found.right.item, found.right.what
+    joint, (angle, way) = common.a.joints[item], found.amount
+    sentence, relative = place(item, what, found.amount, joint), angle + way / size(common.a)
     b = {
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
         "placement": np.eye(4),
         "axis": axis(common.b.joints[item]),
         "centre": common.b.joints[item].centre,
-    }[found.what]
-    kind: Kind = "convention" if found.what in ("sign", "zero") else "model"
-    return Difference(
-        item, found.change.item, found.what, a, b, unit_of(found.what, joint), relative, sentence, found.change, kind
-    )
+    }[what]
+    kind: Kind = "convention" if what in ("sign", "zero") else "model"
+    unit, change = unit_of(what, joint), found.change
+    return Difference(item, change.item, what, found.right.value, b, unit, relative, sentence, change, kind)
 
 
 def _model(common: Common) -> Iterator[Difference]:
@@ -94,12 +90,8 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
         first, second = getattr(a, what), getattr(b, what)
         if differ(first, second):
             yield difference(common, name, what, np.asarray(first), np.asarray(second))
-    if not _same_limits(a, b):
+    if not all(map(_same_limit, a.limits, b.limits)):
         yield difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
-
-
-def _same_limits(a: JointReading, b: JointReading) -> bool:
-    return all(_same_limit(*pair) for pair in zip(a.limits, b.limits, strict=True))
 
 
 def _same_limit(x: float, y: float) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter
-from screwgauge.models.placement import quaternion_rotation
+from screwgauge.models.placement import TENSOR, quaternion_rotation, tensor
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, rotation
@@ -99,11 +99,9 @@ def _urdf_matter(link: Element) -> tuple[Matter, Array]:
     inertial = link.find("inertial")
     if inertial is None:
         return NOTHING, np.eye(3)
-    T, mass, tensor = origin(inertial), inertial.find("mass"), inertial.find("inertia")
+    T, mass, entries = origin(inertial), inertial.find("mass"), inertial.find("inertia")
     R = T[:3, :3]
-    J = np.zeros((3, 3))
-    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-        J[i, j] = J[j, i] = float(tensor.get(f"i{'xyz'[i]}{'xyz'[j]}", "0")) if tensor else 0.0
+    J = tensor(float(entries.get(f"i{name}", "0")) if entries else 0.0 for name in TENSOR)
     return Matter(float(mass.get("value", "0")) if mass else 0.0, T[:3, 3], R @ J @ R.T), R
 
 
@@ -190,8 +188,7 @@ def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | N
     T = mjcf_pose(inertial, compiler)
     R = T[:3, :3]
     if full := inertial.get("fullinertia"):
-        xx, yy, zz, xy, xz, yz = numbers(full)
-        J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        J = tensor(numbers(full))
     else:
         J = np.diag(numbers(inertial.get("diaginertia")))
     return Matter(float(inertial.get("mass", "0")), T[:3, 3], R @ J @ R.T), R

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
-from screwgauge.diagnosis.files.write_urdf import SAME
+from screwgauge.diagnosis.files.write_urdf import FRAMES, SAME
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import Matter, relative
-from screwgauge.models.importing.write import TENSOR
-from screwgauge.models.placement import number_text, quaternion, vector_text
+from screwgauge.models.placement import number_text, quaternion, tensor_text, vector_text
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 
@@ -26,9 +25,8 @@ JOINT = {
     "home": "ref",
     "limits": "range",
 }
-_FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
 _PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial", "first_frame", "second_frame", "softness"})
-SAYS = frozenset({"mass", "com", "inertia", *_FRAMES, *_PARTS, *JOINT})
+SAYS = frozenset({"mass", "com", "inertia", *FRAMES, *_PARTS, *JOINT})
 #: Attribute -> its part of a constraint's softness.
 SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
 #: Settings of the compiler that change mass properties after they were read.
@@ -71,10 +69,9 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
         plain: All of them, the tensor in the axes of the body.
     """
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
-    full = vector_text([J[place] for place in TENSOR.values()])
     mass, pos = number_text(matter.mass), vector_text(matter.com)
     if inertial is None:
-        xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=full)
+        xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=tensor_text(J))
         return
     if plain or old is None or matter.mass != old.mass:
         xml.set(inertial, mass=mass)
@@ -89,9 +86,14 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
     if not plain and inertial.get("diaginertia") and aside <= SAME * float(moments.max()):
         xml.set(inertial, diaginertia=vector_text(moments))
         return
+    put_tensor(xml, inertial, J)
+
+
+def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
+    """Writes a tensor in the axes of the body; beside a full one MuJoCo admits no orientation. Shape (3, 3)."""
     lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in inertial.attributes]
     xml.set(inertial, **dict.fromkeys(lost))
-    xml.set(inertial, fullinertia=full)
+    xml.set(inertial, fullinertia=tensor_text(J))
 
 
 def check_matter(xml: XmlText) -> None:

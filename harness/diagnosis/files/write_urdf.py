@@ -19,8 +19,8 @@ from screwgauge.reference.rotations import Array
 SAME = 1e-14
 #: What a joint's reading has -> element and attribute.
 JOINT = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction"), "limits": ("limit", "")}
-_FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
-SAYS = frozenset({"mass", "com", "inertia", "polynomial", *_FRAMES, *JOINT})
+FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
+SAYS = frozenset({"mass", "com", "inertia", "polynomial", *FRAMES, *JOINT})
 
 links = urdf_links
 

@@ -53,7 +53,7 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
     """
     length, best, most = size(a), np.eye(4), -1.0
     pairs = [(i, j) for i, j in pairs if a.joints[i].kind != "free"]
-    ground = {body.joints[0] for body in a.bodies.values() if body.near not in a.bodies}
+    ground = {a.bodies[name].joints[0] for name in a.roots}
     stands = [a.fixed[name] @ np.linalg.inv(b.fixed[name]) for name in a.fixed if name in b.fixed]
     rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
     if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):

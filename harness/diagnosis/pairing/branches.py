@@ -115,7 +115,7 @@ def _branch(
 def _weighs(reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[Reading, dict[str, str]]) -> bool:
     """Whether the other model has the mass of what a joint carries, fixed to what is before it."""
     other, partners = there
-    near = next(body.near for body in reading.bodies.values() if joint in body.joints)
+    near = reading.bodies[reading.moved_by(joint)].near
     if near not in reading.bodies:
         carried = {link for name in outwards(reading, joint)[0] for link in (name, *reading.bodies[name].fixed)}
         return bool(carried & {*other.fixed})

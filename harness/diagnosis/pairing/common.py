@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, Change, applied, outwards
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.kinematics.home import rehomed
@@ -22,14 +22,6 @@ from screwgauge.reference.screws import adjoint
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])
-_KINDS = {
-    "body": "bodies",
-    "joint": "joints",
-    "closure": "closures",
-    "coupling": "couplings",
-    "actuator": "actuators",
-    "model": "",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,11 +47,15 @@ class Common:
     placement: Array
 
 
+def weighed(reading: Reading) -> Reading:
+    """A reading with gravity, also of a file that cannot say it."""
+    return replace(reading, gravity=STANDARD) if reading.gravity is None else reading
+
+
 def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     """Brings both to common terms."""
-    a, b = (replace(each, gravity=STANDARD if each.gravity is None else each.gravity) for each in (a, b))
-    a = held(collapsed(a, pairing.bodies), pairing.only_a)
-    b = held(collapsed(b, {*pairing.bodies.values()}), pairing.only_b)
+    a = held(collapsed(weighed(a), pairing.bodies), pairing.only_a)
+    b = held(collapsed(weighed(b), {*pairing.bodies.values()}), pairing.only_b)
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},
@@ -145,7 +141,7 @@ def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, object]:
 def owned(common: Common, change: Change) -> Change:
     """A change of the common B as one of the B that was read."""
     what, value = change.what, change.value
-    item = common.own.get(_KINDS[PROPERTIES[what].owner], {}).get(change.item, change.item)
+    item = common.own.get(ROOMS.get(PROPERTIES[what].owner, ""), {}).get(change.item, change.item)
     X = common.before.get(change.item, common.placement)
     if what == "zero":
         value = value - common.b.joints[change.item].home + common.homes[change.item]

@@ -14,13 +14,14 @@ import numpy as np
 
 from screwgauge.engines.mujoco import curvature
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import EXACT, Settings, heard, refine
+from screwgauge.engines.mujoco.settings import EXACT, Settings, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
+from screwgauge.models.readings.mujoco import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
@@ -31,7 +32,7 @@ from screwgauge.solution import Solution, Stopwatch
 def load(files: ModelFiles, **settings: Any) -> MujocoModel:
     """Loads an MJCF with its loops file; see `screwgauge.engines.mujoco.settings.Settings`."""
     file = loops_file(files)
-    with heard():
+    with warned():
         tree = MujocoTree(files.model, file)
     return MujocoModel(close_tree(tree, file), MujocoDynamics(files.model, tree, Settings(**settings)))
 
@@ -40,7 +41,7 @@ class MujocoModel(TreeModel):
     """A tree whose engine warns."""
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        with heard() as warnings:
+        with warned() as warnings:
             solution = super().solve(problem, progress)
         said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None

@@ -8,17 +8,11 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.curvature import curvature
-from screwgauge.engines.mujoco.settings import PASSES, harden, refine
+from screwgauge.engines.mujoco.settings import HARDER, PASSES, STIFFEST, harden, refine
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
 
-#: The largest impedance d that MuJoCo takes: every pass divides the error by about d / (1 - d) = 1e4.
-IMPEDANCE = 0.9999
-#: Rows are harder by this than the largest impedance makes them: their regularisation is (1 - d) / d times the mean
-#: inverse mass of the bodies (body_invweight0), which is divided by it. Next to singular poses the passes converge
-#: slowly: A02 stops there with 1 (N = 2) or 10 (N = 40) and 20 passes, with 1000 no more than 8 are needed.
-HARDER = 1000.0
 #: A larger change in the last pass is not safe.
 UNSAFE = 1e-6
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -27,14 +21,14 @@ _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 class MujocoMover:
     """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
 
-    def __init__(self, tree: MujocoTree, d: float = IMPEDANCE, passes: int = PASSES, harder: float = HARDER) -> None:
+    def __init__(self, tree: MujocoTree) -> None:
         self.tree = tree
         self.model = copy.deepcopy(tree.model)  # the tree switches its equality constraints off
-        harden(self.model, d, harder)
+        harden(self.model)
         self.data = mujoco.MjData(self.model)
-        self.passes = passes if self.model.neq else 0
+        self.passes = PASSES if self.model.neq else 0
         self.curvature = curvature(self.model, tree.couplings)
-        hard = f"solimp {d:g}, body_invweight0 / {harder:g}, at most {passes} refinements"
+        hard = f"solimp {STIFFEST:g}, body_invweight0 / {HARDER:g}, at most {PASSES} refinements"
         self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
         self.made = self.most = self.calls = 0
 

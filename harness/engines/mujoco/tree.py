@@ -19,7 +19,7 @@ from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.mjcf import LEAST, POWERS
-from screwgauge.models.readings.mujoco import joint_equality
+from screwgauge.models.readings.mujoco import joint_equality, turn
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model
@@ -135,11 +135,7 @@ class MujocoTree:
         model, weld = self.model, kind == mujoco.mjtEq.mjEQ_WELD
         bodies = [self._name(int(model.site_bodyid[site])) for site in pairs[0]]
         points = [np.array([model.site_pos[pair[side]] for pair in pairs]) for side in (0, 1)]
-        frames = []
-        for site in pairs[0]:
-            R = np.empty(9)
-            mujoco.mju_quat2Mat(R, model.site_quat[site])
-            frames.append(Frame(model.site_pos[site].copy(), R.reshape(3, 3)))
+        frames = [Frame(model.site_pos[site].copy(), turn(model.site_quat[site])) for site in pairs[0]]
         return Closure(joint, "weld" if weld else "point", bodies[0], bodies[1], points[0], points[1], *frames)
 
     def _name(self, body: int) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
+from screwgauge.engines.pinocchio.tree import ALIGNED, ANGULAR_FIRST, Constraints, PinocchioTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import BodyAt
@@ -24,20 +24,18 @@ MU, ITERATIONS = 1e-6, 10
 ENOUGH, MORE = 1e-10, 200
 #: Closing accelerations may be wrong by this share of the largest acceleration.
 UNSAFE = 1e-6
-_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-_ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
 class PinocchioMover:
     """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
 
-    def __init__(self, tree: PinocchioTree, mu: float = MU, iterations: int = ITERATIONS) -> None:
+    def __init__(self, tree: PinocchioTree) -> None:
         self.tree, self.model = tree, tree.model
         self.kinematics, self.constraints = self.model.createData(), Constraints(tree)
         # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
-        self.settings = pin.ProximalSettings(0.0, 0.0, mu, iterations)
-        self.more = pin.ProximalSettings(0.0, 0.0, mu, MORE)
-        setting = f"constraintDynamics, mu {mu:g}, {iterations} iterations" if len(self.constraints) else "aba"
+        self.settings = pin.ProximalSettings(0.0, 0.0, MU, ITERATIONS)
+        self.more = pin.ProximalSettings(0.0, 0.0, MU, MORE)
+        setting = f"constraintDynamics, mu {MU:g}, {ITERATIONS} iterations" if len(self.constraints) else "aba"
         self.setting = setting + (", couplings by unit forces" if tree.couplings else "")
         self.q = self.v = np.zeros(self.model.nv)
         self.stale = True
@@ -51,8 +49,8 @@ class PinocchioMover:
         self._refresh()
         frame = self.tree.frames[index - 1]
         M = pin.updateFramePlacement(self.model, self.kinematics, frame)
-        J = pin.getFrameJacobian(self.model, self.kinematics, frame, _ALIGNED)
-        return M.rotation, M.translation, J[_ANGULAR_FIRST].reshape(6, -1)
+        J = pin.getFrameJacobian(self.model, self.kinematics, frame, ALIGNED)
+        return M.rotation, M.translation, J[ANGULAR_FIRST].reshape(6, -1)
 
     def _refresh(self) -> None:
         if self.stale:

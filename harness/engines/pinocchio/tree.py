@@ -27,8 +27,8 @@ from screwgauge.reference.rotations import Array, cross
 REDUNDANT = 1e-9
 #: Whether the data of constraints want to be initialised and placed, too (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
-_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-_ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
+ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
 def _load(urdf: Path) -> pin.Model:
@@ -102,7 +102,7 @@ class PinocchioTree:
         for k in self.placed:  # links behind fixed joints
             p[:, k] += R[:, k] @ self.origins[k - 1]
             R[:, k] = R[:, k] @ self.turned[k - 1]
-        return BodyPoses(R, p, screws[:, _ANGULAR_FIRST], self.moves)
+        return BodyPoses(R, p, screws[:, ANGULAR_FIRST], self.moves)
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, turning = self.model, self.data, self.views.turning
@@ -110,7 +110,7 @@ class PinocchioTree:
         for x, xd, row in zip(q, v, rates, strict=True):
             pin.computeJointJacobiansTimeVariation(model, data, x, xd)
             row[:] = turning
-        return at.bias(rates[:, _ANGULAR_FIRST], v, V)
+        return at.bias(rates[:, ANGULAR_FIRST], v, V)
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
         model, data, kept = self.model, self.data, (self.views.joints, self.views.velocities, self.views.accelerations)
@@ -119,7 +119,7 @@ class PinocchioTree:
             pin.forwardKinematics(model, data, q[i], v[i], a[i])
             placed[i], V[i], A[i] = kept
         R = placed[:, self.joints, :9].reshape(len(q), -1, 3, 3)
-        V, A = (array[:, self.joints][..., _ANGULAR_FIRST] for array in (V, A))
+        V, A = (array[:, self.joints][..., ANGULAR_FIRST] for array in (V, A))
         A[..., 3:] += cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
         return np.asarray((shifted(V, A, self.centres)[..., None, :] @ R)[..., 0, :])
 

@@ -18,14 +18,6 @@ from screwgauge.reference import dynamics, linear, screws, springs
 from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.closed.gain import gain
 from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.dynamics import (
-    body_motion,
-    force_matrix,
-    joint_reactions,
-    preload_rows,
-    required_wrench,
-    solve_newton_euler,
-)
 from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import Velocities, accelerations, positions, velocities
 from screwgauge.reference.pose import Layout, Pose
@@ -200,14 +192,14 @@ def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refi
     clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
     at = positions(lay, task.y, task.t, (task.yd, task.ydd))
     rate = velocities(lay, at, task.yd)
-    motion = body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
-    F, T = required_wrench(lay, at, motion, applied.g, applied.loads)
-    reactions = joint_reactions(lay, at)
-    c = force_matrix(lay, at, motion.com, reactions)
-    rule = preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
+    motion = dynamics.body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
+    F, T = dynamics.required_wrench(lay, at, motion, applied.g, applied.loads)
+    reactions = dynamics.joint_reactions(lay, at)
+    c = dynamics.force_matrix(lay, at, motion.com, reactions)
+    rule = dynamics.preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
     wide = wide_force_matrix(lay, task.y) if refined else None
     units = reactions.units + mechanism.actuator_units
-    unknown, condition = solve_newton_euler(c, F, T, rule, units, rate.system.length, wide=wide)
+    unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, units, rate.system.length, wide=wide)
     f = np.asarray(unknown[:, len(reactions.names) :], dtype=float)
     return Solution(
         "screw",

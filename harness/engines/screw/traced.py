@@ -18,7 +18,7 @@ from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import CHARTED, Predictor, closer, single
 from screwgauge.engines.screw.programs import Bound, check_traceable, flat, open_links, runner
-from screwgauge.models.layout import lay_out
+from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.resting import home_equations
@@ -239,10 +239,7 @@ class TracedWork:
     @cached_property
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
         """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
-        tree = sorted(
-            c for link in lay_out(self.lay.mechanism, "minimal").links for c in self.lay.columns[link.joint.name]
-        )
-        found = {}
+        found, tree = {}, open_tree(self.lay)[1]
         for joint in self.lay.tree.cuts:
             column = self.lay.columns[joint.name][1:2]
             if joint.kind == "S":

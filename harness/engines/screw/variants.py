@@ -7,18 +7,15 @@ Actuator forces are those of minimum norm. None of them estimates its errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from screwgauge import __version__
 from screwgauge.engines.parts import component_names
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
-from screwgauge.reference.applied import Load
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed.continuation import Evaluation, velocity_map
 from screwgauge.reference.closed.continuation import newton as newtons_method
@@ -26,12 +23,11 @@ from screwgauge.reference.errors import ClosureError, DescriptionError, check_ch
 from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
 from screwgauge.reference.paper.scheme import PARTS, integrate
 from screwgauge.reference.pose import Layout, layout, pose
-from screwgauge.reference.precision import in_precision
+from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 
 Arrays = Mapping[str, Array]
-T = TypeVar("T", GivenMotion, Load)
 STEP = 0.1  # [rad or m]
 #: How often `numpy.gradient` is taken of positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
@@ -87,7 +83,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     Raises:
         ClosureError: There is no closed form.
     """
-    motion = _rounded(motion, lay.path.dtype)
+    motion = rounded(motion, lay.path.dtype)
     q = closed_form(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
@@ -183,17 +179,10 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
         out["joint_acceleration"], screws = accelerations(lay, velocity, motion.ydd)
     if wanted - set(out):
         moving = dynamics.body_motion(lay, at, velocity.V, screws)
-        loads = [_rounded(load, q.dtype) for load in applied.loads]
+        loads = [rounded(load, q.dtype) for load in applied.loads]
         F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(q.dtype), loads)
         Q = dynamics.generalized_force(lay, velocity, moving, F, T)
         out["actuator_force"] = dynamics.min_norm(velocity.K[:, lay.mechanism.actuated_columns], Q)[0]
     if any(array.dtype != lay.path.dtype for array in out.values()):
         raise TypeError(f"not all of it was computed in {lay.path.dtype}")
     return {name: array for name, array in out.items() if name in wanted}
-
-
-def _rounded(item: T, dtype: DTypeLike) -> T:
-    """The same with its arrays in another precision."""
-    values = {one.name: getattr(item, one.name) for one in fields(item)}
-    changes: dict[str, Any] = {k: v.astype(dtype) for k, v in values.items() if isinstance(v, np.ndarray)}
-    return replace(item, **changes)

@@ -13,7 +13,7 @@ from screwgauge.engines.tree.protocol import BodyPoses, Tree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, cross, widest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +36,9 @@ class Sizes:
 def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     """Units for a tree whose home pose is known. `home`: its coordinates there, shape (n_v,)."""
     at = tree.poses(home[None])
-    sides = [side for j in file.joints for side in ((j.parent, j.parent_frame.p), (j.child, j.child_frame.p))]
-    places = [*((loops.index[body], point) for body, point in sides), *enumerate(tree.com, 1)]
-    cloud = np.array([at.p[0, body] + at.R[0, body] @ where for body, where in places])
-    length = float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max()) or 1.0
+    sides = [(loops.index[body], frame.p) for joint in file.joints for body, frame in joint.sides]
+    places = [*sides, *enumerate(tree.com, 1)]
+    length = widest([at.p[0, body] + at.R[0, body] @ where for body, where in places]) or 1.0
     turns = {name: turn for j in file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
     unit = {name: 1.0 if turn else length for name, turn in turns.items()}
     y = np.array([unit[name] for name in file.independent.values()])

@@ -15,7 +15,7 @@ from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
 from screwgauge.engines.tree.protocol import BodyAt, Tree
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
-from screwgauge.reference.errors import SingularPoseError, UnknownNameError
+from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
 
@@ -119,11 +119,7 @@ def _line_reader(spring: PointSpring, loops: Loops) -> Reader:
         line = (pb + arm_b) - (pa + arm_a)
         length = float(np.sqrt(line @ line))
         if not length > 0.0:
-            raise SingularPoseError(
-                "its points meet, so that it has no direction",
-                f"spring between {spring.first} and {spring.second}, t = {t:g} s",
-                "move its points or shorten the motion",
-            )
+            raise spring.no_direction(f" at t = {t:g} s")
         along = line / length
         # derivative of the length: along . (velocity of second point - velocity of first)
         return length, along @ (Jb[3:] - Ja[3:]) + _cross(arm_b, along) @ Jb[:3] - _cross(arm_a, along) @ Ja[:3]

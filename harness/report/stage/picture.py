@@ -10,6 +10,7 @@ import numpy as np
 
 from screwgauge.models.placement import quaternion
 from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
+from screwgauge.problem import spread
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import centres_of_mass, length
 from screwgauge.reference.reciprocal import Element, Held, held
@@ -19,7 +20,7 @@ from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.motion import Arrow, Motion, arrows, few, followed, still
+from screwgauge.study.motion import Arrow, Motion, arrows, followed, still
 
 HELD = 30  # samples at which a platform is asked how it is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
@@ -56,7 +57,7 @@ def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = centres_of_mass(motion.lay, at)[0].mean(axis=0), mechanism.independent_columns
-    keys, shown, solids = few(np.arange(len(motion.t)), HELD), arrows(motion), shapes(mechanism)
+    keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
     found = held(motion.lay, at.rows(keys))
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:

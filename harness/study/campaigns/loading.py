@@ -1,4 +1,4 @@
-"""Model files read in processes of their own: a library that crashes, hangs or takes all memory costs its reading only.
+"""Model files read and imported in processes of their own: a library that crashes or hangs costs nothing else.
 
 Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an MJCF can take MuJoCo minutes.
 """
@@ -10,18 +10,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import Options, import_model
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import LoaderError, ScrewgaugeError
+from screwgauge.reference.errors import LoaderError, ModelFileError, ScrewgaugeError
 from screwgauge.solution import Failure
-from screwgauge.study import apart
-from screwgauge.study.apart import Limits
+from screwgauge.study.apart import Limits, unwatched_apart
 
-#: Of one reading: the largest models take a second.
-LOADING = Limits(seconds=60.0)
+#: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
+LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,7 @@ def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[
     for name, request in requests.items():
         used[request.library] += 1
         processes[name] = f"{request.library}-reading-{used[request.library]}"
-    works = {processes[name]: partial(apart.unwatched, partial(_work, request)) for name, request in requests.items()}
-    with TemporaryDirectory() as folder:
-        found = apart.apart(works, limits, Path(folder), lambda names, share: None)
+    found = unwatched_apart({processes[name]: partial(_work, each) for name, each in requests.items()}, limits)
     return {name: found[process] for name, process in processes.items()}
 
 
@@ -84,7 +82,21 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    found = apart.one_apart(f"{library}-reading-1", partial(read, path, library, floating=floating), LOADING)
+    process = f"{library}-reading-1"
+    found = unwatched_apart({process: partial(read, path, library, floating=floating)}, LOADING)[process]
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
+    return found
+
+
+def import_apart(path: Path, options: Options | None = None) -> Imported:
+    """What `import_model` gives.
+
+    Raises:
+        ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
+    """
+    found = unwatched_apart({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
+    if isinstance(found, Failure):
+        remedy = "let another library read it (--reader), or give a smaller model"
+        raise ModelFileError(f"cannot be read: {found.reason}", str(path), remedy)
     return found

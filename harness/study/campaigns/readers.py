@@ -11,7 +11,7 @@ import pandas as pd
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.diagnosis.readers import compared
 from screwgauge.models.readings.read import libraries_for
-from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure
@@ -97,7 +97,7 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
     return replace(
         blank,
         loads=True,
-        freedoms=sum(FREEDOMS[joint.kind] for joint in reading.joints.values()),
+        freedoms=reading.freedom,
         mass=reading.mass,
         closures=len(reading.closures),
         couplings=len(reading.couplings),

@@ -36,7 +36,7 @@ def tableau(stages: int) -> tuple[Array, Array]:
     return 0.5 * (1.0 + x), integrals @ np.linalg.inv(values)
 
 
-def collocate(slope: Slope, state: Array, times: Array, *, stages: int = STAGES) -> Array:
+def collocate(slope: Slope, state: Array, times: Array) -> Array:
     """Integrates an autonomous system with one step from each time to the next.
 
     Args:
@@ -52,18 +52,18 @@ def collocate(slope: Slope, state: Array, times: Array, *, stages: int = STAGES)
     found = [np.asarray(state, dtype=float)]
     largest = np.abs(found[0])
     for t, h in zip(times, np.diff(times), strict=False):
-        found.append(_step(slope, found[-1], float(h), stages, largest=largest, t=float(t)))
+        found.append(_step(slope, found[-1], float(h), largest=largest, t=float(t)))
         largest = np.maximum(largest, np.abs(found[-1]))
     return np.array(found)
 
 
-def _step(slope: Slope, state: Array, h: float, stages: int, *, largest: Array, t: float) -> Array:
-    A, m = tableau(stages)[1], len(state)
+def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> Array:
+    A, m = tableau(STAGES)[1], len(state)
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
     slopes = slope(np.concatenate([state + np.diag(size), state - np.diag(size)]))
     J = ((slopes[:m] - slopes[m:]) / (2.0 * size[:, None])).T
-    inverse = np.linalg.inv(np.eye(stages * m) - h * np.kron(A, J))
-    Y = np.tile(state, (stages, 1))
+    inverse = np.linalg.inv(np.eye(STAGES * m) - h * np.kron(A, J))
+    Y = np.tile(state, (STAGES, 1))
     last = np.inf
     for _ in range(MOST):
         left = state + h * (A @ slope(Y)) - Y

@@ -42,8 +42,3 @@ def choose(names: Iterable[str] | None) -> list[Case]:
     """
     wanted = list(CASES) if names is None else check_choice("case", names, CASES)
     return [case for name, case in CASES.items() if name in wanted]
-
-
-def load(name: str) -> Case:
-    """One case."""
-    return CASES[name]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from screwgauge.environment import environment, json_text
@@ -61,8 +60,7 @@ def check_items(
             progress(name, i / len(works))
             keep(name, work(lambda share, step: None))
     else:
-        with TemporaryDirectory(prefix="screwgauge-") as folder:
-            found = apart.apart(works, limits, Path(folder), progress, lanes=jobs, keep=keep)
+        found = apart.apart(works, limits, progress, lanes=jobs, keep=keep)
         for name in found.keys() - rows.keys():
             keep(name, found[name])
     kept.remove()

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
-
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.study.selftest import mutations, placements
-from screwgauge.study.selftest.mutant import CannotError, Expected
-from screwgauge.study.selftest.mutations import Mutation, Random, passive
+from screwgauge.study.selftest.mutant import CannotError, Expected, Random
+from screwgauge.study.selftest.mutations import Mutation, passive
 
 _SINGLE: tuple[Mutation, ...] = (
     *(mutations.mass_factor, mutations.mass_in_grams, mutations.masses_swapped, mutations.all_masses_factor),
@@ -33,7 +31,8 @@ _PASSIVE = {
 }
 _FIRST = (mutations.mass_factor, mutations.com_shift, placements.axis_tilted)
 _SECOND = (mutations.moment_factor, placements.placement_shift, passive("damping", *_PASSIVE["damping"]))
-#: Makes a changed text of a text.
+#: Makes a changed text of a text, and says what a diagnosis has to say of it; raises `CannotError` where the text has
+#: no place for that kind of change.
 Change = Callable[[str, Random, float], tuple[str, list[Expected]]]
 
 
@@ -57,12 +56,3 @@ KINDS: dict[str, Change] = {
     **{what: partial(_one, passive(what, *names)) for what, names in _PASSIVE.items()},
     "two_at_once": _two,
 }
-
-
-def changed(kind: str, text: str, rng: np.random.Generator, size: float) -> tuple[str, list[Expected]]:
-    """A changed text, and what a diagnosis has to say of it.
-
-    Raises:
-        CannotError: The text has no place for that kind of change.
-    """
-    return KINDS[kind](text, rng, size)

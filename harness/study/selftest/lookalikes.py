@@ -12,10 +12,9 @@ from screwgauge.diagnosis.files.write_urdf import inertial_text
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.marks import inertials
-from screwgauge.study.selftest.mutant import CannotError
+from screwgauge.study.selftest.marks import inertials, is_urdf
+from screwgauge.study.selftest.mutant import CannotError, Random, unit
 
-Random = np.random.Generator
 Rewrite = Callable[[str, Random], str]
 _NUMBERS = (
     *("xyz", "rpy", "value", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "pos", "quat", "mass", "diaginertia"),
@@ -50,7 +49,7 @@ def reordered(text: str, rng: Random) -> str:
 
 def _urdf(text: str) -> XmlText:
     xml = XmlText(text, "the model")
-    if xml.root.tag != "robot":
+    if not is_urdf(xml):
         raise CannotError("only of a URDF")
     return xml
 
@@ -76,8 +75,7 @@ def inertials_turned(text: str, rng: Random) -> str:
             raise CannotError("a full tensor has no orientation")
         if not mark.urdf:
             continue
-        v = rng.normal(size=3)
-        R = rotation(v / np.linalg.norm(v), np.array(rng.uniform(0.2, 2.0)))
+        R = rotation(unit(rng), np.array(rng.uniform(0.2, 2.0)))
         old, new = mark.turn, mark.turn @ R
         mark.turn, mark.tensor = new, new.T @ old @ mark.tensor @ old.T @ new
     return xml.text()

@@ -7,12 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
-from screwgauge.diagnosis.files.write_mjcf import ORIENTATIONS, orient
+from screwgauge.diagnosis.files.write_mjcf import orient, put_tensor
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.models.importing.write import TENSOR
-from screwgauge.models.placement import number_text, rpy, vector_text
+from screwgauge.models.placement import TENSOR, number_text, rpy, tensor, vector_text
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
+
+
+def is_urdf(xml: XmlText) -> bool:
+    """Whether it is a URDF, and not an MJCF."""
+    return xml.root.tag == "robot"
+
+
+def pose(xml: XmlText, element: Element) -> Array:
+    """Placement that an element gives. Shape (4, 4)."""
+    return origin(element) if is_urdf(xml) else mjcf_pose(element, compilers(xml))
 
 
 @dataclass(slots=True, eq=False)
@@ -32,7 +41,7 @@ class Inertial:
 
     @property
     def urdf(self) -> bool:
-        return self.xml.root.tag == "robot"
+        return is_urdf(self.xml)
 
     @property
     def mass(self) -> float:
@@ -60,7 +69,7 @@ class Inertial:
     @property
     def turn(self) -> Array:
         """Orientation in which the tensor is written. Shape (3, 3)."""
-        return (origin(self.at) if self.urdf else mjcf_pose(self.at, compilers(self.xml)))[:3, :3]
+        return pose(self.xml, self.at)[:3, :3]
 
     @turn.setter
     def turn(self, R: Array) -> None:
@@ -79,10 +88,7 @@ class Inertial:
             values = [float(word) for word in full.split()]
         else:
             values = [*numbers(self.at.get("diaginertia")), 0.0, 0.0, 0.0]
-        I = np.zeros((3, 3))
-        for (i, j), value in zip(TENSOR.values(), values, strict=True):
-            I[i, j] = I[j, i] = value
-        return I
+        return tensor(values)
 
     @tensor.setter
     def tensor(self, I: Array) -> None:
@@ -90,17 +96,14 @@ class Inertial:
             self.xml.set_in(self.at, "inertia", **moments(I))
         elif self.at.get("diaginertia") and not np.any(I - np.diag(np.diag(I))):
             self.xml.set(self.at, diaginertia=vector_text(np.diag(I)))
-        else:  # beside a full tensor MuJoCo admits no orientation
-            lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in self.at.attributes]
+        else:
             R = self.turn
-            I = R @ I @ R.T
-            self.xml.set(self.at, **dict.fromkeys(lost))
-            self.xml.set(self.at, fullinertia=vector_text([I[place] for place in TENSOR.values()]))
+            put_tensor(self.xml, self.at, R @ I @ R.T)
 
 
 def inertials(xml: XmlText) -> list[Inertial]:
     """Of all links with mass that are behind a joint."""
-    if xml.root.tag == "robot":
+    if is_urdf(xml):
         moved = _moved(xml)
         owners = [element for element in xml.root.children if element.tag == "link" and element.get("name") in moved]
     else:
@@ -125,9 +128,14 @@ def end(joint: Element, tag: str) -> str:
     return found.get("link") if found else ""
 
 
+def moving(body: Element) -> list[Element]:
+    """The joints of a body of an MJCF."""
+    return [child for child in body.children if child.tag in ("joint", "freejoint")]
+
+
 def _jointed(body: Element | None) -> bool:
     while body is not None and body.tag != "worldbody":
-        if any(child.tag in ("joint", "freejoint") for child in body.children):
+        if moving(body):
             return True
         body = body.parent
     return False
@@ -135,7 +143,7 @@ def _jointed(body: Element | None) -> bool:
 
 def joints(xml: XmlText) -> list[Element]:
     """Hinges and slides with a name; those that mimic others are none."""
-    if xml.root.tag == "robot":
+    if is_urdf(xml):
         kinds = ("revolute", "continuous", "prismatic")
         own = [element for element in xml.root.children if element.tag == "joint" and element.get("type") in kinds]
         return [joint for joint in own if joint.find("mimic") is None]

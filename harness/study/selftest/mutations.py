@@ -10,16 +10,10 @@ from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text
 from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array
-from screwgauge.study.selftest.marks import Inertial, inertials, joints
-from screwgauge.study.selftest.mutant import EVERYWHERE, CannotError, Expected
+from screwgauge.study.selftest.marks import Inertial, inertials, is_urdf, joints
+from screwgauge.study.selftest.mutant import EVERYWHERE, CannotError, Expected, Random, unit
 
-Random = np.random.Generator
 Mutation = Callable[[XmlText, Random, float], list[Expected]]
-
-
-def _unit(rng: Random) -> Array:
-    v = rng.normal(size=3)
-    return np.asarray(v / np.linalg.norm(v))
 
 
 def _pick(xml: XmlText, rng: Random, fits: Callable[[Inertial], bool] = lambda mark: True) -> Inertial:
@@ -35,10 +29,6 @@ def _joint(xml: XmlText, rng: Random, fits: Callable[[Element], bool] = lambda j
     if not found:
         raise CannotError("no such joint")
     return found[rng.integers(len(found))]
-
-
-def _urdf(xml: XmlText) -> bool:
-    return xml.root.tag == "robot"
 
 
 def _asymmetric(mark: Inertial) -> bool:
@@ -113,7 +103,7 @@ def all_masses_factor(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 def com_shift(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     mark = _pick(xml, rng)
     step = size * 0.1  # of a length of 0.1 m
-    mark.com = mark.com + step * _unit(rng)
+    mark.com = mark.com + step * unit(rng)
     return [Expected(mark.link, ("com",), step)]
 
 
@@ -216,14 +206,14 @@ def passive(what: str, urdf: str, mjcf: str) -> Mutation:
     """Another damping, friction, armature, stiffness of a joint; by the empty name a format has none."""
 
     def mutation(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-        name = urdf if _urdf(xml) else mjcf
+        name = urdf if is_urdf(xml) else mjcf
         if not name:
             raise CannotError(f"the format has no {what}")
-        joint = _joint(xml, rng, lambda joint: _urdf(xml) or bool(joint.get(name)))
-        holder = joint.find("dynamics") if _urdf(xml) else joint
+        joint = _joint(xml, rng, lambda joint: is_urdf(xml) or bool(joint.get(name)))
+        holder = joint.find("dynamics") if is_urdf(xml) else joint
         old = float((holder.get(name, "0") if holder else "0").split()[0])
         step = size * (old or 1.0)
-        if _urdf(xml):
+        if is_urdf(xml):
             xml.set_in(joint, "dynamics", **{name: number_text(old + step)})
         else:
             xml.set(joint, **{name: number_text(old + step)})

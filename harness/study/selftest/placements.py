@@ -6,21 +6,21 @@ import re
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.files.layout import compilers, numbers
 from screwgauge.diagnosis.files.write_mjcf import orient
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, rpy, vector_text
 from screwgauge.reference.rotations import Array, rotation
-from screwgauge.study.selftest.marks import end, joints
-from screwgauge.study.selftest.mutant import CannotError, Expected
-from screwgauge.study.selftest.mutations import Random, _joint, _unit, _urdf
+from screwgauge.study.selftest.marks import end, is_urdf, joints, moving, pose
+from screwgauge.study.selftest.mutant import CannotError, Expected, Random, unit
+from screwgauge.study.selftest.mutations import _joint
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 NUMBERS = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER})*\s*")
 
 
 def _axis(xml: XmlText, joint: Element) -> Array:
-    if _urdf(xml):
+    if is_urdf(xml):
         found = joint.find("axis")
         axis = numbers(found.get("xyz") if found else "", "1 0 0")
     else:
@@ -29,7 +29,7 @@ def _axis(xml: XmlText, joint: Element) -> Array:
 
 
 def _set_axis(xml: XmlText, joint: Element, axis: Array) -> None:
-    if _urdf(xml):
+    if is_urdf(xml):
         xml.set_in(joint, "axis", xyz=vector_text(axis))
     else:
         xml.set(joint, axis=vector_text(axis))
@@ -37,7 +37,7 @@ def _set_axis(xml: XmlText, joint: Element, axis: Array) -> None:
 
 def _written(xml: XmlText, joint: Element) -> bool:
     """Whether the axis stands at the joint itself and not in a default."""
-    return _urdf(xml) or bool(joint.get("axis"))
+    return is_urdf(xml) or bool(joint.get("axis"))
 
 
 def axis_reversed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
@@ -49,7 +49,7 @@ def axis_reversed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 def axis_tilted(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     joint = _joint(xml, rng, lambda joint: _written(xml, joint))
     axis = _axis(xml, joint)
-    across = np.cross(axis, _unit(rng))
+    across = np.cross(axis, unit(rng))
     tilted = axis + np.tan(size) * across / np.linalg.norm(across)
     _set_axis(xml, joint, tilted / np.linalg.norm(tilted))
     return [Expected(joint.get("name"), ("axis",), 2.0 * np.sin(0.5 * size))]
@@ -57,18 +57,14 @@ def axis_tilted(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def _mount(xml: XmlText, joint: Element) -> Element:
     """What holds the placement of what a joint carries."""
-    body = joint if _urdf(xml) else joint.parent
-    if body is None or (not _urdf(xml) and sum(child.tag in ("joint", "freejoint") for child in body.children) > 1):
+    body = joint if is_urdf(xml) else joint.parent
+    if body is None or (not is_urdf(xml) and len(moving(body)) > 1):
         raise CannotError("several joints share the placement")
     return body
 
 
-def _pose(xml: XmlText, mount: Element) -> Array:
-    return origin(mount) if _urdf(xml) else mjcf_pose(mount, compilers(xml))
-
-
 def _replace(xml: XmlText, mount: Element, T: Array) -> None:
-    if _urdf(xml):
+    if is_urdf(xml):
         xml.set_in(mount, "origin", xyz=vector_text(T[:3, 3]), rpy=vector_text(rpy(T[:3, :3])))
         return
     xml.set(mount, pos=vector_text(T[:3, 3]))
@@ -78,8 +74,8 @@ def _replace(xml: XmlText, mount: Element, T: Array) -> None:
 def placement_shift(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     joint = _joint(xml, rng)
     mount = _mount(xml, joint)
-    T, step = _pose(xml, mount), 0.1 * size
-    T[:3, 3] += step * _unit(rng)
+    T, step = pose(xml, mount), 0.1 * size
+    T[:3, 3] += step * unit(rng)
     _replace(xml, mount, T)
     return [Expected(joint.get("name"), ("placement",), step)]
 
@@ -87,17 +83,17 @@ def placement_shift(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 def placement_turn(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     joint = _joint(xml, rng)
     mount = _mount(xml, joint)
-    T = _pose(xml, mount)
-    across = np.cross(_axis(xml, joint), _unit(rng))  # about its axis it would be another zero
+    T = pose(xml, mount)
+    across = np.cross(_axis(xml, joint), unit(rng))  # about its axis it would be another zero
     T[:3, :3] = T[:3, :3] @ rotation(across / np.linalg.norm(across), np.array(size))
     _replace(xml, mount, T)
     return [Expected(joint.get("name"), ("placement", "axis"), size)]
 
 
 def placement_in_millimetres(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    joint = _joint(xml, rng, lambda joint: bool(np.linalg.norm(_pose(xml, _mount_of(xml, joint))[:3, 3]) > 1e-3))
+    joint = _joint(xml, rng, lambda joint: bool(np.linalg.norm(pose(xml, _mount_of(xml, joint))[:3, 3]) > 1e-3))
     mount = _mount(xml, joint)
-    T = _pose(xml, mount)
+    T = pose(xml, mount)
     step = 999.0 * float(np.linalg.norm(T[:3, 3]))
     T[:3, 3] *= 1000.0
     _replace(xml, mount, T)
@@ -105,18 +101,18 @@ def placement_in_millimetres(xml: XmlText, rng: Random, size: float) -> list[Exp
 
 
 def _mount_of(xml: XmlText, joint: Element) -> Element:
-    return joint if _urdf(xml) or joint.parent is None else joint.parent
+    return joint if is_urdf(xml) or joint.parent is None else joint.parent
 
 
 def placement_turn_lost(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     def turned(joint: Element) -> bool:
-        R = _pose(xml, _mount_of(xml, joint))[:3, :3]
+        R = pose(xml, _mount_of(xml, joint))[:3, :3]
         axis = _axis(xml, joint)
         return bool(np.abs(R @ axis - axis).max() > 1e-2)
 
     joint = _joint(xml, rng, turned)
     mount = _mount(xml, joint)
-    T = _pose(xml, mount)
+    T = pose(xml, mount)
     T[:3, :3] = np.eye(3)
     _replace(xml, mount, T)
     return [Expected(joint.get("name"), ("placement", "axis"), np.nan, "no rotation")]
@@ -126,9 +122,9 @@ def zero_offset(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """What a hinge carries is turned about it, so that its zero is elsewhere."""
     joint = _joint(xml, rng, lambda joint: (joint.get("type") or "hinge") in ("revolute", "continuous", "hinge"))
     mount = _mount(xml, joint)
-    if not _urdf(xml) and np.any(numbers(joint.get("pos"))):
+    if not is_urdf(xml) and np.any(numbers(joint.get("pos"))):
         raise CannotError("the axis does not go through the origin of the body")
-    T = _pose(xml, mount)
+    T = pose(xml, mount)
     T[:3, :3] = T[:3, :3] @ rotation(_axis(xml, joint), np.array(size))
     _replace(xml, mount, T)
     return [Expected(joint.get("name"), ("zero", "placement"), size)]
@@ -140,7 +136,7 @@ def _upper(joint: Element) -> float:
 
 
 def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    if _urdf(xml):
+    if is_urdf(xml):
         joint = _joint(
             xml, rng, lambda joint: joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is not None
         )
@@ -158,7 +154,7 @@ def limit_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def _gravity(xml: XmlText, change: Array) -> list[Expected]:
-    if _urdf(xml):
+    if is_urdf(xml):
         raise CannotError("a URDF has no gravity")
     option = xml.root.find("option")
     old = numbers(option.get("gravity") if option else "", "0 0 -9.81")
@@ -175,10 +171,10 @@ def gravity_direction(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def compensation(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    if _urdf(xml):
+    if is_urdf(xml):
         raise CannotError("a URDF has no gravcomp")
     own = [joint.parent for joint in joints(xml) if joint.parent and joint.parent.find("inertial")]
-    bodies = [body for body in own if all(_moves(child) for child in body.children if child.tag == "body")]
+    bodies = [body for body in own if all(moving(child) for child in body.children if child.tag == "body")]
     if not bodies:
         raise CannotError("no body with an inertial")
     body = bodies[rng.integers(len(bodies))]
@@ -187,12 +183,8 @@ def compensation(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     return [Expected(body.get("name"), ("gravcomp",), size)]
 
 
-def _moves(body: Element) -> bool:
-    return any(child.tag in ("joint", "freejoint") for child in body.children)
-
-
 def gear_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    rooms = [] if _urdf(xml) else [element for element in xml.root.children if element.tag == "actuator"]
+    rooms = [] if is_urdf(xml) else [element for element in xml.root.children if element.tag == "actuator"]
     motors = [motor for room in rooms for motor in room.children if motor.tag == "motor" and motor.get("joint")]
     if not motors:
         raise CannotError("no motor of a joint")
@@ -206,7 +198,7 @@ def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """A joint that does not move any more."""
     referred = (
         set()
-        if _urdf(xml)
+        if is_urdf(xml)
         else {
             value
             for element in xml.root.iter("motor", "position", "joint", "jointpos", "actuator", "connect", "weld")
@@ -216,7 +208,7 @@ def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     )
     mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
     joint = _joint(xml, rng, lambda joint: joint.get("name") not in referred | mimicked)
-    if _urdf(xml):
+    if is_urdf(xml):
         xml.set(joint, type="fixed")
     else:
         xml.replace(joint)
@@ -225,7 +217,7 @@ def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """A last link that is not there, with its joint."""
-    if not _urdf(xml):
+    if not is_urdf(xml):
         raise CannotError("only of a URDF")
     mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
     near = {end(element, "parent") for element in xml.root.children if element.tag == "joint"}
@@ -255,7 +247,7 @@ def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def anchor_moved(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """Where a closure of an MJCF holds one of its bodies."""
-    step = 0.1 * size * _unit(rng)
+    step = 0.1 * size * unit(rng)
     sites = {element.get("name"): element for element in xml.root.iter("site")}
     parts = [part for room in xml.root.iter("equality") for part in room.children if part.tag == "connect"]
     parts = [part for part in parts if part.get("name") and part.get("site1") in sites]
@@ -269,7 +261,7 @@ def anchor_moved(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 def coupling_changed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     """By how much a joint follows another one."""
-    found = [joint for joint in xml.root.children if joint.find("mimic") is not None] if _urdf(xml) else []
+    found = [joint for joint in xml.root.children if joint.find("mimic") is not None] if is_urdf(xml) else []
     if not found:
         raise CannotError("no joint follows another one")
     joint = found[rng.integers(len(found))]

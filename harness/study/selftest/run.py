@@ -16,7 +16,7 @@ from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.study.selftest.judged import CLOSE, judged
-from screwgauge.study.selftest.kinds import KINDS, changed
+from screwgauge.study.selftest.kinds import KINDS
 from screwgauge.study.selftest.lookalikes import REWRITES
 from screwgauge.study.selftest.mutant import TURNED, CannotError
 from screwgauge.study.selftest.pools import Pool, pools
@@ -104,9 +104,9 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
         text = read_file(second)
         try:
             if item.group == CHANGED:
-                text, expected = changed(item.kind, text, rng, size)
+                text, expected = KINDS[item.kind](text, rng, size)
                 if first.suffix != second.suffix:  # the slip is made in an orientation that A does not write
-                    expected = [replace(each, slip=each.slip and _plain(each.slip)) for each in expected]
+                    expected = [replace(each, slip="turned by") if each.slip in TURNED else each for each in expected]
             else:
                 text, expected = REWRITES[item.kind](text, rng), []
         except CannotError as error:
@@ -126,10 +126,6 @@ def row_of(item: Item, models: Sequence[Pool], folder: Path, seed: int) -> dict[
         row["cpu_s"] = f"{process_time() - begin:.3g}"
         return row | _alike(found) if item.group == ALIKE else row | _judged(found, expected)
     return row | {"verdict": "no place", "first": reason}
-
-
-def _plain(slip: str) -> str:
-    return "turned by" if slip in TURNED else slip
 
 
 def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:

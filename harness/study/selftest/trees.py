@@ -14,6 +14,7 @@ from screwgauge.models.placement import number_text, quaternion, rpy, vector_tex
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array, rotation
+from screwgauge.study.selftest.mutant import unit
 
 _KINDS = ("revolute", "revolute", "continuous", "prismatic", "fixed")
 
@@ -47,12 +48,11 @@ def tree(seed: int, parts: int = 8) -> list[Part]:
     rng = np.random.default_rng([seed, 11])
 
     def turn() -> Array:
-        v = rng.normal(size=3)
-        return rotation(v / np.linalg.norm(v), np.array(rng.uniform(0.3, 2.5)))
+        return rotation(unit(rng), np.array(rng.uniform(0.3, 2.5)))
 
     out = []
     for i in range(parts):
-        axis = rng.normal(size=3)
+        axis = unit(rng)
         mass = float(10.0 ** rng.uniform(-0.7, 0.8))
         radii = 0.05 * rng.uniform(0.5, 1.5, 3)  # of a solid ellipsoid: any three give an inertia
         squares = radii**2
@@ -61,7 +61,7 @@ def tree(seed: int, parts: int = 8) -> list[Part]:
                 max(i - int(rng.integers(1, 3)), -1),
                 _KINDS[int(rng.integers(len(_KINDS)))] if i else "revolute",
                 matrix(rng.uniform(-0.4, 0.4, 3), turn()),
-                axis / np.linalg.norm(axis),
+                axis,
                 mass,
                 rng.uniform(-0.1, 0.1, 3),
                 mass * (squares.sum() - squares) / 2.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, state
+from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
 from screwgauge.engines.samples import ARM, INERTIA, MASS, WEIGHT, FourBar, G, body, mjcf
 from screwgauge.engines.shown import Shown
 
@@ -16,9 +16,7 @@ def rne_armature() -> Shown:
     """Torque of 1 rad/s^2 on a hinge with an armature: of `mj_rne`, and with the armature added by hand."""
     armature = 0.5
     model = load(mjcf(body("a", joint=f'armature="{armature}"')))
-    data = state(model)
-    data.qacc[:] = 1.0
-    mujoco.mj_inverse(model, data)
+    data = inverted(model, a=1.0)
     force = np.empty(1)
     mujoco.mj_rne(model, data, 1, force)
     mended = force[0] + model.dof_armature[0] * data.qacc[0]
@@ -28,8 +26,7 @@ def rne_armature() -> Shown:
 def passive_forces() -> Shown:
     """Rigid-body torque of a level bar at 1 rad/s with damping, friction and a spring in its hinge."""
     model = load(mjcf(body("a", joint='damping="2" stiffness="3" springref="0.4" frictionloss="0.5"')))
-    data = state(model, v=1.0)
-    mujoco.mj_inverse(model, data)
+    data = inverted(model, v=1.0)
     mended = data.qfrc_inverse + data.qfrc_passive + data.qfrc_constraint
     return Shown(float(data.qfrc_inverse[0]), WEIGHT, float(mended[0]), "N m")
 
@@ -37,8 +34,7 @@ def passive_forces() -> Shown:
 def limit_force() -> Shown:
     """Torque of a bar at rest that hangs 0.1 rad past the limit of its hinge."""
     model = load(mjcf(body("a", joint='range="-0.3 0.3"')))
-    data = state(model, 0.4)
-    mujoco.mj_inverse(model, data)
+    data = inverted(model, 0.4)
     mended = data.qfrc_inverse + data.qfrc_constraint
     return Shown(float(data.qfrc_inverse[0]), float(WEIGHT * np.cos(0.4)), float(mended[0]), "N m")
 
@@ -79,8 +75,7 @@ def gravity_in_acceleration() -> Shown:
 def moment_about_centre() -> Shown:
     """Moment about y by which the ground holds a level bar: of cfrc_int, and about the hinge."""
     model = load(mjcf(body("a")))
-    data = state(model)
-    mujoco.mj_inverse(model, data)
+    data = inverted(model)
     mujoco.mj_rnePostConstraint(model, data)
     moment, force = np.split(data.cfrc_int[1], 2)
     arm = data.subtree_com[model.body_rootid[1]] - data.xanchor[0]
@@ -144,10 +139,7 @@ def differentiated_motion() -> Shown:
 def many_motors() -> Shown:
     """How far two right answers for motors at crank and rocker are apart: torques, and what they do at the crank."""
     bar = FourBar()
-    model = load(bar.mjcf())
-    data = state(model, v=bar.v)
-    data.qacc[:] = bar.a
-    mujoco.mj_inverse(model, data)
+    data = inverted(load(bar.mjcf()), v=bar.v, a=bar.a)
     tree, J = data.qfrc_inverse + data.qfrc_constraint, data.efc_J.reshape(-1, 3).T
     moving = bar.v / bar.speed  # rates per rate of the crank
     answers = []

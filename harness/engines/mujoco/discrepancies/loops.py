@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, state
+from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
 from screwgauge.engines.mujoco.settings import EQUALITY, STIFFEST, refine
 from screwgauge.engines.samples import FourBar, body, mjcf
 from screwgauge.engines.shown import Shown
@@ -18,10 +18,7 @@ _ENERGY = int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 def needs_projection() -> Shown:
     """The torque of the only motor of a four-bar in motion."""
     bar = FourBar()
-    model = load(bar.mjcf())
-    data = state(model, v=bar.v)
-    data.qacc[:] = bar.a
-    mujoco.mj_inverse(model, data)
+    data = inverted(load(bar.mjcf()), v=bar.v, a=bar.a)
     tree = data.qfrc_inverse + data.qfrc_constraint
     motor = np.eye(3)[:, :1]
     system = np.hstack([motor, data.efc_J.reshape(-1, 3).T])
@@ -34,10 +31,8 @@ def speed_squared() -> Shown:
     `qfrc_constraint` added."""
     bar = FourBar()
     model = load(bar.mjcf())
-    data = state(model, v=bar.v)
-    data.qacc[:] = bar.a
-    mujoco.mj_inverse(model, data)
-    closed, held = data.qfrc_inverse.copy(), data.qfrc_constraint.copy()
+    data = inverted(model, v=bar.v, a=bar.a)
+    closed, held = data.qfrc_inverse, data.qfrc_constraint
     model.opt.disableflags |= EQUALITY
     tree = inverse(model, v=bar.v, a=bar.a)
     return Shown(float(abs(closed - tree).max()), 0.0, float(abs(closed + held - tree).max()), "N m")

@@ -29,12 +29,17 @@ def state(model: mujoco.MjModel, q: Any = None, v: Any = 0.0) -> mujoco.MjData:
     return data
 
 
-def inverse(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Array:
-    """What `mj_inverse` says. Shape (n_v,)."""
+def inverted(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> mujoco.MjData:
+    """Data after `mj_inverse`."""
     data = state(model, q, v)
     data.qacc[:] = a
     mujoco.mj_inverse(model, data)
-    return np.array(data.qfrc_inverse)
+    return data
+
+
+def inverse(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Array:
+    """What `mj_inverse` says. Shape (n_v,)."""
+    return np.array(inverted(model, q, v, a).qfrc_inverse)
 
 
 def measured(text: str, measure: Callable[[mujoco.MjModel], float]) -> tuple[float, str]:

@@ -89,7 +89,7 @@ def four_bar(bar: FourBar) -> pin.Model:
         joints.append(
             model.addJoint(joints[parent], pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([*at, 0.0])), name)
         )
-        com = np.array([*bar.along[k] * bar.links.lengths[k] / 2.0, 0.0])
-        inertia = pin.Inertia(bar.links.masses[k], com, bar.links.moments[k] * np.eye(3))
+        com = np.array([*bar.along[k] * bar.lengths[k] / 2.0, 0.0])
+        inertia = pin.Inertia(bar.masses[k], com, bar.moments[k] * np.eye(3))
         model.appendBodyToJoint(joints[-1], inertia, pin.SE3.Identity())
     return model
