@@ -138,6 +138,18 @@ REFUSALS = {
     "massless": (ARM.replace(MATTER, ""), "mujoco", "give that link a share of its neighbour's mass"),
     "without moments": (ARM.replace('ixx="1"', 'ixx="0"'), "mujoco", "three positive principal moments"),
     "no body is so long": (ARM.replace('ixx="1"', 'ixx="3"'), "mujoco", "the tensor of a body that can be"),
+    "decimal comma": (
+        ARM.replace('value="1"', 'value="1,5"'),
+        "pinocchio",
+        "drops what it cannot read (Inertial: mass [1,5]",
+    ),
+    "no product": (ARM.replace('ixy="0"', ""), "pinocchio", "missing ixy attribute"),
+    "no direction": (ARM.replace("</joint>", '<axis xyz="0 0 0"/></joint>'), "pinocchio", "axis of joint j is 0"),
+    "decimal comma in damping": (
+        ARM.replace("</joint>", '<dynamics damping="0,5"/></joint>'),
+        "yourdfpy",
+        "could not convert string to float: '0,5'",
+    ),
     "no limits": (ARM.replace("continuous", "prismatic"), "pinocchio", "Joint [j] is of type PRISMATIC without limits"),
     "wrong word": (mjcf(BODY.replace("<joint", "<joit")), "mujoco", "unrecognized"),
     "unknown class": (mjcf(BODY.replace("<joint", '<joint class="x"')), "pinocchio", "Pinocchio refuses it ("),
