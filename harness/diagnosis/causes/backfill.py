@@ -124,15 +124,14 @@ def write_fix(out: Path, text: str, b: Path) -> None:
     Raises:
         OutputError: It is B's own, has the ending of another format, or cannot be written.
     """
-    form = prepare(b).form
-    if FORMATS.get(out.suffix, form) != form and out.suffix != b.suffix:
-        raise OutputError(
-            f"ends with {out.suffix}, and B is a file of {form.upper()}", str(out), "choose another --fix"
-        )
     if out.exists() and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
     if out.is_dir():
         raise OutputError("is a folder", str(out), "name a file")
+    if out.suffix in FORMATS and out.suffix != b.suffix and (form := prepare(b).form) != FORMATS[out.suffix]:
+        raise OutputError(
+            f"ends with {out.suffix}, and B is a file of {form.upper()}", str(out), "choose another --fix"
+        )
     with suppress(OSError):  # which `replace_file` then meets, too
         out.parent.mkdir(parents=True, exist_ok=True)
     replace_file(out, text)
