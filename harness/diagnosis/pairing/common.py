@@ -80,13 +80,9 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     b = ordered(renamed(_unclashed(b, names), names), a.joints)
     homes = {name: joint.home for name, joint in b.joints.items()}
     b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
-    T, roots = pairing.placement, [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
+    roots = [body.joints[0] for body in b.bodies.values() if body.near not in b.bodies]
     free = [root for root in roots if b.joints[root].kind == "free"]
-    down = np.abs(T[:3, :3] @ b.gravity - b.gravity).max() <= CLOSE
-    if free == roots or (len(roots) == 1 and np.array_equal(a.gravity, b.gravity) and not down):
-        T = np.eye(
-            4
-        )  # where both say the same of gravity, what stands turned is the one joint with all that it carries
+    T = np.eye(4) if free == roots or (len(roots) == 1 and _turned(a, b, pairing.placement)) else pairing.placement
     for root in free:
         # A free base is where its coordinates say: this placement is one of them, not of the world.
         X = np.linalg.inv(T) @ _stands(a, b, root)
@@ -104,6 +100,14 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         homes,
         T,
     )
+
+
+def _turned(a: Reading, b: Reading, T: Array) -> bool:
+    """Whether both say the same of where down is, and a placement of B's world turns that: then its base is turned."""
+    g, h = (STANDARD if each.gravity is None else each.gravity for each in (a, b))
+    least = CLOSE * float(np.linalg.norm(g) * np.linalg.norm(h))
+    same = np.linalg.norm(np.cross(g, h)) <= least and g @ h > 0.0
+    return bool(same and np.linalg.norm(T[:3, :3] @ h - h) * np.linalg.norm(g) > least)
 
 
 def _stands(a: Reading, b: Reading, root: str) -> Array:
