@@ -49,6 +49,7 @@ REFUSED = {
     "negative mass": (ARM.replace('value="1"', 'value="-1"'), "mass of body b is -1 kg; give it one that is not neg"),
     "infinite mjcf": (mjcf(BODY.replace('pos="0', 'pos="infinity')), "pos of inertial is not a finite number"),
     "no such link": (ARM.replace('child link="b"', 'child link="x"'), "unknown link 'x'; choose one of: a, b"),
+    "no such leader": (ARM.replace("</joint>", '<mimic joint="x"/></joint>'), "unknown joint 'x'; choose one of: j"),
     "no child": (ARM.replace('<child link="b"/>', ""), "joint j has no child; name that link"),
     "two roots": (ARM.replace("</robot>", '<link name="c"/></robot>'), "2 links hang on no joint (a, c)"),
     "no root": (ARM.replace('<link name="a"/>', "").replace('"a"', '"b"'), "every link hangs on a joint"),

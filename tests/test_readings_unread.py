@@ -34,6 +34,7 @@ CASES = [
     ("pinocchio", TURNED, ("origin quat_xyzw, as the file is not of version 1.1",)),
     ("mujoco", TURNED.replace('name="r"', 'name="r" version="1.1"'), ("origin quat_xyzw of joint j",)),
     ("yourdfpy", TURNED, ("origin quat_xyzw of joint j",)),
+    ("yourdfpy", ARM.replace('"j"', '"joint 1"'), ("limit effort of joint joint 1, k",)),
     ("pinocchio", ARM.replace("<dynamics", "<new/><dynamics"), ("new of joint j",)),
     ("mujoco", mjcf(BODY), ()),
     ("mujoco", mjcf(BODY, '<option wind="1 0 0" density="1"/>'), ("option wind",)),
