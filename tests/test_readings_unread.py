@@ -18,6 +18,7 @@ PLANAR = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}
 <joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>"""
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 JOINT = '<joint name="j" armature="0.1" damping="1" frictionloss="2" stiffness="3" range="-1 1"/>'
+FIXED = f'<body name="tool">{INERTIAL}</body></body>'
 BODY = f'<body name="a" gravcomp="0.5">{JOINT}{INERTIAL}</body>'
 
 
@@ -37,6 +38,7 @@ CASES = [
     ("yourdfpy", ARM.replace('"j"', '"joint 1"'), ("limit effort of joint joint 1, k",)),
     ("pinocchio", ARM.replace("<dynamics", "<new/><dynamics"), ("new of joint j",)),
     ("mujoco", mjcf(BODY), ()),
+    ("mujoco", mjcf(BODY.replace("</body>", FIXED), '<compiler fusestatic="true"/>'), ()),
     ("mujoco", mjcf(BODY, '<option wind="1 0 0" density="1"/>'), ("option wind",)),
     ("mujoco", mjcf(BODY.replace("range", 'solreflimit="0.1 1" range')), ("solreflimit of joint j",)),
     ("mujoco", mjcf(BODY.replace(INERTIAL, '<geom size="0.1"/>')), ("contacts of geoms",)),
