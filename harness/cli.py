@@ -59,6 +59,17 @@ def _whole(least: int) -> Callable[[str], int]:
     return number
 
 
+def _named(text: str) -> str:
+    """What an unset variable of a shell leaves would be the current folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
+    return text
+
+
+def _path(text: str) -> Path:
+    return Path(_named(text))
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="screwgauge",
@@ -76,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
         )
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if out:
-            added.add_argument("--out", type=Path, metavar="DIR", help=f"default: screwgauge-out/{out}")
+            added.add_argument("--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
         added.set_defaults(command=run)
         return added.add_argument
 
@@ -98,14 +109,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
 
     add = command(commands.import_, "a URDF or MJCF as description (NAME.toml) and scene (NAME.scene.toml)")
-    add("file", type=Path, metavar="FILE", help="a URDF or MJCF")
+    add("file", type=_path, metavar="FILE", help="a URDF or MJCF")
     add(
         "--loops",
-        type=Path,
+        type=_path,
         metavar="FILE",
         help="what closes its loops: robot.yaml or NAME.loops.toml (those beside it)",
     )
-    add("-o", "--out", type=Path, metavar="NAME.toml", help="default: FILE.toml in this folder")
+    add("-o", "--out", type=_path, metavar="NAME.toml", help="default: FILE.toml in this folder")
     add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
     add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")
     add("--floating", action="store_true", help="the base of a URDF moves freely")
@@ -130,10 +141,10 @@ def _parser() -> argparse.ArgumentParser:
     which = "built-in scene or mechanism, or path of a TOML, URDF or MJCF file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
-    add("--out", type=Path, metavar="FILE.html", help="write the page and end")
-    add("--png", type=Path, metavar="FILE.png", help="write a picture of the home pose and end")
+    add("--out", type=_path, metavar="FILE.html", help="write the page and end")
+    add("--png", type=_path, metavar="FILE.png", help="write a picture of the home pose and end")
     video = "write the motion as a GIF or WebP and end (needs pillow)"
-    add("--video", type=Path, metavar="FILE.gif", help=video)
+    add("--video", type=_path, metavar="FILE.gif", help=video)
     add("--mujoco", action="store_true", help="open MuJoCo's own viewer on its MJCF instead")
     add("--port", type=int, metavar="N", help="default: a free one")
 
@@ -160,34 +171,38 @@ def _parser() -> argparse.ArgumentParser:
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    add("a", nargs="?", metavar="A", help=which)
-    add("b", nargs="?", metavar="B", help="the same")
+    add("a", nargs="?", type=_named, metavar="A", help=which)
+    add("b", nargs="?", type=_named, metavar="B", help="the same")
     add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
     add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
     add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
     add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
-    add("--map", type=Path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
-    add("--loops", type=Path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
+    add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
+    add("--loops", type=_path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
-    add("--fix", type=Path, metavar="FILE", help="write B as it would have to be to agree with A")
+    add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 
     add = command(
         gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
     )
     add(
-        "what", nargs="*", metavar="SCENE|FOLDER|MODEL", help="default: all built-in scenes; two model files are a pair"
+        "what",
+        nargs="*",
+        type=_named,
+        metavar="SCENE|FOLDER|MODEL",
+        help="default: all built-in scenes; two model files are a pair",
     )
     add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
-    add("--tolerances", type=Path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
-    add("--baseline", type=Path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
+    add("--tolerances", type=_path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
+    add("--baseline", type=_path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
     add("--update", action="store_true", help="make this the known state")
-    add("--junit", type=Path, metavar="FILE", help="write JUnit XML, too")
+    add("--junit", type=_path, metavar="FILE", help="write JUnit XML, too")
     add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
     add("--json", action="store_true", help="print all of it as JSON")
-    add("--store", type=Path, metavar="DIR", help="keep errors and run times there, see 'history'")
+    add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
     add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
     add("--count", type=_whole(1), default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
@@ -195,8 +210,8 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(gate.history, "errors and run times over versions, machines and models", out="history-report")
     add("scene", nargs="?", metavar="SCENE", help="default: all that were checked")
-    add("--store", type=Path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
-    add("--baseline", type=Path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
+    add("--store", type=_path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
+    add("--baseline", type=_path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
     add("--smoke", action="store_true", help="of checks with --smoke")
 
     add = command(

@@ -264,14 +264,15 @@ def _axial(table: Any, joints: dict[str, Any], where: str) -> tuple[str, Array] 
 
 def _check_names(mechanism: Mechanism, where: str) -> None:
     bodies = [body.name for body in mechanism.bodies]
+    for name, what in ((GROUND, "the fixed world"), ("environment", "who exerts the loads of a scene")):
+        if name in bodies:
+            raise DescriptionError(f"'{name}' is {what}", where, "name the body otherwise")
     for joint in mechanism.joints:
         for side in (joint.parent, joint.child):
             if side not in (GROUND, *bodies):
                 raise UnknownNameError("body", side, [GROUND, *bodies], joint.where)
         if joint.parent == joint.child:
             raise DescriptionError(f"joins '{joint.parent}' to itself", joint.where, "name two bodies")
-    if GROUND in bodies:
-        raise DescriptionError(f"'{GROUND}' is the fixed world", where, "name the body otherwise")
     for name in mechanism.coordinates:
         if mechanism.coordinates.count(name) > 1:
             raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")

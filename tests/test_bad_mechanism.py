@@ -134,6 +134,7 @@ def test_joint_to_a_body_that_does_not_exist_is_refused(side, rod, refused):
         ('parent = "ground"', 'parent = "rod"', "joins 'rod' to itself"),
         ("", "[bodies.free]\nmass = 1\ninertia = {}", "body 'free' is not connected to ground"),
         ("", "[bodies.ground]\nmass = 1\ninertia = {}", "'ground' is the fixed world"),
+        ("", "[bodies.environment]\nmass = 1\ninertia = {}", "'environment' is who exerts the loads of a scene"),
         ("", '[joints.b]\nkind = "R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 1, 0]]\ncoordinates = ["hinge"]',
          "two coordinates are called 'hinge'"),
         ('"R"\n', '"U"\n', "a U joint has 2 axes"),

@@ -329,6 +329,19 @@ def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene,
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [["run", "--out", ""], ["check", ""], ["diagnose", "", "b"], ["import", ""], ["view", "a", "--png", ""]],
+)
+def test_an_empty_path_is_not_the_current_folder(arguments, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "is empty; name a file or folder, or leave it out" in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("arguments", [[], ["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]])
 def test_wrong_usage_exits_with_2(arguments, capfd):
     with pytest.raises(SystemExit) as caught:

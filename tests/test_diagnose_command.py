@@ -38,6 +38,13 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     assert json.loads(capsys.readouterr().out)["same"]
 
 
+def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
+    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    assert main(["diagnose", arms[0], str(other), "--fix", "fixed.urdf"]) == 2
+    assert "fixed.urdf: ends with .urdf, and B is a file of MJCF; choose another --fix" in capsys.readouterr().err
+    assert not (tmp_path / "fixed.urdf").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -20,6 +20,10 @@ ORIENTATIONS = {
     "zaxis": f'zaxis="0 {-5 * S!r} {5 * C!r}"',
 }
 AGAIN = 1e-12
+STAND = (
+    '<body name="stand" pos="1 0 0"><joint name="s" axis="0 1 0"/>' + INERTIAL.format(at="0 0 0.1", mass=3) + "</body>"
+)
+LOOSE = f'<body name="box" pos="2 0 0"><freejoint name="f"/>{INERTIAL.format(at="0 0 0", mass=4)}</body>'
 
 
 def arm(orientation: str, mass: float = 1.5, base: str = '<joint name="a" axis="0 1 0"/>', wrist: str = "") -> str:
@@ -81,3 +85,22 @@ def test_a_body_that_is_described_in_another_frame_is_the_same_body(base, diagno
     b = world.format(inner.format(turn=turn, base=base, com="0.02 -0.01 0.03", moments="0.03 0.02 0.04"))
     found = diagnosed(a, b)
     assert found.same, found.verdict
+
+
+@pytest.mark.parametrize("turn", ["euler='40 0 0'", "euler='180 0 0'", "quat='0 0.6 0 0.8'", "euler='90 0 0'"])
+@pytest.mark.parametrize("base", ["", '<joint name="a" type="slide" axis="0 1 0"/><joint name="c" type="ball"/>'])
+def test_a_base_that_stands_turned_is_one_difference_and_no_gravity(turn, base, diagnosed, tmp_path):
+    a = arm(ORIENTATIONS["quat"], base=base or '<joint name="a" axis="0 0 1"/>')
+    found = diagnosed(a, a.replace('name="one"', f'name="one" {turn}'))
+    assert proved(found, tmp_path).startswith("a: sits elsewhere in B, with all that it carries (")
+
+
+@pytest.mark.parametrize("beside", [STAND, LOOSE])
+@pytest.mark.parametrize("first", [False, True])
+def test_a_free_base_stands_where_its_coordinates_say_whatever_else_there_is(beside, first, diagnosed):
+    free = arm(ORIENTATIONS["quat"], base='<freejoint name="a"/>')
+    where = ("<worldbody>", f"<worldbody>{beside}") if first else ("</worldbody>", f"{beside}</worldbody>")
+    a = free.replace(*where)
+    found = diagnosed(a, a.replace('name="one"', "name='one' euler='0 45 0'"))
+    assert found.same
+    assert "a stands elsewhere at home in B (0.7854 rad): a free base is where its coordinates say" in found.notes

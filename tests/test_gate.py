@@ -166,6 +166,8 @@ def test_a_folder_is_its_scenes_and_a_broken_one_is_a_row(theirs):
     }
     assert found.exit_status == 2
     assert "unknown key 'colour'" in found.rows[2].sentence
+    assert main(["check", "broken.toml", "--junit", "junit.xml"]) == 2
+    assert ET.parse(theirs / "junit.xml").getroot().get("errors") == "1"
 
 
 def test_smoke_takes_few_samples_and_says_what_they_test(theirs):

@@ -375,3 +375,9 @@ def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
     assert any("keep elbow-joint beyond limits, which are left out" in sentence for sentence in imported.remarks)
     assert np.isinf(imported.mechanism.joint("elbow-joint").limits).all()
     assert "elbow-joint" not in imported.mechanism.independent
+
+
+def test_limits_without_room_are_said_to_be_left_out(tmp_path):
+    arm = (link("base"), link("arm", 1.0), joint("hip", "revolute", "base", "arm", AXIS.format(1.0, -1.0)))
+    imported = import_model(robot(tmp_path, *arm))
+    assert "Limits of 'hip' leave no room, and are left out." in imported.remarks

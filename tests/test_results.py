@@ -63,6 +63,13 @@ def test_errata_are_those_of_the_paper_s_scene(results, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_an_empty_path_is_not_the_current_folder(results):
+    with pytest.raises(OutputError, match="is empty, which would be the current folder; name a folder"):
+        results.write("")
+    with pytest.raises(ScrewgaugeError, match="'' is no name or path"):
+        screwgauge.check("")
+
+
 def test_a_figure_is_found_by_its_name(results):
     assert [picture.name for picture in results.figure("mechanism")] == ["mechanism"]
     assert [picture.name for picture in results.figure("condition")] == ["04-condition"]

@@ -278,3 +278,8 @@ def test_the_bench_measures_no_tables(scene, right, refused):
 def test_arrays_that_are_no_table_are_refused(t, columns, said):
     with pytest.raises(ScrewgaugeError, match=said):
         Recorded(t, columns)
+
+
+def test_a_table_that_is_not_asked_for_is_said(scene, right):
+    results = screwgauge.run(scene(forces(right)), ["screw"])
+    assert "tables.mine is not compared, as no engine of that name is asked for" in results.warnings

@@ -21,12 +21,12 @@ from screwgauge.diagnosis.differences.loops import Loops, loops
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
-from screwgauge.diagnosis.model import Model, Read, alike, in_process, loaded
+from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, in_process, loaded
 from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
-from screwgauge.diagnosis.pairing.mapping import Pairing, paired, read_map
-from screwgauge.diagnosis.verdict import SAME, stopped, strange, verdict
+from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
+from screwgauge.diagnosis.verdict import BINDING, SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.reading import Reading
@@ -135,8 +135,7 @@ def diagnose(
         raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
     beside = None if loops is None else Path(loops)
-    one, two = alike(loaded(a, load, beside), loaded(b, load, beside), load)
-    pairing = paired(one.reading, two.reading, given)
+    one, two, pairing = cut_alike(*alike(loaded(a, load, beside), loaded(b, load, beside), load), given)
     if not pairing.alike:
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
     else:
@@ -155,11 +154,11 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
     common = brought(ours, b.reading, pairing)
     found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
-    found = compiled((a, b), marked(_said(found, a, b), (a.digits, b.digits)))
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops((a, b), common, pairing, seed, deadline)
+    found = compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits)))
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
@@ -222,8 +221,12 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
     return tuple(zip(asked.names, before.tolist(), after.tolist(), strict=True))
 
 
-def _said(found: Sequence[Difference], a: Model, b: Model) -> list[Difference]:
-    """Without what one of the formats cannot say: limits of a description, closures of a URDF."""
+def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
+    """Without what one of the formats cannot say, limits of a description, closures of a URDF; and without other points
+    of one axis, where loops leave the same.
+    """
     silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
     silent |= set() if a.says_closures and b.says_closures else {"closure"}
+    points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
+    found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
     return [each for each in found if each.what not in silent]

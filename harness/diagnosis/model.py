@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
 from screwgauge.diagnosis.pairing.common import STANDARD
+from screwgauge.diagnosis.pairing.cuts import Copy, copies, united
+from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.readings.loops import with_loops
@@ -37,6 +39,8 @@ class Model:
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
         loops: File beside a URDF that says what closes its loops.
+        parts: Bodies that are taken for parts of others, as the other model has them.
+        as_read: The reading before that; None where there are none.
     """
 
     label: str
@@ -47,6 +51,8 @@ class Model:
     digits: int = ALL
     sha256: str = ""
     loops: Path | None = None
+    parts: tuple[Copy, ...] = ()
+    as_read: Reading | None = None
 
     @property
     def says_closures(self) -> bool:
@@ -56,7 +62,14 @@ class Model:
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
         reading = load(file, self.library, self.floating)
-        return with_loops(reading, self.loops) if self.loops else reading
+        return united(with_loops(reading, self.loops) if self.loops else reading, self.parts)
+
+    def united(self, parts: Iterable[Copy]) -> Model:
+        """With bodies that are parts of others."""
+        given = tuple(parts)
+        if not given:
+            return self
+        return replace(self, parts=given, as_read=self.reading, reading=united(self.reading, given))
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:
@@ -104,6 +117,15 @@ def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
 def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
     """Both, a description cut as the other one's file is, and a URDF's base floating where the other one's does."""
     return _like(a, b, load), _like(b, a, load)
+
+
+def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
+    """Both, loops that one closes by a copy of a body being cut as the other one's are; and their partners."""
+    pairing = paired(a.reading, b.reading, given)
+    back = {other: name for name, other in pairing.bodies.items()}
+    one = a.united(copies(a.reading, b.reading, pairing.only_a, pairing.bodies))
+    two = b.united(copies(b.reading, a.reading, pairing.only_b, back))
+    return one, two, paired(one.reading, two.reading, given) if one.parts or two.parts else pairing
 
 
 def _like(model: Model, other: Model, load: Read) -> Model:

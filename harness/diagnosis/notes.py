@@ -7,7 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
+from screwgauge.diagnosis.differences.geometry import amount
+from screwgauge.diagnosis.differences.words import turn_and_way
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
+from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
@@ -41,12 +44,27 @@ def notes(
             said.append(
                 f"{side} names no actuators: torques are compared of all joints of the open tree, driven or not"
             )
+        if model.parts:
+            names = first_few([part.name for part in model.parts], NAMED)
+            said.append(
+                f"{side} closes loops by copies of bodies ({names}): they are parts of these, as in the other one"
+            )
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
-    said += _welded(common)
+    said += [*_elsewhere(common), *_welded(common)]
     if both := [what for what in a.reading.ignored if what in b.reading.ignored]:
         said.append(f"not compared, whether or not both say the same of it: {first_few(both, NAMED, '; ')}")
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
+
+
+def _elsewhere(common: Common) -> Iterator[str]:
+    """Free bodies that B has elsewhere at home."""
+    for name, body in common.b.bodies.items():
+        joint = common.b.joints[body.joints[0]]
+        off = amount(common.behind[name], joint.centre)
+        if joint.kind == "free" and max(off[0], off[1] / size(common.a)) > CLOSE:
+            much = turn_and_way(off)
+            yield f"{body.joints[0]} stands elsewhere at home in B ({much}): a free base is where its coordinates say"
 
 
 def _welded(common: Common) -> Iterator[str]:

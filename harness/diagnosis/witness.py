@@ -58,7 +58,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
     for side, model in zip("AB", models, strict=False):
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
-        reading = model.reading
+        reading = model.as_read or model.reading
         tree = plant(weighed(reading))
         states = draw(reading, STATES, seed)
         try:

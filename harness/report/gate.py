@@ -140,7 +140,7 @@ def _banner(found: Check) -> Banner:
 
 def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
     """What tables say of rows: status and worst error."""
-    nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"), "")
+    nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
     for row in rows:
         worst = {**asdict(row.worst), "digits": digits_text(row.worst.error)} if row.worst else nothing

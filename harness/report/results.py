@@ -44,6 +44,8 @@ class Results(Comparison):
             DescriptionError: Errata are asked for of another scene than the paper's.
             ReportError: The numbers are there, the report could not be made.
         """
+        if out == "":
+            raise OutputError("is empty, which would be the current folder", "out", "name a folder")
         return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf)
 
     def plot(self) -> Pictures:

@@ -79,6 +79,11 @@ def run(
     checked = _check_simulated if scene.simulated else _check_given
     counted, components, lay, wanted, warnings = checked(scene, wanted)
     unread = [f"models.{name} is not read, as {name} does not run" for name in scene.models if name not in names]
+    unread += [
+        f"tables.{name} is not compared, as no engine of that name is asked for"
+        for name in scene.tables
+        if name not in names
+    ]
     warnings = (*warnings, *unread)
     for sentence in warnings:
         warn(sentence)

@@ -63,15 +63,21 @@ def _said(loops: Loops, q: Array, error: float) -> tuple[str, ...]:
     if error > CLOSED:
         rounding = some(loops.gaps(q, CLOSED))
         said.append(f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}.")
+    if tight := [f"'{name}'" for name, (low, high) in _limits(loops) if not low < high]:
+        said.append(f"Limits of {some(tight)} leave no room, and are left out.")
     if beyond := _beyond(loops, q):
         said.append(f"Loops or couplings keep {some(beyond)} beyond limits, which are left out.")
     return tuple(said)
 
 
+def _limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
+    return [(name, joint.limits) for name, joint in loops.reading.joints.items()]
+
+
 def _beyond(loops: Loops, q: Array) -> list[str]:
     """Joints that are outside their limits."""
-    found = ((name, x, loops.reading.joints[name].limits) for name, x in loops.values(q).items())
-    return [name for name, x, (low, high) in found if low < high and not low <= x <= high]
+    at = loops.values(q)
+    return [name for name, (low, high) in _limits(loops) if name in at and low < high and not low <= at[name] <= high]
 
 
 def some(phrases: Sequence[str]) -> str:

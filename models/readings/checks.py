@@ -83,9 +83,10 @@ def check_tree(root: ET.Element, where: str) -> None:
 
     Raises:
         ModelFileError: A joint has no parent or child, a link hangs on two joints, or several or none on no joint.
-        UnknownNameError: A joint joins a link that is not there.
+        UnknownNameError: A joint joins a link, or mimics a joint, that is not there.
     """
     links = [link.get("name", "") for link in root.iterfind("link")]
+    joints = [joint.get("name", "") for joint in root.iterfind("joint")]
     known, hung = {*links}, set[str]()
     for joint in root.iterfind("joint"):
         for side in ("parent", "child"):
@@ -99,6 +100,9 @@ def check_tree(root: ET.Element, where: str) -> None:
             remedy = "cut the loop open and say it in a loops file beside the URDF"
             raise ModelFileError(f"link {child} hangs on two joints", where, remedy)
         hung.add(child)
+        leads = joint.find("mimic")
+        if leads is not None and leads.get("joint") not in joints:
+            raise UnknownNameError("joint", leads.get("joint"), joints, f"{where}, mimic of {joint.get('name')}")
     free = [name for name in links if name not in hung]
     if len(free) != 1:
         what = f"{len(free)} links hang on no joint ({', '.join(free[:3])})" if free else "every link hangs on a joint"

@@ -69,7 +69,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def loaded(source: Source) -> Any:
-    """The compiled model; links of a URDF that are fixed to each other stay apart.
+    """The compiled model; bodies that are fixed to each other stay apart.
 
     Raises:
         ModelFileError: MuJoCo refuses it.
@@ -78,8 +78,7 @@ def loaded(source: Source) -> Any:
 
     try:
         spec = mujoco.MjSpec.from_string(source.text)
-        if source.form == "urdf":
-            spec.compiler.fusestatic = False  # links keep their names; MuJoCo 4.0.0 merges them alike
+        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         said = " ".join(str(error).removeprefix("Error: ").split())

@@ -49,7 +49,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     Raises:
         ModelFileError: Pinocchio refuses it.
     """
-    model, ignored = loaded(source)
+    model = loaded(source)
     q, parts = start(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
@@ -57,8 +57,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = _placed(model, q)
     assembly = assemble(_links(model, placed, parts), str(source.path))
-    if source.form == "urdf":
-        ignored += _planar_axes(source)
+    ignored = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
     return Reading(
         name=source.name,
         library="pinocchio",
@@ -72,8 +71,12 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def loaded(source: Source) -> tuple[Any, list[str]]:
-    """The model, and what was said of a file that was loaded all the same."""
+def loaded(source: Source) -> Any:
+    """The model.
+
+    Raises:
+        ModelFileError: Pinocchio refuses the file, or drops a part of it.
+    """
     import pinocchio
 
     said: list[str] = []
@@ -88,7 +91,11 @@ def loaded(source: Source) -> tuple[Any, list[str]]:
         # an exception of Boost begins with its place in the sources
         reason = "; ".join(said) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
-    return model, [f"what Pinocchio complains of: {sentence}" for sentence in said]
+    if said:  # it would go on without mass and inertia
+        raise ModelFileError(
+            f"Pinocchio drops what it cannot read ({'; '.join(said)})", str(source.path), "mend the file"
+        )
+    return model
 
 
 def start(model: Any) -> Array:
@@ -212,6 +219,13 @@ def _planar_axes(source: Source) -> Iterator[str]:
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
         if joint.get("type") == "planar" and [float(word) for word in xyz.split()][:2] != [0.0, 0.0]:
             yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
+
+
+def _unturned(source: Source) -> Iterator[str]:
+    """The parser of URDF reads quaternions from version 1.1 on; a file without a version is one of 1.0."""
+    origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
+    if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
+        yield "origin quat_xyzw, as the file is not of version 1.1"
 
 
 def _joint(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:

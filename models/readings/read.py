@@ -88,3 +88,5 @@ def _check(reading: Reading, where: str) -> None:
     for name, joint in reading.joints.items():
         if not (np.isfinite(joint.screw).all() and np.isfinite(joint.centre).all()):
             raise ModelFileError(f"axis of joint {name} is not finite", where, "write finite numbers")
+        if joint.kind in ("hinge", "slide") and not joint.screw.any():
+            raise ModelFileError(f"axis of joint {name} is 0", where, "give it a direction")

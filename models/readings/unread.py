@@ -28,7 +28,7 @@ def unread(source: Source, reading: Reading) -> tuple[str, ...]:
 def _whose(owners: list[str]) -> str:
     """`` of joint a, b, c and 9 more``, from `` of joint a``, `` of joint b`` ..."""
     owners = list(dict.fromkeys(owners))
-    kind = owners[0].rpartition(" ")[0]
+    kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
 
 

@@ -33,18 +33,18 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         options = {"load_meshes": False, "load_collision_meshes": False}
         robot = yourdfpy.URDF.load(io.BytesIO(_independent(source.root)), **options)
         robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
+        joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
     except Exception as error:  # it raises what its own parts raise
         reason = f"{type(error).__name__}: {error}"
         raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "mend the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
         raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "take another library")
-    joints = {joint.name: joint for joint in robot.joint_map.values() if joint.type in _KINDS}
     assembly = assemble(_links(robot), where)
     return Reading(
         name=source.name,
         library="yourdfpy",
         bodies=assembly.bodies,
-        joints={name: _joint(robot, joint, home.get(name, 0.0)) for name, joint in joints.items()},
+        joints=joints,
         fixed=assembly.fixed,
         couplings=source.mimics,
     )

@@ -16,7 +16,9 @@ from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, 
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.known import unheard
+from screwgauge.models.elements import FORMATS
 from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
 from screwgauge.reference.files import read_file, replace_file
 
@@ -120,12 +122,16 @@ def write_fix(out: Path, text: str, b: Path) -> None:
     """Writes the changed file, whole or not at all.
 
     Raises:
-        OutputError: It is B's own, or it cannot be written.
+        OutputError: It is B's own, has the ending of another format, or cannot be written.
     """
     if out.exists() and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
     if out.is_dir():
         raise OutputError("is a folder", str(out), "name a file")
+    if out.suffix in FORMATS and out.suffix != b.suffix and (form := prepare(b).form) != FORMATS[out.suffix]:
+        raise OutputError(
+            f"ends with {out.suffix}, and B is a file of {form.upper()}", str(out), "choose another --fix"
+        )
     with suppress(OSError):  # which `replace_file` then meets, too
         out.parent.mkdir(parents=True, exist_ok=True)
     replace_file(out, text)

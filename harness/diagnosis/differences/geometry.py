@@ -79,30 +79,27 @@ def _of_joint(
     a: Reading, common: Common, name: str, length: float
 ) -> Iterator[tuple[str, Array | float, tuple[float, float]]]:
     """Deviations of one joint; after each, the caller puts B right and goes on with the next joint."""
-    ours, theirs = a.joints[name], common.b.joints[name]
-    b = common.b
-    if ours.kind != theirs.kind:
+    ours, b = a.joints[name], common.b
+    if ours.kind != b.joints[name].kind:
         return
     turns = ours.kind in ("hinge", "slide")
-    if turns and axis(ours) @ axis(theirs) < 0.0:
-        yield "sign", -1.0, (math.pi, 0.0)
-        b = _righted(common, Change(name, "sign", np.array(-1.0))).b
-        common = replace(common, b=b)
     D = _displaced(a, b, name, length)
-    if D is not None:
-        along = _along(ours, D, length) if turns else None
-        if along is not None:
-            # B's home geometry is A's at another coordinate
-            yield "zero", b.joints[name].home - along, (abs(along), 0.0) if ours.kind == "hinge" else (0.0, abs(along))
-            b = rehomed(
-                applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
-            )[0]
-        else:
-            yield "placement", D, _amount(D, ours.centre)
-            b = applied(b, [Change(name, "placement", D)])
-    theirs = b.joints[name]
+    along = _along(ours, D, length) if turns and D is not None else None
+    if D is not None and along is None:  # which way it counts shows where it stands as in A
+        yield "placement", D, amount(D, ours.centre)
+        b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return
+    if axis(ours) @ axis(b.joints[name]) < 0.0:
+        yield "sign", -1.0, (math.pi, 0.0)
+        b = _righted(replace(common, b=b), Change(name, "sign", np.array(-1.0))).b
+    if along is not None:
+        # B's home geometry is A's at another coordinate
+        yield "zero", b.joints[name].home - along, (abs(along), 0.0) if ours.kind == "hinge" else (0.0, abs(along))
+        b = rehomed(
+            applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
+        )[0]
+    theirs = b.joints[name]
     off = math.atan2(float(np.linalg.norm(np.cross(axis(theirs), axis(ours)))), float(axis(theirs) @ axis(ours)))
     if off > ROUNDING:
         yield "axis", axis(ours), (off, 0.0)
@@ -197,7 +194,7 @@ def _along(joint: JointReading, D: Array, length: float) -> float | None:
     return along if off < loose else None
 
 
-def _amount(D: Array, at: Array) -> tuple[float, float]:
+def amount(D: Array, at: Array) -> tuple[float, float]:
     """Angle of a displacement [rad], and how far it moves a point [m]."""
     R = D[:3, :3]
     return float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ at + D[:3, 3] - at))

@@ -60,12 +60,17 @@ def place(item: str, what: str, amount: tuple[float, float], joint: JointReading
     if what == "zero":
         much = f"{angle:.6g} rad ({math.degrees(angle):.6g} deg)" if joint.kind == "hinge" else f"{way * 1e3:.6g} mm"
         return f"{item}: its zero is {much} elsewhere in B"
-    much = " and ".join([f"{angle:.4g} rad"] * (angle > 1e-12) + [f"{way * 1e3:.4g} mm"] * (way > 1e-12)) or "nothing"
     if what == "placement":
-        return f"{item}: sits elsewhere in B, with all that it carries ({much})"
+        return f"{item}: sits elsewhere in B, with all that it carries ({turn_and_way(amount)})"
     if what == "axis":
         return f"{item}: its axis alone is tilted in B by {angle:.6g} rad ({math.degrees(angle):.4g} deg)"
     return f"{item}: its axis alone is shifted in B by {way * 1e3:.6g} mm"
+
+
+def turn_and_way(amount: tuple[float, float]) -> str:
+    """An angle [rad] and a way [m], those that are there."""
+    angle, way = amount
+    return " and ".join([f"{angle:.4g} rad"] * (angle > 1e-12) + [f"{way * 1e3:.4g} mm"] * (way > 1e-12)) or "nothing"
 
 
 def with_sides(sentence: str, a: str, b: str) -> str:

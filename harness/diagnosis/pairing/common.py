@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
+from screwgauge.diagnosis.mechanics.dynamics import downwards
+from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.kinematics.home import rehomed
@@ -75,14 +77,16 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     b = ordered(renamed(_unclashed(b, names), names), a.joints)
     homes = {name: joint.home for name, joint in b.joints.items()}
     b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
-    T, root = pairing.placement, next(iter(b.joints), "")
-    if b.joints and b.joints[root].kind == "free":
+    roots = [b.bodies[name].joints[0] for name in b.roots]
+    free = [root for root in roots if b.joints[root].kind == "free"]
+    T = np.eye(4) if free == roots or (len(roots) == 1 and _turned(a, b, pairing.placement)) else pairing.placement
+    for root in free:
         # A free base is where its coordinates say: this placement is one of them, not of the world.
-        b = applied(b, [Change(root, "placement", T)])
+        X = np.linalg.inv(T) @ _stands(a, b, root)
+        b = applied(b, [Change(root, "placement", X)])
         bodies, joints = outwards(b, root)
-        before = {n: T @ X if n in joints and n != root else X for n, X in before.items()}
-        behind = {n: T @ X if n in bodies else X for n, X in behind.items()}
-        T = np.eye(4)
+        before = {n: X @ Y if n in joints and n != root else Y for n, Y in before.items()}
+        behind = {n: X @ Y if n in bodies else Y for n, Y in behind.items()}
     b = placed(b, T)
     return Common(
         a,
@@ -93,6 +97,27 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         homes,
         T,
     )
+
+
+def _turned(a: Reading, b: Reading, T: Array) -> bool:
+    """Whether both say the same of where down is, and a placement of B's world turns that: then its base is turned."""
+    g, h = downwards(a), downwards(b)
+    least = CLOSE * float(np.linalg.norm(g) * np.linalg.norm(h))
+    same = np.linalg.norm(np.cross(g, h)) <= least and g @ h > 0.0
+    return bool(same and np.linalg.norm(T[:3, :3] @ h - h) * np.linalg.norm(g) > least)
+
+
+def _stands(a: Reading, b: Reading, root: str) -> Array:
+    """Placement of what a free joint of B carries that lays it onto the same of A. Shape (4, 4)."""
+    trees = [(each, *outwards(each, root)) for each in (a, b)]
+    one, two = (
+        replace(r, bodies={n: r.bodies[n] for n in names}, joints={n: r.joints[n] for n in joints})
+        for r, names, joints in trees
+    )
+    pairs, bodies = (
+        [(n, n) for n in own if n in other] for own, other in ((one.joints, two.joints), (one.bodies, two.bodies))
+    )
+    return fitting(one, two, pairs, bodies)
 
 
 def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:

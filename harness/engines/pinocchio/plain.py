@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
     """See `plain.Ask`. RNEA knows armature, and neither damping, friction nor springs."""
     source = prepare(path, floating=floating)
-    model = loaded(source)[0]
+    model = loaded(source)
     data = model.createData()
     q, v, a, B = _states(model, source, joints)
     frames = [model.getFrameId(name, pin.FrameType.BODY) for name in bodies]

@@ -125,6 +125,9 @@ class Solver:
         n = len(y)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
+            if not np.isfinite(array).all():
+                row = int(np.isfinite(array).all(axis=1).argmin())
+                raise DescriptionError(f"row {row} is not finite", name, "complete the samples")
         inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
         values = self.buffers(n) if out is None else self._checked(out, n)
         works = self._works(mode)

@@ -42,7 +42,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     """
     what = [*what]
     for each in what:
-        if not isinstance(each, str | Path):
+        if not isinstance(each, str | Path) or each == "":  # which would be the current folder
             raise DescriptionError(f"{each!r:.100} is no name or path", "check", "name scenes, files or folders")
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
