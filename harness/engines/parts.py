@@ -17,7 +17,7 @@ from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
-PART = 1024  # samples worked on at a time: keeps memory constant and arrays in the cache
+PART = 2048  # samples worked on at a time: keeps memory constant and arrays in the cache
 
 Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 """Quantity -> names and units of its components."""

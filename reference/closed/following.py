@@ -34,7 +34,7 @@ BLUR = 1e-6  # how far a way leads in y where rounding hides what the derivative
 #: passing through it, nor from turning off it into the branch that crosses there: rounding moves a solution as far.
 FAINT = 1e-9
 NEARER = 1e-3  # share of the least singular value where a way begins, below which it leads towards a singular pose
-BLOCK = 1024  # samples corrected at a time
+BLOCK = 2048  # samples corrected at a time
 FEW = 8  # steps of Newton's method that predicted samples are worth
 LEAP = 1e-3  # share of a way by which it is looked whether the loops close beyond its end
 LONGEST = 1e3  # what is further away is not reached by following a path
