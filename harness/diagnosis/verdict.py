@@ -42,11 +42,13 @@ def verdict(
         late: There was no time for some of it.
     """
     cause, proof, grown = why.attribution, why.proof, why.growth
+    apart = [_witness(witness) for witness in seen if not witness.agrees]
+    unlike = bound is not None and bound.mobility[0] != bound.mobility[1]
     if found or cause.before.scaled > SAME:
         unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
         said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
     else:
-        said = ["Nothing differs in what was compared." if late else _same(models, cause)]
+        said = ["Nothing differs in what was compared." if late else _same(models, cause, alone=not (apart or unlike))]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
@@ -55,8 +57,7 @@ def verdict(
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
     said += _bound(found, bound) if bound else []
-    said += [_witness(witness) for witness in seen if not witness.agrees]
-    return " ".join(said)
+    return " ".join([*said, *apart])
 
 
 def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
@@ -98,11 +99,13 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     )
 
 
-def _same(models: tuple[Model, Model], why: Attribution) -> str:
+def _same(models: tuple[Model, Model], why: Attribution, *, alone: bool) -> str:
+    """That the models are the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
-    same = f"The same: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
+    what = "The same" if alone else "The models are the same"
+    same = f"{what}: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
     beyond = [f"{what} in {side}" for side, what in _beyond(models)]
     return f"{same} Not compared: {_listed(beyond)}." if beyond else same
 
