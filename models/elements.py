@@ -36,11 +36,14 @@ class Extra:
         kind: One of `SAID`.
         what: Element or attribute.
         whose: What it belongs to, to be read after it: `` of joint a``, or the element's own name.
+        element, attribute: Where it stands; no attribute where it is the whole element.
     """
 
     kind: str
     what: str
     whose: str
+    element: ET.Element | None = None
+    attribute: str = ""
 
 
 @cache
@@ -134,14 +137,14 @@ class _Walk:
             if whole or not first:
                 if whole not in ("compared", "nothing", "held") and not self._is_nothing(element):
                     what = f"{tag} tendon" if parent == "tendon" else _plain(tag)
-                    yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}")
+                    yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}", element)
                 continue
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
             for attribute, value in {**self._absent(element, around), **element.attrib}.items():
                 kind = self._kind(attribute, kinds)
                 if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
                     what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
-                    yield Extra(kind, what, owner and f" of {owner}")
+                    yield Extra(kind, what, owner and f" of {owner}", element, attribute)
             once, read = self.table.get("once", {}).get(tag, "").split(), dict[str, ET.Element]()
             for child in element:
                 if child.tag in once and read.setdefault(child.tag, child) is not child:

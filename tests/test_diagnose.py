@@ -112,17 +112,19 @@ def test_one_joint_and_one_body_are_counted_as_such(tmp_path):
     assert screwgauge.diagnose(bar, bar).verdict.startswith("The same: 1 joint and 1 body say the same")
 
 
-def test_what_one_alone_says_and_nothing_compares_is_named(tmp_path):
-    """A spring tendon is in no reading, and its torque in no comparison."""
+def test_a_spring_tendon_of_one_alone_is_a_difference_that_its_library_s_torque_shows(tmp_path):
     bar, tied = tmp_path / "bar.xml", tmp_path / "tied.xml"
     inertial = '<inertial pos="0.2 0 0.1" mass="2" diaginertia="0.01 0.02 0.02"/>'
     text = f'<mujoco><worldbody><body><joint name="a"/>{inertial}</body></worldbody>@</mujoco>'
     tendon = '<tendon><fixed name="t" stiffness="3"><joint joint="a" coef="1"/></fixed></tendon>'
     bar.write_text(text.replace("@", ""), encoding="utf-8")
     tied.write_text(text.replace("@", tendon), encoding="utf-8")
-    assert screwgauge.diagnose(bar, tied).verdict.endswith(" Not compared: fixed tendon t in B.")
-    assert screwgauge.diagnose(tied, bar).verdict.endswith(" Not compared: fixed tendon t in A.")
-    assert "Not compared" not in screwgauge.diagnose(tied, tied).verdict
+    for pair, side in (((bar, tied), "B"), ((tied, bar), "A")):
+        found = screwgauge.diagnose(*pair)
+        assert found.verdict.startswith(f"fixed tendon t: in {side} only. The libraries' own torques as loaded (mj_inverse")
+        assert (found.same, found.undecided, found.exit_status) == (False, False, 1)
+        assert found.together.row.max_abs > 1.0
+    assert screwgauge.diagnose(tied, tied).same
 
 
 def test_a_seed_is_what_makes_states_reproducible(arms):

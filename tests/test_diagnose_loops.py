@@ -109,8 +109,8 @@ def test_an_engine_whose_velocity_products_are_wrong_is_told_from_one_with_other
 ):
     ask = plain.ask
 
-    def faked(path, bodies, joints, floating):
-        said = ask(path, bodies, joints, floating)
+    def faked(path, bodies, joints, *more):
+        said = ask(path, bodies, joints, *more)
         qd = np.hstack([each.qd for each in joints.values()])
         return replace(said, tau=said.tau + wrong(said, qd))
 

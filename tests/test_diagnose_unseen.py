@@ -279,8 +279,8 @@ def test_mass_that_welded_bodies_share_otherwise_is_said_to_be_the_same_as_a_who
     assert said not in notes(1.0, 1.0)
 
 
-def test_what_both_say_and_nothing_compares_is_noted(diagnosed):
+def test_force_laws_of_actuators_are_compared(diagnosed):
     servo = FOUR_BAR.replace('<motor name="m" joint="a" gear="2"/>', '<position name="m" joint="a" kp="{}"/>')
-    (said,) = [note for note in diagnosed(a=servo.format(1), b=servo.format(2)).notes if "whether or not both" in note]
-    assert "force law of 1 actuators, among them m" in said
-    assert not any("whether or not both" in note for note in diagnosed().notes)
+    assert sentences(diagnosed(a=servo.format(1), b=servo.format(1))) == []
+    (said,) = sentences(diagnosed(a=servo.format(1), b=servo.format(2)))
+    assert said == "force law of actuator m: gainprm[0] 2 in B, 1 in A"

@@ -22,12 +22,20 @@ from screwgauge.reference.rotations import Array
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
 #: Those of them that are asked for their loops, too.
 CLOSING = ("mujoco",)
+#: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
+_UNKNOWN = {"flexible bodies", "plugins"}
 
 
-def answers(path: Path, library: str, tree: Tree, states: States, *, floating: bool = False) -> Answers:
-    """Of one library on a file, at states of the tree that it reads from it."""
+def answers(
+    path: Path, library: str, tree: Tree, states: States, *, floating: bool = False, whole: bool = False
+) -> Answers:
+    """Of one library on a file, at states of the tree that it reads from it.
+
+    Args:
+        whole: With all that acts as the file is loaded, also what no reading holds.
+    """
     ask: Ask = import_module(ASKED[library]).ask
-    return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating)
+    return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
 
 
 def joint_states(tree: Tree, states: States) -> Mapping[str, JointStates]:
@@ -80,6 +88,8 @@ def pairs(said: Answers, tree: Tree, states: States) -> dict[str, Pair]:
     found["acceleration"] = Pair(said.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in said.covers:
         del found["tau"], found["bias"]  # own dynamics know no medium
+    elif {each.kind for each in tree.reading.content} & _UNKNOWN:
+        del found["tau"]
     return found
 
 

@@ -16,16 +16,18 @@ from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, loops
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, in_process, loaded
-from screwgauge.diagnosis.notes import notes
+from screwgauge.diagnosis.notes import notes, outside
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
+from screwgauge.diagnosis.together import Together, together
 from screwgauge.diagnosis.verdict import BINDING, SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
@@ -52,6 +54,9 @@ class Diagnosis:
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
+        together: The libraries' own torques of both, as loaded; None where they are not compared.
+        not_compared: What is not compared and could differ, a phrase each, with its side.
+        undecided: Nothing differs, and what is in `not_compared` withholds that the two are the same.
     """
 
     a: Model
@@ -73,6 +78,9 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
     left_out: tuple[str, ...] = ()
+    together: Together | None = None
+    not_compared: tuple[str, ...] = ()
+    undecided: bool = False
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -80,7 +88,7 @@ class Diagnosis:
 
     @property
     def exit_status(self) -> int:
-        """Of the command: 0 the same, 1 different, 3 a library failed or time was over."""
+        """Of the command: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
         if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
@@ -153,25 +161,31 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
     common = brought(ours, b.reading, pairing)
-    found = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]]
+    found, content = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]], beyond(common)
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops((a, b), common, pairing, seed, deadline)
-    found = compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits)))
+    found = compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))) + [*content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
     why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
     seen = tuple(witnesses((a, b), seed, deadline))
-    moves_alike = bound is None or bound.mobility[0] == bound.mobility[1]
+    both, why_not = None, ""
+    if not lost and cause.before.scaled <= SAME and not deadline.over("torques of the libraries as loaded"):
+        both, why_not = together((a, b), common, seed)
+    late, seen_alike = bool(deadline.left_out), all(witness.agrees for witness in seen)
+    alike = not found and cause.before.scaled <= SAME and (bound is None or bound.mobility[0] == bound.mobility[1])
+    alike = alike and seen_alike and (both is None or both.agrees)
+    withheld = (*content.withheld, *([f"torques of the libraries as loaded: {why_not}"] if why_not else []))
     return Diagnosis(
         a,
         b,
         seed,
-        verdict((a, b), found, why, seen, bound, late=bool(deadline.left_out)),
-        not found and cause.before.scaled <= SAME and moves_alike and all(witness.agrees for witness in seen),
+        verdict((a, b), found, why, seen, bound, replace(content, withheld=withheld), both, late=late),
+        alike and not withheld,
         pairing,
         tuple(found),
         rows=(*rows, *([bound.row] if bound else [])),
@@ -182,8 +196,11 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         proof=why.proof,
         fix=why.fix,
         witnesses=seen,
-        notes=notes((a, b), common, seen, of_loops, seed),
+        notes=(*notes((a, b), common, seen, of_loops, seed), *outside(content)),
         by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else changes_of(found)),
+        together=both,
+        not_compared=withheld,
+        undecided=alike and bool(withheld),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
+from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.geometry import amount
 from screwgauge.diagnosis.differences.words import turn_and_way
 from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
@@ -32,7 +33,8 @@ def notes(
     models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int
 ) -> tuple[str, ...]:
     """All of them, a sentence each."""
-    said, (a, b) = [of_loops] * bool(of_loops), models
+    said = [of_loops] * bool(of_loops)
+    a, b = models
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
@@ -52,9 +54,14 @@ def notes(
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
     said += [*_elsewhere(common), *_welded(common)]
-    if both := [what for what in a.reading.ignored if what in b.reading.ignored]:
-        said.append(f"not compared, whether or not both say the same of it: {first_few(both, NAMED, '; ')}")
     return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
+
+
+def outside(content: Beyond) -> Iterator[str]:
+    """What is not compared."""
+    for what, said in (("not compared", content.withheld), ("outside the comparison", content.aside)):
+        if said:
+            yield f"{what}: {first_few(said, NAMED, '; ')}"
 
 
 def _elsewhere(common: Common) -> Iterator[str]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explain import Explanation
 from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.loops import Loops
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.together import Together
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.reference.wording import first_few
 
@@ -31,7 +33,9 @@ def verdict(
     found: Sequence[Difference],
     why: Explanation,
     seen: Iterable[Witness],
-    bound: Loops | None = None,
+    bound: Loops | None,
+    beyond: Beyond,
+    both: Together | None,
     *,
     late: bool = False,
 ) -> str:
@@ -39,6 +43,8 @@ def verdict(
 
     Args:
         bound: What loops leave.
+        beyond: What is compared item by item, and what is not.
+        both: The libraries' own torques of both models.
         late: There was no time for some of it.
     """
     cause, proof, grown = why.attribution, why.proof, why.growth
@@ -46,9 +52,16 @@ def verdict(
     unlike = bound is not None and bound.mobility[0] != bound.mobility[1]
     if found or cause.before.scaled > SAME:
         unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
-        said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
+        seen_by_libraries = both is not None and not both.agrees
+        if seen_by_libraries and found:
+            said = [f"{_listed(_largest_first(found))}."]
+        else:
+            said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
+        said += [_as_loaded(both)] if both and seen_by_libraries else []
+    elif late:
+        said = ["Nothing differs in what was compared."]
     else:
-        said = ["Nothing differs in what was compared." if late else _same(models, cause, alone=not (apart or unlike))]
+        said = [_alike(models, cause, beyond, both, alone=not (apart or unlike))]
     first, second = models
     if first.file is not None and one_file(models) and found:
         said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
@@ -99,22 +112,32 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     )
 
 
-def _same(models: tuple[Model, Model], why: Attribution, *, alone: bool) -> str:
-    """That the models are the same; `alone`: and nothing else differs."""
+def _alike(
+    models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool
+) -> str:
+    """That all that is compared is the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
-    what = "The same" if alone else "The models are the same"
-    same = f"{what}: {count} say the same, and torques agree to {why.before.scaled:.1g} of the largest."
-    beyond = [f"{what} in {side}" for side, what in _beyond(models)]
-    return f"{same} Not compared: {_listed(beyond)}." if beyond else same
+    agree = f"{count} say the same, and torques agree to {why.before.scaled:.1g} of the largest"
+    outside = f" No part of that: {_listed(beyond.aside)}." if beyond.aside else ""
+    if both is not None and not both.agrees:
+        suspects = f" What is not compared could be the cause: {_listed(beyond.withheld)}." if beyond.withheld else ""
+        return f"{_as_loaded(both)}{suspects} All else is the same: {agree}.{outside}"
+    if both is not None:
+        agree += f", those of the libraries as loaded to {both.row.scaled:.1g}"
+    if beyond.withheld:
+        return f"Not all compared: {_listed(beyond.withheld)}. All else is the same: {agree}.{outside}"
+    return f"{'The same' if alone else 'The models are the same'}: {agree}.{outside}"
 
 
-def _beyond(models: tuple[Model, Model]) -> Iterator[tuple[str, str]]:
-    """Side and phrase of what the file of one model alone says and its reading does not hold."""
-    said = [model.reading.ignored for model in models]
-    for side, mine, others in zip("AB", said, said[::-1], strict=True):
-        yield from ((side, what) for what in mine if what not in others)
+def _as_loaded(both: Together) -> str:
+    """How far apart the libraries' own torques are."""
+    calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
+    return (
+        f"The libraries' own torques as loaded ({' and '.join(calls)}, passive forces included) differ by "
+        f"{both.row.max_abs:.4g} of {both.largest:.4g} {both.row.unit} ({both.row.worst})."
+    )
 
 
 def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, unexplained: str) -> str:

@@ -71,8 +71,9 @@ class Closing:
     force: Array
 
 
-#: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats.
-Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool], Answers]
+#: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats, and whether
+#: the file is taken whole or without what no reading holds.
+Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,12 +12,14 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.content import Content
 from screwgauge.models.readings.assemble import Assembly
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.models.readings.reading import ClosureReading
 from screwgauge.reference.mechanism import GROUND
 
 _KINDS = {"connect": "point", "weld": "weld"}
+_LOST = "dropped by the library"
 _JOINED = ("body1", "body2", "site1", "site2")
 
 
@@ -36,11 +38,11 @@ def as_file(root: ET.Element) -> Iterator[str]:
         yield str(path)
 
 
-def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str]) -> dict[str, ClosureReading]:
+def closures(model: Any, assembly: Assembly, root: ET.Element, found: list[Content]) -> dict[str, ClosureReading]:
     """Closures by name.
 
     Pinocchio 4.1 crashes on those of bodies that it has dropped, and gives sites of bodies that do not move a placement
-    of uninitialised memory: such closures it is not shown, and they are said in `ignored`.
+    of uninitialised memory: such closures it is not shown, and they are added to `found`.
     """
     import pinocchio
 
@@ -51,26 +53,27 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, ignored: list[str
         for row in [row for row in section if row.tag in _KINDS]:
             if missing := [row.get(side, "") for side in _JOINED if side in row.attrib and row.get(side) not in known]:
                 section.remove(row)
-                ignored.append(f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}")
+                said = f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}"
+                found.append(Content(_LOST, said))
             else:
                 named.append((_KINDS[row.tag], row.get("name", "")))
                 row.set("name", f"{len(named):06}")
     build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
     if build is None:  # before Pinocchio 4
-        ignored += [f"closure {name}" for _, name in named]
+        found += [Content(_LOST, f"closure {name}") for _, name in named]
     if build is None or not named:
         return {}
     try:
         with overheard(), as_file(root) as path:
             model, constraints = build(path)
     except (ValueError, RuntimeError, LookupError) as error:
-        ignored.append(f"closures, which Pinocchio refuses ({' '.join(str(error).split())})")
+        found.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))
         return {}
-    found = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
+    kinds = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
     # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
     named.sort(key=lambda entry: entry[0])
-    if [kind for kind, _ in named] != found:
-        named = [(kind, f"{kind}_{i + 1}") for i, kind in enumerate(found)]
+    if [kind for kind, _ in named] != kinds:
+        named = [(kind, f"{kind}_{i + 1}") for i, kind in enumerate(kinds)]
     at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and the joint's frame in it
     for frame in model.frames:
         if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:

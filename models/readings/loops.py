@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.content import Content
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.assemble import matrix
@@ -158,7 +159,8 @@ def _with_yaml(reading: Reading, path: Path) -> Reading:
         joints[name] = JointReading("ball", np.zeros(6), joints[name].centre)
     turning = replace(reading, joints=joints)
     actuators = _motors(turning, {name: name for name in names}, path)
-    return replace(turning, closures=closures, actuators=actuators, ignored=(*reading.ignored, *file.unread))
+    left = (Content("entries of loops files", text) for text in file.unread)
+    return replace(turning, closures=closures, actuators=actuators, content=(*reading.content, *left))
 
 
 def _place(reading: Reading, name: str, path: Path) -> tuple[str, Array]:

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
+from screwgauge.models.content import Content, kind_of
 from screwgauge.models.readings.naming import joints_in
 from screwgauge.reference.errors import ModelFileError
 
 _FROM_FILES = ("mesh", "hfield", "sdf")
 #: Sections of an MJCF that a reading does not hold, and that name what is taken out.
-_SECTIONS = ("asset", "visual", "sensor", "contact", "statistic", "custom")
+_SECTIONS = ("asset", "visual", "sensor", "statistic", "custom")
 #: Elements that read other files without an attribute `file`.
 _READERS = ("skin", "attach")
 _ATTACHED = (
@@ -20,11 +21,11 @@ _ATTACHED = (
 )
 
 
-def without_meshes(root: ET.Element, form: str, where: str) -> list[str]:
+def without_meshes(root: ET.Element, form: str, where: str) -> list[Content]:
     """Takes them out of a model.
 
     Returns:
-        What was taken out that has to do with mechanics, one phrase each.
+        What was taken out that has to do with mechanics.
 
     Raises:
         ModelFileError: Mass of a moving body would come from what is taken out.
@@ -32,7 +33,7 @@ def without_meshes(root: ET.Element, form: str, where: str) -> list[str]:
     return _urdf(root) if form == "urdf" else _mjcf(root, where)
 
 
-def _urdf(root: ET.Element) -> list[str]:
+def _urdf(root: ET.Element) -> list[Content]:
     without = []
     for link in root.iterfind("link"):
         for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
@@ -43,15 +44,14 @@ def _urdf(root: ET.Element) -> list[str]:
                     without.append(link.get("name", ""))
     for material in root.findall("material"):
         root.remove(material)
-    return [f"mesh of link {name}, from which MuJoCo would take its mass" for name in dict.fromkeys(without)]
+    said = (f"mesh of link {name}, from which MuJoCo would take its mass" for name in dict.fromkeys(without))
+    return [Content("mass from meshes", text) for text in said]
 
 
-def _mjcf(root: ET.Element, where: str) -> list[str]:
-    said = []
+def _mjcf(root: ET.Element, where: str) -> list[Content]:
+    said = list[Content]()
     for name in _SECTIONS:
         for section in root.findall(name):
-            if name == "contact" and section.find("pair") is not None:
-                said.append("contact pairs")
             root.remove(section)
     force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
     classes = _classes(root)
@@ -67,7 +67,7 @@ def _mjcf(root: ET.Element, where: str) -> list[str]:
         if shape.moves:
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, "give the body an <inertial>")
         if shape.body.tag == "body":
-            said.append(f"{what}, which is fixed and has it from meshes")
+            said.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))
     for default in root.iter("default"):
         for child in list(default):
             if child.tag in ("mesh", "material"):
@@ -80,13 +80,26 @@ def _mjcf(root: ET.Element, where: str) -> list[str]:
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
             said.append(_removed(child))
+    said += _pairs(root)
     return list(dict.fromkeys(said))
 
 
-def _removed(element: ET.Element) -> str:
+def _removed(element: ET.Element) -> Content:
     if element.tag == "attach":
-        return _ATTACHED.format(element.get("model", ""))
-    return f"{element.tag} {element.get('name', '')}".rstrip()
+        return Content("attached models", _ATTACHED.format(element.get("model", "")))
+    return Content(kind_of(element.tag), f"{element.tag} {element.get('name', '')}".rstrip())
+
+
+def _pairs(root: ET.Element) -> Iterator[Content]:
+    """Takes out pairs of geoms of which one is gone, and what excludes contacts."""
+    geoms = {geom.get("name") for geom in root.iter("geom")}
+    for section in root.iterfind("contact"):
+        for row in list(section):
+            lost = row.tag == "pair" and not {row.get("geom1"), row.get("geom2")} <= geoms
+            if lost:
+                yield Content("contact pairs", "contact pairs")
+            if lost or row.tag == "exclude":
+                section.remove(row)
 
 
 def _is_zero(value: str | None) -> bool:

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.mjcf import LEAST, POWERS
+from screwgauge.models.content import Content
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
+from screwgauge.models.readings.compiled import content, other_equality, single_joint
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
-from screwgauge.models.readings.tendons import coupling_of, pulling, tendon_equality
+from screwgauge.models.readings.tendons import coupling_of, tendon_equality
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -23,6 +25,8 @@ from screwgauge.reference.rotations import Array
 #: In the order of MuJoCo's numbers.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
+#: Stages that go with all constraints.
+_CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
 #: What MuJoCo says of a file that others may take -> what to do.
 _REMEDIES = {
     "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
@@ -40,7 +44,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import mujoco
 
-    with heard() as ignored:
+    with heard() as said:
         model = loaded(source)
         data = mujoco.MjData(model)
         for i in range(model.njnt):
@@ -49,8 +53,9 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
     assembly = assemble(_links(model, data, source.root_link), str(source.path))
-    ignored += [*_uneven(model, assembly), *_beyond(model)]
-    closures, couplings = _equalities(model, assembly, ignored)
+    found = [Content("warnings of the library", text, values=()) for text in said]
+    found += content(model, assembly)
+    closures, couplings = _equalities(model, assembly, found)
     says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
     gravity = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
     return Reading(
@@ -61,10 +66,10 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
         fixed=assembly.fixed,
         closures=closures,
         couplings=couplings,
-        actuators=_actuators(model, ignored),
+        actuators=_actuators(model),
         gravity=gravity if says_gravity else None,
         medium=(float(model.opt.density), float(model.opt.viscosity)),
-        ignored=tuple(ignored),
+        content=tuple(found),
     )
 
 
@@ -114,7 +119,8 @@ def _disabled(model: Any, flag: str) -> bool:
 
     flags = mujoco.mjtDisableBit
     older = flag in ("SPRING", "DAMPER") and not hasattr(flags, f"mjDSBL_{flag}")  # one for both
-    return bool(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{'PASSIVE' if older else flag}")))
+    names = ["PASSIVE" if older else flag, *(["CONSTRAINT"] if flag in _CONSTRAINTS else [])]
+    return any(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{name}")) for name in names)
 
 
 def is_single(model: Any, joint: int) -> bool:
@@ -151,28 +157,6 @@ def turn(quaternion: Array) -> Array:
     return R.reshape(3, 3)
 
 
-def _uneven(model: Any, assembly: Assembly) -> Iterator[str]:
-    """Bodies of which parts have their weight compensated otherwise than others, said in words."""
-    shares: dict[str, set[float]] = {}
-    for i in range(1, model.nbody):
-        if model.body_mass[i] > LEAST:
-            shares.setdefault(assembly.places[model.body(i).name][0], set()).add(float(model.body_gravcomp[i]))
-    for name, values in shares.items():
-        if len(values) > 1 and name != GROUND:
-            yield f"where the gravcomp of body {name} acts: it is not the same in all parts"
-
-
-def _beyond(model: Any) -> Iterator[str]:
-    """What joints have that a reading of them does not."""
-    for i in range(model.njnt):
-        name, dof = model.joint(i).name, model.jnt_dofadr[i]
-        if model.jnt_limited[i] and not is_single(model, i):
-            yield f"range of ball joint {name}"
-        for what, powers in (("damping", "dof_dampingpoly"), ("stiffness", "jnt_stiffnesspoly")):
-            if hasattr(model, powers) and getattr(model, powers)[dof if what == "damping" else i].any():
-                yield f"{what} of joint {name} by its higher powers"
-
-
 def _joint(model: Any, data: Any, i: int) -> JointReading:
     kind, single, at, dof = _KINDS[model.jnt_type[i]], is_single(model, i), model.jnt_qposadr[i], model.jnt_dofadr[i]
     axis, centre = data.xaxis[i].copy(), data.xanchor[i].copy()
@@ -193,27 +177,26 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
 
 
 def _equalities(
-    model: Any, assembly: Assembly, ignored: list[str]
+    model: Any, assembly: Assembly, found: list[Content]
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
-    """Closures and couplings; what is neither is said in `ignored`."""
+    """Closures and couplings; what is neither is added to `found`."""
     closures, couplings = {}, {}
-    off = _disabled(model, "EQUALITY") or _disabled(model, "CONSTRAINT")
+    off = _disabled(model, "EQUALITY")
     for i in range(model.neq):
         # those that MuJoCo makes of a URDF's <mimic> have no name
         name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
-            ignored.append(f"equality {name}, which is not active")
+            found.append(Content("inactive equalities", f"equality {name}, which is not active"))
         elif kind == _JOINT:
             couplings[name] = replace(joint_equality(model, i), softness=_softness(model, i))
         elif kind == _TENDON and (coupling := tendon_equality(model, i)):
             couplings[name] = replace(coupling, softness=_softness(model, i))
-            ignored += pulling(model, i)
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
             joint = "weld" if kind == _WELD else "point"
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], softness=_softness(model, i))
         else:
-            ignored.append(f"equality {name}, which is not of bodies or joints")
+            found.append(other_equality(model, i, name))
     return closures, couplings
 
 
@@ -252,20 +235,10 @@ def joint_equality(model: Any, i: int) -> CouplingReading:
     return coupling_of(model, one, other, model.eq_data[i, : POWERS if other >= 0 else 1])
 
 
-def _actuators(model: Any, ignored: list[str]) -> dict[str, tuple[str, float]]:
-    """Actuators of hinges and slides; others, and laws of force, are said in `ignored`."""
-    import mujoco
-
-    through = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    found, ruled = {}, []
-    for i in range(model.nu):
-        joint, name = model.actuator_trnid[i, 0], model.actuator(i).name
-        if int(model.actuator_trntype[i]) not in through or not is_single(model, joint):
-            ignored.append(f"actuator {name}, which drives no hinge or slide")
-            continue
-        found[name] = model.joint(joint).name, float(model.actuator_gear[i, 0])
-        if model.actuator_gaintype[i] or model.actuator_biastype[i] or model.actuator_dyntype[i]:
-            ruled.append(name)
-    if ruled:
-        ignored.append(f"force law of {len(ruled)} actuators, among them {ruled[0]}: their gear alone is read")
-    return found
+def _actuators(model: Any) -> dict[str, tuple[str, float]]:
+    """Actuators of hinges and slides; others, and laws of force, are content of their own."""
+    return {
+        model.actuator(i).name: (model.joint(joint).name, float(model.actuator_gear[i, 0]))
+        for i in range(model.nu)
+        if (joint := single_joint(model, i)) is not None
+    }

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.content import Content
 from screwgauge.models.readings.anchors import as_file, closures
 from screwgauge.models.readings.assemble import Link, assemble
 from screwgauge.models.readings.overheard import overheard
@@ -57,17 +58,18 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = _placed(model, q)
     assembly = assemble(_links(model, placed, parts), str(source.path))
-    ignored = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
+    said = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
+    found = [Content("read otherwise by the library", text, values=()) for text in said]
     return Reading(
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
         joints={part.name: _joint(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
-        closures=closures(model, assembly, source.root, ignored) if source.form == "mjcf" else {},
+        closures=closures(model, assembly, source.root, found) if source.form == "mjcf" else {},
         couplings=source.mimics,
         gravity=np.array(model.gravity.linear) if source.form == "mjcf" else None,
-        ignored=tuple(ignored),
+        content=tuple(found),
     )
 
 

@@ -14,6 +14,7 @@ from itertools import accumulate
 
 import numpy as np
 
+from screwgauge.models.content import Content, phrases
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -122,7 +123,8 @@ class Reading:
         actuators: Name -> joint and gear ratio.
         gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
         medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
-        ignored: What the file says and the library does not read, or this type does not hold; one phrase each.
+        content: What the file says beyond that, and what the library does not make anything of.
+        form: ``urdf`` or ``mjcf``; empty of a description.
     """
 
     name: str
@@ -135,7 +137,13 @@ class Reading:
     actuators: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     gravity: Array | None = None
     medium: tuple[float, float] = (0.0, 0.0)
-    ignored: tuple[str, ...] = ()
+    content: tuple[Content, ...] = ()
+    form: str = ""
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """`content` in words, one phrase for each kind of element or attribute."""
+        return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
         """Body (or ground) that a link, or the link that a joint carries, is part of, and its frame there, (4, 4)."""

@@ -36,4 +36,5 @@ def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading
             for name, c in reading.couplings.items()
         },
         actuators={actuators[n]: (joints.get(joint, joint), gear) for n, (joint, gear) in reading.actuators.items()},
+        content=tuple(each.renamed(names) for each in reading.content),
     )

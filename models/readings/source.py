@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.content import Content
 from screwgauge.models.readings.checks import MAKERS, check_names, check_numbers, check_tree, number, root_link, world
 from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import without_meshes
@@ -31,13 +32,13 @@ class Source:
     Attributes:
         form: ``urdf`` or ``mjcf``.
         root: All of it that a library is to see.
-        ignored: What was taken out or changed, one phrase each.
+        content: What was taken out or changed.
     """
 
     path: Path
     form: str
     root: ET.Element
-    ignored: tuple[str, ...] = ()
+    content: tuple[Content, ...] = ()
 
     @property
     def name(self) -> str:
@@ -110,7 +111,7 @@ def prepare(path: Path, *, floating: bool = False) -> Source:
         name_all(root)
     elif "name" not in root.attrib:
         root.set("name", path.stem)  # which some readers refuse to do without
-        said.append("no name of the robot: it has that of the file")
+        said.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, form, str(path))
     if form == "urdf":
         check_tree(root, str(path))
@@ -119,7 +120,7 @@ def prepare(path: Path, *, floating: bool = False) -> Source:
     return Source(path, form, root, tuple(said))
 
 
-def _include(root: ET.Element, path: Path) -> list[str]:
+def _include(root: ET.Element, path: Path) -> list[Content]:
     """Puts the elements of included files in the place of ``<include>``, as MuJoCo does."""
     folder, waiting, seen = path.parent.resolve(), [root], list[str]()
     while waiting:
@@ -139,7 +140,8 @@ def _include(root: ET.Element, path: Path) -> list[str]:
             seen.append(name)
             element[i : i + 1] = [*parse(file)]
         waiting += element
-    return [f"include {name}, put in its place before a library reads it" for name in seen]
+    said = (f"include {name}, put in its place before a library reads it" for name in seen)
+    return [Content("put in place", text) for text in said]
 
 
 def _resolved(path: Path) -> Path | None:

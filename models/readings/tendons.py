@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from screwgauge.models.mjcf import POWERS
+from screwgauge.models.readings.compiled import shares
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
-
-#: What a tendon does besides coupling joints, as MuJoCo keeps it.
-_PULLS = ("stiffness", "damping", "frictionloss", "limited", "armature", "actfrclimited")
 
 
 def coupling_of(model: Any, one: int, other: int, powers: Array) -> CouplingReading:
@@ -26,7 +23,7 @@ def coupling_of(model: Any, one: int, other: int, powers: Array) -> CouplingRead
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:
     """``L1 - L10 = P(L2 - L20)`` of lengths that are sums of coordinates, if two joints are all that is left in it."""
-    first, second = (_shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
+    first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
     p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
     if first is None or second is None:
         return None
@@ -41,20 +38,3 @@ def tendon_equality(model: Any, i: int) -> CouplingReading | None:
         ((y, by),), ((x, per),) = first.items(), second.items()
         return coupling_of(model, y, x, p * per ** np.arange(len(p)) / by)
     return None
-
-
-def _shares(model: Any, tendon: int) -> dict[int, float] | None:
-    """Joint -> what it adds to the length of a fixed tendon, nothing without one; None of another kind of tendon."""
-    import mujoco
-
-    at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]) if tendon >= 0 else ()
-    if any(model.wrap_type[k] != int(mujoco.mjtWrap.mjWRAP_JOINT) for k in at):
-        return None
-    return {int(model.wrap_objid[k]): float(model.wrap_prm[k]) for k in at}
-
-
-def pulling(model: Any, i: int) -> Iterator[str]:
-    """Tendons of an equality that do more than to couple joints, said in words."""
-    for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]):
-        if tendon >= 0 and any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[tendon] for what in _PULLS):
-            yield f"forces and range of tendon {model.tendon(tendon).name}"

@@ -1,47 +1,81 @@
-"""What a file says and a reading of it does not hold, in words."""
+"""What a file says and a reading of it does not hold."""
 
 from __future__ import annotations
 
-from screwgauge.models.elements import beyond_reading
+from collections.abc import Iterator
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+from screwgauge.models.content import Content, kind_of
+from screwgauge.models.elements import Extra, beyond_reading
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.wording import first_few
 
-#: Things of a kind that are named; the others are counted.
+#: Links and joints that are named; the others are counted.
 _NAMED = 3
 
 
-def unread(source: Source, reading: Reading) -> tuple[str, ...]:
-    """One phrase for each kind of element or attribute; links and joints that are not there at all come first."""
-    found: dict[str, list[str]] = {}
-    equal = [row for row in source.root.iterfind("equality/tendon") if row.get("name") in reading.couplings]
-    coupling = {row.get(side) for row in equal for side in ("tendon1", "tendon2")}
-    for extra in beyond_reading(source.root, source.form, reading.library):
-        if extra.what != "fixed tendon" or extra.whose.strip() not in coupling:
-            found.setdefault(extra.what, []).append(extra.whose)
-    said = [f"{what}{_whose(owners)}" for what, owners in found.items()]
+def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
+    """All of it; links and joints that are not there at all come first.
+
+    Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
+    """
+    known = source.form == "mjcf" and reading.library == "mujoco"
+    said = [] if known else [_content(source, extra) for extra in beyond_reading(source.root, source.form, reading.library)]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
-        said.append("contacts of geoms")
-    return (*_dropped(source, reading), *source.ignored, *reading.ignored, *said)
+        said.append(Content("contacts of geoms", "contacts of geoms"))
+    own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits of joints")
+    return (*_dropped(source, reading), *_prepared(source, reading), *own, *said)
 
 
-def _whose(owners: list[str]) -> str:
-    """`` of joint a, b, c and 9 more``, from `` of joint a``, `` of joint b`` ..."""
-    owners = list(dict.fromkeys(owners))
-    kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
-    return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
+def _content(source: Source, extra: Extra) -> Content:
+    """With all that a URDF says of it, as classes of an MJCF add to what an element says."""
+    kind = kind_of(extra.what)
+    if source.form == "mjcf" or extra.element is None:
+        return Content(kind, extra.what, extra.whose)
+    joint = extra.whose.removeprefix(" of joint ")
+    of = (("joints", joint, 1.0),) if joint != extra.whose else ()
+    said = extra.element.get(extra.attribute) if extra.attribute else None
+    values = _canonical(extra.element) if said is None else ((extra.attribute, _number(said)),)
+    if extra.what == "limit effort" and isinstance(effort := _number(said or ""), float):  # as MuJoCo keeps it
+        values = ("actfrcrange[0]", -effort), ("actfrcrange[1]", effort)
+    return Content(kind, extra.what, extra.whose, of, tuple(values))
 
 
-def _dropped(source: Source, reading: Reading) -> list[str]:
+def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
+    """Numbers and texts of an element with all that is in it, whatever is written around them."""
+    yield "element", element.tag
+    for name, value in sorted(element.attrib.items()):
+        yield from ((name, _number(word)) for word in value.split())
+    yield from ((element.tag, _number(word)) for word in (element.text or "").split())
+    for child in element:
+        yield from _canonical(child)
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _prepared(source: Source, reading: Reading) -> Iterator[Content]:
+    """What was taken out before a library saw it; only MuJoCo would take masses from meshes."""
+    for each in source.content:
+        idle = each.kind == "mass from meshes" and reading.library != "mujoco"
+        yield replace(each, kind="put in place") if idle else each
+
+
+def _dropped(source: Source, reading: Reading) -> Iterator[Content]:
     """Links and moving joints of the file that the library has not made anything of."""
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
-    said = []
     for what, known in (
         ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
         ("joint", joints),
     ):
         names = [name for name in source.names(what) if name not in known]
         if names:
-            said.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
-    return said
+            said = f"{what} {first_few(names, _NAMED)}, which {reading.library} drops"
+            yield Content("dropped by the library", said)

@@ -15,13 +15,21 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+#: Arrays with passive forces and inertia that are in no reading, which says so.
+_IN_NO_READING = (
+    *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature"),
+    *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "jnt_actgravcomp"),
+    *("actuator_armature", "actuator_damping", "actuator_dampingpoly"),
+)
 COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 
 
-def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
+def ask(
+    path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
+) -> Answers:
     """See `plain.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
     with heard():
-        model, data, states = _begun(path, joints, floating, ("CONSTRAINT",))
+        model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
         found = [_sample(model, data, numbers, state) for state in states]
     tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
@@ -38,15 +46,17 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
 
 
 def _begun(
-    path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str]
+    path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
     """Model and data with some things off, and its states, see `_state`."""
     model = loaded(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
-    for entry in ("tendon_stiffness", "tendon_damping", "tendon_armature"):  # are in no reading, which says so
-        if hasattr(model, entry):  # MuJoCo 3.3.0 has no armature there
-            getattr(model, entry)[:] = 0.0
+    if not whole:
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
+        for entry in _IN_NO_READING:
+            if hasattr(model, entry):  # of all versions of MuJoCo
+                getattr(model, entry)[:] = 0
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}

@@ -15,8 +15,10 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array
 
 
-def ask(path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False) -> Answers:
-    """See `plain.Ask`. RNEA knows armature, and neither damping, friction nor springs."""
+def ask(
+    path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
+) -> Answers:
+    """See `plain.Ask`. RNEA knows armature, and neither damping, friction nor springs, nor what no reading holds."""
     source = prepare(path, floating=floating)
     model = loaded(source)
     data = model.createData()

@@ -21,6 +21,8 @@ _RANKED = 12  # hypotheses that are shown
 def _banner(found: Diagnosis) -> Banner:
     if found.left_out or found.exit_status == 3:
         return Banner(found.verdict, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
+    if found.undecided:
+        return Banner(found.verdict, "✗ NOT ALL COMPARED", "note")
     return Banner.of(found.verdict, found.same, "SAME", "DIFFER")
 
 
@@ -102,6 +104,7 @@ PAGE = Report(
         "witnesses": _witnesses,
         "map": _map,
         "ignored": lambda found: [f"{side}: {what}" for side, m in _sides(found) for what in m.reading.ignored],
+        "not compared": lambda found: found.not_compared,
         "models": lambda found: {side: _file(m) for side, m in _sides(found)},
     },
     draw=make_plots,

@@ -201,6 +201,7 @@ def _pair(item: Item, settings: Settings) -> Row:
         errors = [Error("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
     within = given is not None and all(each.size <= given for each in found.differences)
     agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
+    agree = agree and not found.not_compared and (found.together is None or found.together.row.scaled <= tolerance)
     status: Status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
     known = environment()["packages"]
     packages = {name: known[name] for name in ("pin", "mujoco")}

@@ -142,5 +142,6 @@ def _judged(found: Diagnosis, expected: Sequence[Any]) -> dict[str, Any]:
 
 def _alike(found: Diagnosis) -> dict[str, Any]:
     effect = found.attribution.before.scaled if found.attribution else np.inf
-    said = {"first": "", "verdict": "ok"} if found.same else {"first": found.verdict, "verdict": "false alarm"}
-    return {"effect": f"{effect:.3g}", "detected": not found.same, **said}
+    quiet = found.same or found.undecided
+    said = {"first": "", "verdict": "ok"} if quiet else {"first": found.verdict, "verdict": "false alarm"}
+    return {"effect": f"{effect:.3g}", "detected": not quiet, **said}

@@ -1,0 +1,217 @@
+"""Content of a compiled MuJoCo model that no entry of a reading holds: arrays that are not without effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.content import Content, Kind, Values, kinds, table
+from screwgauge.models.mjcf import LEAST
+from screwgauge.models.readings.assemble import Assembly
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Flags that change torques, motion under motors or the stiffness of constraints, and are in no reading.
+_OFF, _ON = ("ACTUATION", "CLAMPCTRL", "REFSAFE"), ("OVERRIDE", "INVDISCRETE")
+_FREE, _BALL = 0, 1
+#: Arrays that say the path of a tendon.
+_PATHS = ("wrap_type", "wrap_objid", "wrap_prm", "tendon_adr", "tendon_num", "tendon_type")
+#: Arrays that make a tendon more than a sum of coordinates.
+_PULLS = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited", "actfrclimited")
+
+
+def content(model: Any, assembly: Assembly) -> Iterator[Content]:
+    """All of it, that of joints first."""
+    for kind in kinds().values():
+        if kind.of == "joint":
+            yield from _of_joints(model, kind)
+    yield from _tendons(model)
+    yield from _actuators(model)
+    yield from _pairs(model, assembly)
+    yield from _options(model)
+    yield from _uneven(model, assembly)
+    yield from _moved_from_outside(model)
+    if model.nflex:
+        yield from (Content("flexible bodies", "flex", f" {model.flex(i).name}") for i in range(model.nflex))
+    if model.nplugin:
+        yield Content("plugins", "plugins", f" ({model.nplugin})")
+
+
+def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
+    """Entries of one joint, tendon, actuator or pair in arrays that this MuJoCo has; ranges out of force are zero."""
+    found = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
+    for name in found:
+        limited = getattr(model, f"{name.removesuffix('range')}limited", None) if name.endswith("range") else None
+        if limited is not None and not limited[i]:
+            found[name] = np.zeros(len(found[name]))
+    return found
+
+
+def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
+    """The same with a label for each number."""
+    out: list[tuple[str, float | str]] = []
+    for name, values in _entries(model, arrays, i).items():
+        label = name.partition("_")[2]
+        ends = [f"[{k}]" for k in range(len(values))] if len(values) > 1 else [""]
+        out += [(f"{label}{end}", value) for end, value in zip(ends, values.tolist(), strict=True)]
+    return tuple(out)
+
+
+def _acts(model: Any, kind: Kind, i: int) -> bool:
+    """Whether any of its numbers is not without effect."""
+    neutral = table()["neutral"]
+    for name, values in _entries(model, kind.arrays, i).items():
+        idle = np.zeros(len(values))
+        idle[: len(neutral.get(name, ()))] = neutral.get(name, ())
+        if not np.array_equal(values, idle):
+            return True
+    return False
+
+
+def _of_joints(model: Any, kind: Kind) -> Iterator[Content]:
+    of_dofs = kind.arrays[0].startswith("dof_")
+    for j in range(model.njnt):
+        i = model.jnt_dofadr[j] if of_dofs else j
+        counts = not kind.joints or model.jnt_type[j] in kind.joints
+        name = model.joint(j).name
+        if counts and (not kind.when or getattr(model, kind.when)[i]) and _acts(model, kind, i):
+            values = _numbers(model, kind.arrays, i)
+            yield Content(kind.name, kind.name, f" of joint {name}", (("joints", name, 1.0),), values)
+
+
+def shares(model: Any, tendon: int) -> dict[int, float] | None:
+    """Joint -> what it adds to the length of a fixed tendon, nothing without one; None of another kind of tendon."""
+    import mujoco
+
+    at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]) if tendon >= 0 else ()
+    if any(model.wrap_type[k] != int(mujoco.mjtWrap.mjWRAP_JOINT) for k in at):
+        return None
+    return {int(model.wrap_objid[k]): float(model.wrap_prm[k]) for k in at}
+
+
+def _along(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
+    """Joints of a fixed tendon, and what they add to its length."""
+    found = (shares(model, tendon) or {}).items()
+    return tuple(sorted(("joints", model.joint(joint).name, share) for joint, share in found))
+
+
+def _tendons(model: Any) -> Iterator[Content]:
+    """Those that pull; of others what they drive or couple is said with that."""
+    kind = kinds()["fixed tendons"]
+    own = [name for name in kind.arrays if name not in _PATHS]
+    for i in range(model.ntendon):
+        if not any(np.any(getattr(model, f"tendon_{what}", np.zeros(model.ntendon))[i]) for what in _PULLS):
+            continue
+        name = f" {model.tendon(i).name}"
+        if shares(model, i) is None:
+            yield Content("spatial tendons", "spatial tendon", name)
+            continue
+        yield Content(kind.name, "fixed tendon", name, _along(model, i), _numbers(model, own, i))
+
+
+def other_equality(model: Any, i: int, name: str) -> Content:
+    """An equality that no closure or coupling is: of one fixed tendon with its joints, else by name alone."""
+    import mujoco
+
+    said, tendon = f"equality {name}, which is not of bodies or joints", model.eq_obj1id[i]
+    single = model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON) and model.eq_obj2id[i] < 0
+    if not single or shares(model, tendon) is None:
+        return Content("other equalities", said)
+    length = float(model.tendon_length0[tendon] + model.eq_data[i, 0])
+    values = (("length", length), *_numbers(model, ("eq_solref", "eq_solimp"), i))
+    return Content("equalities of fixed tendons", said, "", _along(model, tendon), values)
+
+
+def single_joint(model: Any, actuator: int) -> int | None:
+    """The hinge or slide that an actuator drives."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    return joint if _drives(model, actuator) == "joint" and model.jnt_type[joint] not in (_FREE, _BALL) else None
+
+
+def _drives(model: Any, actuator: int) -> str:
+    """``joint``, ``tendon`` (a fixed one) or nothing that is read."""
+    import mujoco
+
+    transmission, target = mujoco.mjtTrn(int(model.actuator_trntype[actuator])), int(model.actuator_trnid[actuator, 0])
+    if transmission in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        return "joint"
+    if transmission == mujoco.mjtTrn.mjTRN_TENDON and shares(model, target) is not None:
+        return "tendon"
+    return ""
+
+
+def _actuators(model: Any) -> Iterator[Content]:
+    law, several = kinds()["force laws of actuators"], kinds()["actuators of several freedoms"]
+    for i in range(model.nu):
+        name, drives, target = model.actuator(i).name, _drives(model, i), int(model.actuator_trnid[i, 0])
+        if single_joint(model, i) is not None:
+            if _acts(model, law, i):
+                of = (("actuators", name, 1.0),)
+                values = _numbers(model, law.arrays, i)
+                yield Content(law.name, "force law of actuator", f" {name}", of, values)
+        elif drives:
+            along = _along(model, target) if drives == "tendon" else (("joints", model.joint(target).name, 1.0),)
+            values = _numbers(model, ("actuator_trntype", *several.arrays, *law.arrays), i)
+            yield Content(several.name, f"actuator {name}, which drives no hinge or slide alone", "", along, values)
+        else:
+            yield Content("actuators of other transmissions", f"actuator {name}, which drives no joint")
+
+
+def _pairs(model: Any, assembly: Assembly) -> Iterator[Content]:
+    kind = kinds()["contact pairs"]
+    arrays = kind.arrays[2:]  # without the numbers of geoms
+    for i in range(model.npair):
+        bodies = [model.geom_bodyid[geom] for geom in (model.pair_geom1[i], model.pair_geom2[i])]
+        names = sorted(assembly.places[model.body(b).name][0] if b else GROUND for b in bodies)
+        of = tuple(("bodies", name, 1.0) for name in names)
+        yield Content(kind.name, "contact pair", f" of {names[0]} and {names[1]}", of, _numbers(model, arrays, i))
+
+
+def _options(model: Any) -> Iterator[Content]:
+    import mujoco
+
+    if model.opt.wind.any():
+        yield Content("wind", "option wind", "", (), tuple(zip("xyz", model.opt.wind.tolist(), strict=True)))
+    for kind, what, flags, bits, begins in (
+        ("switched off", "disabled", _OFF, model.opt.disableflags, "mjDisableBit.mjDSBL_"),
+        ("switched on", "enabled", _ON, model.opt.enableflags, "mjEnableBit.mjENBL_"),
+    ):
+        group, _, prefix = begins.partition(".")
+        known = getattr(mujoco, group.replace("mjD", "mjtD").replace("mjE", "mjtE"))
+        for flag in flags:
+            if bits & int(getattr(known, f"{prefix}{flag}")):
+                yield Content(kind, f"flag {flag.lower()}, {what}", values=())
+    if groups := int(model.opt.disableactuator):
+        yield Content("switched off", "groups of actuators, disabled", values=(("bits", float(groups)),))
+    if (model.opt.density or model.opt.viscosity) and model.geom_fluid[:, :1].any():
+        bodies = {model.body(model.geom_bodyid[i]).name for i in range(model.ngeom) if model.geom_fluid[i, 0]}
+        yield from (Content("fluid shape of geoms", "fluid shape of geoms", f" of body {name}") for name in sorted(bodies))
+
+
+def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
+    """Bodies of which parts have their weight compensated otherwise than others."""
+    found: dict[str, set[float]] = {}
+    for i in range(1, model.nbody):
+        if model.body_mass[i] > LEAST:
+            found.setdefault(assembly.places[model.body(i).name][0], set()).add(float(model.body_gravcomp[i]))
+    for name, values in found.items():
+        if len(values) > 1 and name != GROUND:
+            said = f"where the gravcomp of body {name} acts: it is not the same in all parts"
+            yield Content("parts compensated otherwise", said)
+
+
+def _moved_from_outside(model: Any) -> Iterator[Content]:
+    """Mocap bodies that equalities hold on to."""
+    import mujoco
+
+    for i in range(model.nbody if model.neq else 0):
+        if model.body_mocapid[i] < 0:
+            continue
+        ends = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)
+        sites = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
+        bodies = np.isin(model.eq_type, (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)))
+        at = [model.site_bodyid[e] if site else e for e, site in zip(ends[bodies], sites[bodies], strict=True)]
+        if any(i in np.ravel(each) for each in at):
+            yield Content("bodies moved from outside", "mocap", f" of body {model.body(i).name}")
