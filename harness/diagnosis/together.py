@@ -40,7 +40,8 @@ class Together:
     """The libraries' own torques of both models.
 
     Attributes:
-        row: Their largest difference, projected on the motions that loops leave; `largest` torque of A of its unit.
+        row: Their largest difference, projected on the motions that loops leave, scaled by the torques of the open
+            tree, of which `largest` is the largest of the same unit.
         calls: Of A and of B; empty of a description or a reader without dynamics.
         states: How many were compared.
     """
@@ -74,6 +75,11 @@ class _Side:
     turned: Array
     placed: tuple[tuple[slice, Array, Array], ...]
 
+    @property
+    def looped(self) -> bool:
+        """Whether it says what closes loops, or couples joints."""
+        return bool(self.common.reading.closures or self.common.reading.couplings)
+
 
 def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[Together | None, str]:
     """Compares them, or says why not.
@@ -84,18 +90,20 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     a, b = (_side(model, common, side) for side, model in zip("AB", models, strict=True))
     if models[0].parts and models[1].parts:
         return None, "both models close loops by copies of bodies"
-    first, second = (b, a) if models[1].parts else (a, b)  # copies stand where closed loops put them
+    # one that says the loops leads, and one with copies of bodies, which stand where closed loops put them
+    first, second = (b, a) if models[1].parts or (b.looped and not a.looped) else (a, b)
     try:
         found = _torques(first, second, seed)
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return None, str(error)
     if found is None:
         return None, "no random state closes both models"
-    ours, theirs = found if first is a else found[::-1]
-    row = row_of("torques of the libraries", ours, theirs, components(common.a), ours)
+    *both, whole = found
+    ours, theirs = both if first is a else both[::-1]
+    row = row_of("torques of the libraries", ours, theirs, components(common.a), whole)
     units = np.array([unit == row.unit for _, unit in components(common.a)])
     calls = CALLS.get(models[0].library, ""), CALLS.get(models[1].library, "")
-    return Together(row, float(np.abs(ours[:, units]).max(initial=0.0)), calls, len(ours)), ""
+    return Together(row, float(np.abs(whole[:, units]).max(initial=0.0)), calls, len(ours)), ""
 
 
 def _side(model: Model, common: Common, side: str) -> _Side:
@@ -121,8 +129,8 @@ def _side(model: Model, common: Common, side: str) -> _Side:
     return _Side(model, tree, own, turned, tuple(places))
 
 
-def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array] | None:
-    """Of both, along the velocities that the first one's loops leave, in its terms. Shapes (n, n_freedom).
+def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Array] | None:
+    """Of both, along the velocities that loops leave, and of the first one's open tree, in its terms. (n, n_freedom).
 
     Where loops are nearly singular both count for less; where they are locked, the open tree is compared.
     """
@@ -132,7 +140,8 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array] | No
     there, fits = closed(second.common, states_of_b(first.common, second.common, here))
     if not fits.any() and not first.model.parts:  # locked: nothing is left of motion, and the open tree is compared
         there = states_of_b(first.common, second.common, _common_part(first, drawn))
-        return _tau(first, drawn), _tau(second, _own_part(second, there)) @ C
+        tau = _tau(first, drawn)
+        return tau, _tau(second, _own_part(second, there)) @ C, tau
     if not fits.any():
         return None
     states, here = states.at(fits), here.at(fits)
@@ -142,7 +151,7 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array] | No
     P, sure = left(np.concatenate(rows, axis=1), slides, size(first.common.reading))
     taus = _tau(first, states), _tau(second, _own_part(second, there)) @ C
     mine, other = (sure[:, None] * (P @ (length * tau)[..., None])[..., 0] / length for tau in taus)
-    return mine, other
+    return mine, other, taus[0]
 
 
 def _tau(side: _Side, states: States) -> Array:

@@ -16,6 +16,7 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.together import Together
 from screwgauge.diagnosis.witness import Witness
+from screwgauge.models.content import kinds
 from screwgauge.reference.wording import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
@@ -23,6 +24,8 @@ SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
 BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
 CLOSING = {*BINDING, "softness"}
+#: What is in the libraries' own torques alone.
+APART = {"medium", *kinds()}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 _NAMED = 3
@@ -56,7 +59,7 @@ def verdict(
         if seen_by_libraries and found:
             said = [f"{_listed(_largest_first(found))}."]
         else:
-            said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
+            said = [_differs(found, cause, proof, both, "there was no time to explain" if late else unexplained)]
         said += [_as_loaded(both)] if both and seen_by_libraries else []
     elif late:
         said = ["Nothing differs in what was compared."]
@@ -140,9 +143,11 @@ def _as_loaded(both: Together) -> str:
     )
 
 
-def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | None, unexplained: str) -> str:
+def _differs(
+    found: Sequence[Difference], why: Attribution, proof: Backfill | None, both: Together | None, unexplained: str
+) -> str:
     if why.before.scaled <= SAME:
-        return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled)}."
+        return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled, both)}."
     if not why.steps:
         rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
@@ -155,9 +160,13 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
-    others, more = len(found) - len(numbers), ""
-    if others and why.complete:
+    rest = [each for i, each in enumerate(found) if i not in numbers] if why.complete else []
+    apart = sum(each.what in APART for each in rest)
+    others, more = len(rest) - apart, ""
+    if others:
         more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
+    if apart:
+        more += f" {apart} other difference{'s are' if apart > 1 else ' is'} in forces that these torques leave out."
     share = why.share
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
@@ -172,9 +181,15 @@ def _of_tree(found: Sequence[Difference], seen: Sequence[int]) -> str:
     return " of the open tree" if closed else ""
 
 
-def _unseen(found: Sequence[Difference], off: float) -> str:
-    """Why torques agree all the same."""
+def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> str:
+    """Why torques agree all the same.
+
+    Args:
+        both: Those of the libraries, where they agree, too.
+    """
     closed = [each.what in CLOSING for each in found]
+    if both is None and any(each.what in APART for each in found):
+        return f"torques of bodies and joints, which leave it out, agree ({off:.1g})"
     if not any(closed):
         return f"no torque shows it ({off:.1g})"
     which = "it" if all(closed) else "what differs in closures and couplings"

@@ -34,7 +34,7 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
     yield from _uneven(model, assembly)
     yield from _moved_from_outside(model)
     if model.nflex:
-        yield from (Content("flexible bodies", "flex", f" {model.flex(i).name}") for i in range(model.nflex))
+        yield Content("flexible bodies", "flexible bodies", f" ({model.nflex})")
     if model.nplugin:
         yield Content("plugins", "plugins", f" ({model.nplugin})")
 
@@ -172,7 +172,8 @@ def _pairs(model: Any, assembly: Assembly) -> Iterator[Content]:
 def _options(model: Any) -> Iterator[Content]:
     import mujoco
 
-    if model.opt.wind.any():
+    medium = model.opt.density or model.opt.viscosity
+    if medium and model.opt.wind.any():
         yield Content("wind", "option wind", "", (), tuple(zip("xyz", model.opt.wind.tolist(), strict=True)))
     for kind, what, flags, bits, begins in (
         ("switched off", "disabled", _OFF, model.opt.disableflags, "mjDisableBit.mjDSBL_"),
@@ -185,7 +186,7 @@ def _options(model: Any) -> Iterator[Content]:
                 yield Content(kind, f"flag {flag.lower()}, {what}", values=())
     if groups := int(model.opt.disableactuator):
         yield Content("switched off", "groups of actuators, disabled", values=(("bits", float(groups)),))
-    if (model.opt.density or model.opt.viscosity) and model.geom_fluid[:, :1].any():
+    if medium and model.geom_fluid[:, :1].any():
         bodies = {model.body(model.geom_bodyid[i]).name for i in range(model.ngeom) if model.geom_fluid[i, 0]}
         yield from (Content("fluid shape of geoms", "fluid shape of geoms", f" of body {name}") for name in sorted(bodies))
 
