@@ -22,10 +22,11 @@ def mjcf(*, option="", further="", top="", a="", ball="", tip="", gravcomp="", w
     """Three hinges in a row with a stop, friction and a spring, and a ball joint."""
     return (
         f'<mujoco><compiler angle="radian"/><option {option}>{further}</option>{top}<worldbody>'
-        f'<body name="one"><joint name="a" axis="0 1 0" range="-1 1" limited="true" frictionloss="0.1" stiffness="2" {a}/>'
+        f'<body name="one"><joint name="a" axis="0 1 0" range="-1 1" limited="true" frictionloss="0.1" '
+        f'stiffness="2" {a}/>'
         f'{INERTIAL.format(2)}<geom name="g" size="0.1" contype="0" conaffinity="0" {tip}/>'
-        f'<body name="two" pos="0.4 0 0"><joint name="b" axis="0 1 0"/>{INERTIAL.format(1)}<site name="s" pos="0.1 0 0.3"/>'
-        f'<geom name="h" size="0.1" contype="0" conaffinity="0"/>'
+        f'<body name="two" pos="0.4 0 0"><joint name="b" axis="0 1 0"/>{INERTIAL.format(1)}'
+        '<site name="s" pos="0.1 0 0.3"/><geom name="h" size="0.1" contype="0" conaffinity="0"/>'
         f'<body name="three" pos="0.3 0 0"><joint name="c" axis="1 0 0"/>{INERTIAL.format(1)}'
         f'<body name="four" pos="0.3 0 0" {gravcomp}><joint name="d" type="ball" {ball}/>{INERTIAL.format(0.5)}'
         f"@</body></body></body></body>{world}"
@@ -101,9 +102,7 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     },
     "gears": {"gear": (".xml", PLAIN, with_(mjcf(motor='gear="3"')))},
     "range of rotation": {"ball": (".xml", PLAIN, with_(mjcf(ball='range="0 1" limited="true"')))},
-    "higher powers of damping": {
-        "quadratic": (".xml", with_(mjcf(a='damping="1"')), with_(mjcf(a='damping="1 0.5"')))
-    },
+    "higher powers of damping": {"quadratic": (".xml", with_(mjcf(a='damping="1"')), with_(mjcf(a='damping="1 0.5"')))},
     "higher powers of stiffness": {"cubic": (".xml", PLAIN, PLAIN.replace('stiffness="2"', 'stiffness="2 0 3"'))},
     "yield of springs": {"yield": (".xml", PLAIN, with_(mjcf(a='springyield="0.3"')))},
     "softness of stops": {
@@ -176,7 +175,11 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     },
     "flexible bodies": {"cloth": (".xml", PLAIN, with_(mjcf(world=FLEX)))},
     "plugins": {
-        "pid": (".xml", PLAIN, with_(mjcf(top=PID), '<actuator><plugin name="p" plugin="mujoco.pid" joint="b"/></actuator>'))
+        "pid": (
+            ".xml",
+            PLAIN,
+            with_(mjcf(top=PID), '<actuator><plugin name="p" plugin="mujoco.pid" joint="b"/></actuator>'),
+        )
     },
     "bodies moved from outside": {
         "held": (
@@ -210,7 +213,11 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     },
     "dropped by the library": {"tree": (f".xml{PINOCCHIO}", PLAIN, with_(mjcf(world=ROOTS)))},
     "read otherwise by the library": {
-        "quaternion": (f".urdf{PINOCCHIO}", urdf(), urdf().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0" quat_xyzw="0 0 .6 .8"'))
+        "quaternion": (
+            f".urdf{PINOCCHIO}",
+            urdf(),
+            urdf().replace('xyz="0.1 0 0"', 'xyz="0.1 0 0" quat_xyzw="0 0 .6 .8"'),
+        )
     },
     "mass from meshes": {"base": (".urdf@mujoco", urdf(), urdf(base=MESH))},
     "not held by the reading": {
@@ -232,7 +239,7 @@ def diagnosed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def of(ending, a, b):
-        suffix, _, library = ending.partition("@")
+        suffix = ending.partition("@")[0]
         (tmp_path / "more.xml").write_text("<mujoco><statistic extent='1'/></mujoco>", encoding="utf-8")
         for name, text in (("a", a), ("b", b)):
             (tmp_path / f"{name}{suffix}").write_text(text, encoding="utf-8")
@@ -292,7 +299,9 @@ RICH = with_(
 def test_two_rich_files_are_the_same_whatever_their_joints_are_called(diagnosed):
     other = RICH
     for name, new in (("a", "z"), ("b", "y"), ("c", "x"), ("d", "w")):
-        other = other.replace(f'joint name="{name}"', f'joint name="{new}"').replace(f'joint="{name}"', f'joint="{new}"')
+        other = other.replace(f'joint name="{name}"', f'joint name="{new}"').replace(
+            f'joint="{name}"', f'joint="{new}"'
+        )
     found = diagnosed(".xml", RICH, other)
     assert found.pairing.joints == {"a": "z", "b": "y", "c": "x", "d": "w"}
     assert found.same, found.verdict

@@ -121,7 +121,9 @@ def test_a_spring_tendon_of_one_alone_is_a_difference_that_its_library_s_torque_
     tied.write_text(text.replace("@", tendon), encoding="utf-8")
     for pair, side in (((bar, tied), "B"), ((tied, bar), "A")):
         found = screwgauge.diagnose(*pair)
-        assert found.verdict.startswith(f"fixed tendon t: in {side} only. The libraries' own torques as loaded (mj_inverse")
+        assert found.verdict.startswith(
+            f"fixed tendon t: in {side} only. The libraries' own torques as loaded (mj_inverse"
+        )
         assert (found.same, found.undecided, found.exit_status) == (False, False, 1)
         assert found.together.row.max_abs > 1.0
     assert screwgauge.diagnose(tied, tied).same

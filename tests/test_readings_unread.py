@@ -52,7 +52,11 @@ CASES = [
     ("pinocchio", mjcf(f"{BODY}<frame><body name='b'/></frame>"), ("body b, which pinocchio drops", "frame")),
     ("pinocchio", mjcf(BODY + "<replicate count='2'><geom size='1'/></replicate>"), ("replicate",)),
     ("mujoco", mjcf(BODY.replace('damping="1"', 'damping="1 2"')), ("higher powers of damping of joint j",)),
-    ("mujoco", mjcf(BODY.replace(JOINT, '<joint type="ball" range="0 1" name="j"/>')), ("range of rotation of joint j",)),
+    (
+        "mujoco",
+        mjcf(BODY.replace(JOINT, '<joint type="ball" range="0 1" name="j"/>')),
+        ("range of rotation of joint j",),
+    ),
     ("pinocchio", PLANAR, ("axis 0 1 0 of planar joint j: Pinocchio takes 0 0 1",)),
     ("pinocchio", PLANAR.replace('<axis xyz="0 1 0"/>', ""), ("axis 1 0 0 of planar joint j: Pinocchio takes 0 0 1",)),
     (

@@ -166,7 +166,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops((a, b), common, pairing, seed, deadline)
-    found = compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))) + [*content.differences]
+    found = [*compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))), *content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):

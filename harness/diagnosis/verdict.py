@@ -115,9 +115,7 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     )
 
 
-def _alike(
-    models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool
-) -> str:
+def _alike(models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool) -> str:
     """That all that is compared is the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)

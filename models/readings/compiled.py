@@ -19,7 +19,10 @@ _FREE, _BALL = 0, 1
 #: Arrays that say the path of a tendon.
 _PATHS = ("wrap_type", "wrap_objid", "wrap_prm", "tendon_adr", "tendon_num", "tendon_type")
 #: Arrays that make a tendon more than a sum of coordinates.
-_PULLS = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited", "actfrclimited")
+_PULLS = (
+    *("stiffness", "stiffnesspoly", "damping", "dampingpoly"),
+    *("frictionloss", "armature", "limited", "actfrclimited"),
+)
 
 
 def content(model: Any, assembly: Assembly) -> Iterator[Content]:
@@ -187,8 +190,9 @@ def _options(model: Any) -> Iterator[Content]:
     if groups := int(model.opt.disableactuator):
         yield Content("switched off", "groups of actuators, disabled", values=(("bits", float(groups)),))
     if medium and model.geom_fluid[:, :1].any():
+        what = "fluid shape of geoms"
         bodies = {model.body(model.geom_bodyid[i]).name for i in range(model.ngeom) if model.geom_fluid[i, 0]}
-        yield from (Content("fluid shape of geoms", "fluid shape of geoms", f" of body {name}") for name in sorted(bodies))
+        yield from (Content(what, what, f" of body {name}") for name in sorted(bodies))
 
 
 def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.content import Content
+from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.compiled import content, other_equality, single_joint
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
@@ -84,11 +84,24 @@ def loaded(source: Source) -> Any:
     try:
         spec = mujoco.MjSpec.from_string(source.text)
         spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
+        _name_joints(spec)
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         said = " ".join(str(error).removeprefix("Error: ").split())
         remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
         raise ModelFileError(f"MuJoCo refuses it ({said})", str(source.path), remedy) from None
+
+
+def _name_joints(spec: Any) -> None:
+    """Names those that MuJoCo itself makes of a composite or flex, as those of a file are named."""
+    taken = {joint.name for joint in spec.joints}
+    for joint in [joint for joint in spec.joints if not joint.name]:
+        name = f"{joint.parent.name}_joint"
+        k = 1
+        while (wanted := f"{name}_{k}" if k > 1 else name) in taken:
+            k += 1
+        joint.name = wanted
+        taken.add(wanted)
 
 
 @contextmanager

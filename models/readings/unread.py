@@ -22,7 +22,8 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
     """
     known = source.form == "mjcf" and reading.library == "mujoco"
-    said = [] if known else [_content(source, extra) for extra in beyond_reading(source.root, source.form, reading.library)]
+    extras = [] if known else beyond_reading(source.root, source.form, reading.library)
+    said = [_content(source, extra) for extra in extras]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         said.append(Content("contacts of geoms", "contacts of geoms"))
     own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits of joints")
