@@ -20,7 +20,8 @@ EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance o
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
-DIAGNOSE_STATUS = """exit status: 0 the same; 1 different; 2 bad input; 3 a library failed, or --limit was met"""
+DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
+3 a library failed, or --limit was met"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

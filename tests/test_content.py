@@ -110,12 +110,12 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
         "margin": (".xml", PLAIN, with_(mjcf(a='margin="0.1"'))),
     },
     "softness of friction": {"solimp": (".xml", PLAIN, with_(mjcf(a='solimpfriction="0.5 0.9 0.001"')))},
-    "force limits of joints": {
+    "force limits": {
         "range": (".xml", PLAIN, with_(mjcf(a='actuatorfrcrange="-3 3"'))),
         "effort": (".urdf", urdf(), urdf(effort=5)),
         "effort in MuJoCo": (".urdf@mujoco", urdf(), urdf(effort=5)),
     },
-    "gravity compensated by actuators": {"one": (".xml", PLAIN, with_(mjcf(a='actuatorgravcomp="true"')))},
+    "weight borne by actuators": {"one": (".xml", PLAIN, with_(mjcf(a='actuatorgravcomp="true"')))},
     "fixed tendons": {
         what: (".xml", PLAIN, tied(f'{what}="{value}"'))
         for what, value in (

@@ -112,19 +112,20 @@ def _side(model: Model, common: Common, side: str) -> _Side:
     first = [common.own["joints"].get(name, name) if side == "B" else name for name in reading.joints]
     tree = plant(reading)
     own = plant(ordered(whole, [*first, *(name for name in whole.joints if name not in first)]))
-    turned, places = np.eye(len(tree.before)), []
+    turned, places = np.eye(len(tree.before)), list[tuple[slice, Array, Array]]()
     for i, frame in tree.frames.items():
         name = list(reading.joints)[i]
         before, behind = np.eye(4), np.eye(4)  # from the model's own home to the common one
         if side == "B":
             free = reading.joints[name].kind == "free"
             before, behind = before if free else common.before[name], common.behind[reading.moved_by(name)]
-        after = np.linalg.inv(frame) @ behind @ own.frames[i]
-        ahead = np.linalg.inv(own.frames[i]) @ np.linalg.inv(before) @ frame
+        after: Array = np.asarray(np.linalg.inv(frame) @ behind @ own.frames[i])
+        ahead: Array = np.asarray(np.linalg.inv(own.frames[i]) @ np.linalg.inv(before) @ frame)
         if reading.joints[name].kind == "ball":
             ahead[:3, 3] = after[:3, 3] = 0.0
         part = tree.freedoms[name]
-        turned[part, part] = adjoint(np.linalg.inv(after))[: part.stop - part.start, : part.stop - part.start]
+        wide = part.stop - part.start
+        turned[part, part] = adjoint(np.asarray(np.linalg.inv(after)))[:wide, :wide]
         places.append((tree.places[name], ahead, after))
     return _Side(model, tree, own, turned, tuple(places))
 
@@ -176,7 +177,7 @@ def _common_part(side: _Side, states: States) -> States:
     n, wide = len(side.common.before), home(side.common.reading).q.shape[1]
     back, q = np.linalg.inv(side.turned), states.q[:, :wide].copy()
     for place, before, after in side.placed:
-        q[:, place] = _replaced(q[:, place], np.linalg.inv(before), np.linalg.inv(after))
+        q[:, place] = _replaced(q[:, place], *(np.asarray(np.linalg.inv(T)) for T in (before, after)))
     return States(q, states.qd[:, :n] @ back.T, states.qdd[:, :n] @ back.T)
 
 

@@ -158,9 +158,9 @@ def _differs(
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
-    rest = [each for i, each in enumerate(found) if i not in numbers] if why.complete else []
-    apart = sum(each.what in APART for each in rest)
-    others, more = len(rest) - apart, ""
+    beside = [each for i, each in enumerate(found) if i not in numbers] if why.complete else []
+    apart = sum(each.what in APART for each in beside)
+    others, more = len(beside) - apart, ""
     if others:
         more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
     if apart:

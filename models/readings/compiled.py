@@ -178,15 +178,12 @@ def _options(model: Any) -> Iterator[Content]:
     medium = model.opt.density or model.opt.viscosity
     if medium and model.opt.wind.any():
         yield Content("wind", "option wind", "", (), tuple(zip("xyz", model.opt.wind.tolist(), strict=True)))
-    for kind, what, flags, bits, begins in (
-        ("switched off", "disabled", _OFF, model.opt.disableflags, "mjDisableBit.mjDSBL_"),
-        ("switched on", "enabled", _ON, model.opt.enableflags, "mjEnableBit.mjENBL_"),
-    ):
-        group, _, prefix = begins.partition(".")
-        known = getattr(mujoco, group.replace("mjD", "mjtD").replace("mjE", "mjtE"))
-        for flag in flags:
-            if bits & int(getattr(known, f"{prefix}{flag}")):
-                yield Content(kind, f"flag {flag.lower()}, {what}", values=())
+    for flag in _OFF:
+        if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")):
+            yield Content("switched off", f"flag {flag.lower()}, disabled", values=())
+    for flag in _ON:
+        if model.opt.enableflags & int(getattr(mujoco.mjtEnableBit, f"mjENBL_{flag}")):
+            yield Content("switched on", f"flag {flag.lower()}, enabled", values=())
     if groups := int(model.opt.disableactuator):
         yield Content("switched off", "groups of actuators, disabled", values=(("bits", float(groups)),))
     if medium and model.geom_fluid[:, :1].any():

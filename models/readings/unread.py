@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
-from screwgauge.models.content import Content, kind_of
+from screwgauge.models.content import Content, Values, kind_of
 from screwgauge.models.elements import Extra, beyond_reading
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
@@ -26,7 +26,7 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     said = [_content(source, extra) for extra in extras]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         said.append(Content("contacts of geoms", "contacts of geoms"))
-    own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits of joints")
+    own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits")
     return (*_dropped(source, reading), *_prepared(source, reading), *own, *said)
 
 
@@ -38,10 +38,10 @@ def _content(source: Source, extra: Extra) -> Content:
     joint = extra.whose.removeprefix(" of joint ")
     of = (("joints", joint, 1.0),) if joint != extra.whose else ()
     said = extra.element.get(extra.attribute) if extra.attribute else None
-    values = _canonical(extra.element) if said is None else ((extra.attribute, _number(said)),)
+    values: Values = tuple(_canonical(extra.element)) if said is None else ((extra.attribute, _number(said)),)
     if extra.what == "limit effort" and isinstance(effort := _number(said or ""), float):  # as MuJoCo keeps it
         values = ("actfrcrange[0]", -effort), ("actfrcrange[1]", effort)
-    return Content(kind, extra.what, extra.whose, of, tuple(values))
+    return Content(kind, extra.what, extra.whose, of, values)
 
 
 def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:

@@ -55,7 +55,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
         for each in list(mine):
-            if partner := next((other for other in others if _same(each.values, other.values)), None):
+            if partner := next((other for other in others if _same(each, other)), None):
                 mine.remove(each)
                 others.remove(partner)
                 yield each, partner
@@ -75,11 +75,18 @@ def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
     return found
 
 
-def _same(a: Values | None, b: Values | None) -> bool:
+def _same(a: Content, b: Content) -> bool:
     """Whether both are known and say the same; numbers to rounding."""
-    if a is None or b is None or len(a) != len(b):
+    if a.values is None or b.values is None or len(a.of) != len(b.of):
         return False
-    return all(key == other and _alike(x, y) for (key, x), (other, y) in zip(a, b, strict=True))
+    shares = all(_alike(x, y) for (*_, x), (*_, y) in zip(a.of, b.of, strict=True))
+    return shares and _equal(a.values, b.values)
+
+
+def _equal(a: Values, b: Values) -> bool:
+    """Whether labels and values are."""
+    entries = zip(a, b, strict=False)
+    return len(a) == len(b) and all(key == other and _alike(x, y) for (key, x), (other, y) in entries)
 
 
 def _alike(x: float | str, y: float | str) -> bool:
@@ -99,10 +106,10 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
     if texts and not named_alike:  # they have names of joints in them
         return "withheld"
     if a is not None and b is not None:
-        return "same" if a.of == b.of and _same(a.values, b.values) else "differs"
+        return "same" if _same(a, b) else "differs"
     mine, other = readings if b is None else readings[::-1]
     if kind.alone == "aside":
-        return "differs" if mine.form == other.form else "aside"
+        return "differs" if mine.form == other.form else "aside" if mine.form == "urdf" else "withheld"
     can_say = other.library == "mujoco" if kind.arrays else other.form == mine.form
     return "withheld" if kind.alone or not can_say else "differs"
 
@@ -121,11 +128,11 @@ def _difference(a: Content | None, b: Content | None) -> Difference:
 
 def _first(a: Content, b: Content) -> str:
     """What differs first."""
-    for (_, name, x), (_, _, y) in zip(a.of, b.of, strict=False):
-        if x != y:
-            return f"{y:.6g} of {name} in B, {x:.6g} in A"
-    for (key, x), (other, y) in zip(a.values or (), b.values or (), strict=False):
-        if key != other or not _alike(x, y):
+    for (_, name, mine), (_, _, other) in zip(a.of, b.of, strict=False):
+        if not _alike(mine, other):
+            return f"{other:.6g} of {name} in B, {mine:.6g} in A"
+    for (key, x), (label, y) in zip(a.values or (), b.values or (), strict=False):
+        if key != label or not _alike(x, y):
             said = [f"{value:.6g}" if isinstance(value, float) else value for value in (y, x)]
             return f"{key} {said[0]} in B, {said[1]} in A"
     return "more entries in one than in the other"
