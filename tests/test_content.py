@@ -388,3 +388,15 @@ def test_the_readme_has_the_table():
     text = README.read_text(encoding="utf-8")
     for kind in kinds().values():
         assert f"| {kind.name} | {kind.fate} | {kind.note} |" in text
+
+
+def test_shapes_of_meshes_which_are_not_read_are_contacts_all_the_same(diagnosed):
+    with_mesh = urdf().replace(MATTER, f"{MATTER}{MESH}")
+    verdict = diagnosed(".urdf", with_mesh, with_mesh).verdict
+    assert "No part of that: collision of link b in A and B" in verdict
+    bare = re.sub("<geom[^>]*>", "", PLAIN)
+    mesh = bare.replace("<worldbody>", '<asset><mesh name="x" file="x.stl"/></asset><worldbody>')
+    mesh = mesh.replace("<body name=", '<geom type="mesh" mesh="x"/><body name=', 1)
+    found = diagnosed(".xml", bare, mesh)
+    assert found.same
+    assert found.verdict.endswith(" No part of that: contacts of geoms in B.")

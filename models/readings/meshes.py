@@ -34,18 +34,21 @@ def without_meshes(root: ET.Element, form: str, where: str) -> list[Content]:
 
 
 def _urdf(root: ET.Element) -> list[Content]:
-    without = []
+    touching = list[str]()
     for link in root.iterfind("link"):
         for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
             geometry = shape.find("geometry")
             if shape.tag == "visual" or geometry is None or geometry.find("mesh") is not None:
                 link.remove(shape)
-                if shape.tag == "collision" and link.find("inertial") is None:
-                    without.append(link.get("name", ""))
+                if shape.tag == "collision":
+                    touching.append(link.get("name", ""))
     for material in root.findall("material"):
         root.remove(material)
-    said = (f"mesh of link {name}, from which MuJoCo would take its mass" for name in dict.fromkeys(without))
-    return [Content("mass from meshes", text) for text in said]
+    weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
+    said = "mesh of link {}, from which MuJoCo would take its mass"
+    names = dict.fromkeys(touching)
+    found = [Content("mass from meshes", said.format(name)) for name in names if name in weightless]
+    return found + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
 
 
 def _mjcf(root: ET.Element, where: str) -> list[Content]:
@@ -60,6 +63,7 @@ def _mjcf(root: ET.Element, where: str) -> list[Content]:
         if values.get("type") not in _FROM_FILES and not {"mesh", "hfield"} & values.keys():
             continue
         shape.parent.remove(shape.geom)
+        said.append(Content("contacts of geoms", "contacts of geoms"))
         weightless = any(_is_zero(values.get(key)) for key in ("mass", "density"))
         if weightless or not (force or shape.body.find("inertial") is None):
             continue
