@@ -39,7 +39,7 @@ def judged(found: Diagnosis, expected: Sequence[Expected]) -> Judged:
     steps = found.attribution.steps if found.attribution else ()
     first = steps[0].hypothesis.name if steps else found.differences[0].sentence if found.differences else ""
     if found.same or not found.differences:
-        return Judged(not found.same, first, False)
+        return Judged(not (found.same or found.undecided), first, False)
     if expected[0].what == ("digits",):
         printed = all(difference.kind == "digits" for difference in found.differences)
         return Judged(True, first, printed or any("digits" in step.hypothesis.slips for step in steps[:1]))
