@@ -142,6 +142,8 @@ class _Walk:
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
             for attribute, value in {**self._absent(element, around), **element.attrib}.items():
                 kind = self._kind(attribute, kinds)
+                if attribute.partition(":")[0] == "xmlns":  # names a dialect, of which elements follow or not
+                    continue
                 if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
                     what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
                     yield Extra(kind, what, owner and f" of {owner}", element, attribute)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.stated import differ
 from screwgauge.diagnosis.pairing.common import Common
-from screwgauge.models.content import Content, Values, kinds, phrases
+from screwgauge.models.content import OTHER, Content, Values, kinds, phrases
 from screwgauge.models.readings.reading import Reading
 
 #: Item of A and item of B, of which one may be missing.
@@ -98,6 +98,8 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
     one = a or b
     assert one is not None
     kind = kinds()[one.kind]
+    if kind.name == OTHER and named_alike and a is not None and b is not None and _same(a, b):
+        return "same"  # whatever it means, both files say it in the same words of the same parts
     if kind.fate != "compared":
         return kind.fate
     if any(each is not None and each.values is None for each in (a, b)):
