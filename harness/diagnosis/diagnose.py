@@ -17,7 +17,7 @@ from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import Loops, loops
+from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
@@ -127,7 +127,7 @@ def diagnose(
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Raises:
-        ScrewgaugeError: A file, or the map, cannot be read.
+        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -135,7 +135,8 @@ def diagnose(
         raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
     beside = None if loops is None else Path(loops)
-    one, two, pairing = cut_alike(*alike(loaded(a, load, beside), loaded(b, load, beside), load), given)
+    sides = at_home(alike(loaded(a, load, beside), loaded(b, load, beside), load))
+    one, two, pairing = cut_alike(*sides, given)
     if not pairing.alike:
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
     else:
@@ -165,7 +166,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
     why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
     seen = tuple(witnesses((a, b), seed, deadline))
-    moves_alike = bound is None or bound.mobility[0] == bound.mobility[1]
+    moves_alike = (bound is None or bound.closes_alike) and not (a.never_closed or b.never_closed)
     return Diagnosis(
         a,
         b,
@@ -182,7 +183,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         proof=why.proof,
         fix=why.fix,
         witnesses=seen,
-        notes=notes((a, b), common, seen, of_loops, seed),
+        notes=notes((a, b), common, seen, of_loops, seed, compared=bound is not None),
         by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else changes_of(found)),
     )
 

@@ -21,6 +21,7 @@ from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
+from screwgauge.scene.preflight import check_closed
 
 #: Reads a file by a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
@@ -41,6 +42,8 @@ class Model:
         loops: File beside a URDF that says what closes its loops.
         parts: Bodies that are taken for parts of others, as the other model has them.
         as_read: The reading before that; None where there are none.
+        open_by: How far its loops are open at home as written, in words; empty where they are closed.
+        never_closed: Which loops close from no start, in words; empty where all do.
     """
 
     label: str
@@ -53,6 +56,8 @@ class Model:
     loops: Path | None = None
     parts: tuple[Copy, ...] = ()
     as_read: Reading | None = None
+    open_by: str = ""
+    never_closed: str = ""
 
     @property
     def says_closures(self) -> bool:
@@ -104,7 +109,7 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
 
 
 def _described(name: str) -> Model:
-    mechanism = load_mechanism(name)
+    check_closed(mechanism := load_mechanism(name))
     file = Path(name) if Path(name).is_file() else None
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
     return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)

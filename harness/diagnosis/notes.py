@@ -29,11 +29,18 @@ CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(
-    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int
+    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int, *, compared: bool
 ) -> tuple[str, ...]:
-    """All of them, a sentence each."""
+    """All of them, a sentence each.
+
+    Args:
+        of_loops: What is to be said of loops; `compared`: they are, at closed states.
+    """
     said, (a, b) = [of_loops] * bool(of_loops), models
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
+        if model.open_by:
+            where = "; loops are compared where they are closed" if compared else ""
+            said.append(f"{side} is open at home as written: {model.open_by}{where}")
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
         said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]

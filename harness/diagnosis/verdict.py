@@ -8,7 +8,7 @@ from screwgauge.diagnosis.causes.attribution import Attribution, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explain import Explanation
 from screwgauge.diagnosis.differences.change import Difference
-from screwgauge.diagnosis.differences.loops import Loops
+from screwgauge.diagnosis.differences.loops import ALIKE, Loops
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.model import Model
@@ -43,7 +43,7 @@ def verdict(
     """
     cause, proof, grown = why.attribution, why.proof, why.growth
     apart = [_witness(witness) for witness in seen if not witness.agrees]
-    unlike = bound is not None and bound.mobility[0] != bound.mobility[1]
+    unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
     if found or cause.before.scaled > SAME:
         unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
         said = [_differs(found, cause, proof, "there was no time to explain" if late else unexplained)]
@@ -57,6 +57,7 @@ def verdict(
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
     said += _bound(found, bound) if bound else []
+    said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
     return " ".join([*said, *apart])
 
 
@@ -66,7 +67,10 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
     if a != b:
         return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
     if not bound.alike:
-        return [f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})."]
+        apart = f"Poses that close A leave B open: {bound.opened}." if bound.opened else ""
+        much = f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})"
+        where = ", at the nearest poses that close B" if bound.opened else ""
+        return [*filter(None, (apart, f"{much}{where}." if bound.row.max_abs > ALIKE else ""))]
     if any(each.what in BINDING for each in found):
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []

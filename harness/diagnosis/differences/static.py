@@ -40,7 +40,7 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
         if name in right.b.bodies:
             out += _body(right, name)
     out += _unpaired(right)
-    out += [*closures(right), *couplings(right), *actuators(right)]
+    out += [*closures(right, common), *couplings(right), *actuators(right)]
     return out, right
 
 
