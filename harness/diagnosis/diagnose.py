@@ -21,7 +21,8 @@ from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
-from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, in_process, loaded
+from screwgauge.diagnosis.model import Loops as Beside
+from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
@@ -111,7 +112,7 @@ def diagnose(
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
     matrix: bool = False,
-    loops: str | Path | None = None,
+    loops: Beside = None,
     limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
@@ -122,7 +123,8 @@ def diagnose(
         map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
-        loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
+        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
+            one file for both, or one for each side, None for what lies beside it.
         limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
@@ -134,8 +136,8 @@ def diagnose(
     if not isinstance(map, str | Path | Mapping | None):
         raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
-    beside = None if loops is None else Path(loops)
-    sides = at_home(alike(loaded(a, load, beside), loaded(b, load, beside), load))
+    first, second = each_loops(loops, (a, b))
+    sides = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
     one, two, pairing = cut_alike(*sides, given)
     if not pairing.alike:
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
@@ -158,7 +160,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
-    bound, of_loops = loops((a, b), common, pairing, seed, deadline)
+    bound, of_loops = loops(common, pairing, seed, deadline)
     found = compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits)))
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
@@ -223,11 +225,10 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
 
 
 def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
-    """Without what one of the formats cannot say, limits of a description, closures of a URDF; and without other points
-    of one axis, where loops leave the same.
+    """Without what one of the formats cannot say, limits of a description; and without other points of one axis, where
+    loops leave the same.
     """
     silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
-    silent |= set() if a.says_closures and b.says_closures else {"closure"}
     points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
     found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
     return [each for each in found if each.what not in silent]

@@ -43,6 +43,7 @@ def _facts(model: Model) -> dict[str, Any]:
         "file": model.label,
         "library": model.library,
         "sha256": model.sha256,
+        "loops": model.loops and {"file": str(model.loops), "sha256": model.loops_sha256},
         "digits": model.digits,
         "joints": len(model.reading.joints),
         "bodies": len(model.reading.bodies),

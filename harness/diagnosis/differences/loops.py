@@ -16,6 +16,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.importing import closing
 from screwgauge.models.importing.assemble import assemble, some
 from screwgauge.models.kinematics.closing import equations
+from screwgauge.models.kinematics.home import rehomed
 from screwgauge.models.kinematics.tree import States, Tree, draw, plant
 from screwgauge.reference.errors import ClosureError
 
@@ -64,7 +65,7 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
     """
     found, refused = list[Model](), list[ClosureError]()
     for model in models:
-        system = closing.Loops(plant(model.reading))
+        system = closing.Loops(plant(rehomed(model.reading, model.home)[0]))
         gaps = system.gaps(system.home, HOME)
         try:
             assemble(model.reading, model.label) if gaps else None
@@ -77,18 +78,13 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
     return found[0], found[1]
 
 
-def loops(
-    models: tuple[Model, Model], common: Common, pairing: Pairing, seed: int, deadline: Deadline
-) -> tuple[Loops | None, str]:
+def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tuple[Loops | None, str]:
     """What loops leave in both models, and a sentence on it; None where that is not compared.
 
     Where B is open at a state that closes A, which is said, the nearest is taken that closes B.
     """
-    closures = bool(common.a.closures or common.b.closures)
-    if not (closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
+    if not (common.a.closures or common.b.closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
         return None, ""
-    if closures and not all(model.says_closures for model in models):
-        return None, ""  # which is said of closures
     if pairing.only_a or pairing.only_b:
         return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
