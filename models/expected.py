@@ -26,7 +26,9 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     joints: dict[str, JointReading] = {}
     for link in tree.links:
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
-        bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, poses[link.name])
+        copy_of = link.original if link.name != link.original else ""
+        matter = body.mass, body.com, body.inertia
+        bodies[link.name] = BodyReading(link.near, names, *matter, poses[link.name], copy_of=copy_of)
         joints |= _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     return Reading(

@@ -18,7 +18,7 @@ from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
-from screwgauge.diagnosis.differences.static import differences
+from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
@@ -176,7 +176,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         verdict((a, b), found, why, seen, bound, late=bool(deadline.left_out)),
         not found and cause.before.scaled <= SAME and moves_alike and all(witness.agrees for witness in seen),
         pairing,
-        tuple(found),
+        tuple(distinct(found)),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
         attribution=cause,

@@ -67,4 +67,5 @@ def _attribution(why: Attribution) -> dict[str, Any]:
 
 def _difference(each: Difference) -> dict[str, Any]:
     plain = {key: getattr(each, key) for key in ("item_a", "item_b", "what", "unit", "size", "kind", "sentence")}
-    return {**plain, "a": each.a, "b": each.b}
+    a, b = each.whole or (each.a, each.b)
+    return {**plain, "a": a, "b": b}

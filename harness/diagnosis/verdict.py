@@ -9,7 +9,7 @@ from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explain import Explanation
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
-from screwgauge.diagnosis.differences.static import sorted_by_size
+from screwgauge.diagnosis.differences.static import distinct, sorted_by_size
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
@@ -128,22 +128,22 @@ def _differs(found: Sequence[Difference], why: Attribution, proof: Backfill | No
         rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
+    named = distinct(found[number] for number in numbers)
     # of many causes those that explain the most come first
-    many = len(numbers) > _NAMED
-    named = [found[number] for number in numbers]
+    many = len(named) > _NAMED
     causes = _listed([each.sentence for each in named] if many else _largest_first(named))
     slips = [] if many else [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
-    others, more = len(found) - len(numbers), ""
+    others, more = len(distinct(found)) - len(named), ""
     if others and why.complete:
         more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
-    share = why.share
+    share, several = why.share, len(named) > 1
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
-        causes, share, numbers, slip, doubt = _listed(_largest_first(found)), 1.0, [0, 0], "", ""
-    verb = "explains" if len(numbers) == 1 else "together explain"
+        causes, share, several, slip, doubt = _listed(_largest_first(found)), 1.0, True, "", ""
+    verb = "together explain" if several else "explains"
     return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
 
 
@@ -164,7 +164,7 @@ def _unseen(found: Sequence[Difference], off: float) -> str:
 
 
 def _largest_first(found: Iterable[Difference]) -> list[str]:
-    return [each.sentence for each in sorted_by_size(found)]
+    return [each.sentence for each in sorted_by_size(distinct(found))]
 
 
 def _left(why: Attribution, proof: Backfill | None) -> str:
