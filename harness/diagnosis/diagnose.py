@@ -27,7 +27,7 @@ from screwgauge.diagnosis.notes import notes
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
-from screwgauge.diagnosis.verdict import BINDING, SAME, stopped, strange, verdict
+from screwgauge.diagnosis.verdict import BINDING, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.reading import Reading
@@ -143,6 +143,8 @@ def diagnose(
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
+        if not pairing.one_machine:
+            found = replace(found, verdict=f"{partly((one, two), pairing)} {found.verdict}")
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
     if not deadline.left_out:
         return found

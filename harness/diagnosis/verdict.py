@@ -92,11 +92,26 @@ def stopped(limit: float, left_out: Sequence[str]) -> str:
     return f"Stopped after {limit:g} s (--limit), without: {first_few(left_out, _NAMED)}."
 
 
+def partly(models: tuple[Model, Model], pairing: Pairing) -> str:
+    """Of two models of which less than half has a partner."""
+    a, b = (len(model.reading.joints) for model in models)
+    by = "the map" if "given" in pairing.how.values() else "their names"
+    return (
+        f"Compared by {by} are {len(pairing.joints)} of {a} joints of A and {b} of B ({_pairs(pairing)}); the others "
+        "have no partner."
+    )
+
+
+def _pairs(pairing: Pairing) -> str:
+    """Some joints with their partners."""
+    pairs = ", ".join(f"{name} = {other}" for name, other in list(pairing.joints.items())[:_NAMED])
+    return f"{pairs}{', ...' if len(pairing.joints) > _NAMED else ''}"
+
+
 def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     """Of two models that are not of one machine."""
     a, b = (len(model.reading.joints) for model in models)
-    pairs = ", ".join(f"{name} = {other}" for name, other in list(pairing.joints.items())[:_NAMED])
-    more = f" ({pairs}{', ...' if len(pairing.joints) > _NAMED else ''})" if pairs else ""
+    more = f" ({_pairs(pairing)})" if pairing.joints else ""
     return (
         f"A and B are models of different machines: of {a} joints of A and {b} of B, {len(pairing.joints)} have a "
         f"partner{more}. If they are the same machine, name the partners with --map."
