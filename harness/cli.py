@@ -188,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
         "--loops",
         type=_sides,
         metavar="A,B",
-        help="what closes the loops of each URDF, one for both or one for each: robot.yaml or .loops.toml (those beside)",
+        help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
     )
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")

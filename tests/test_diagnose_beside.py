@@ -1,4 +1,4 @@
-"""What lies beside a URDF and closes its loops is read by a diagnosis, too; loops of one side alone are never the same."""
+"""A diagnosis reads what lies beside a URDF and closes its loops; loops of one side alone are never the same."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.cli import main
+from screwgauge.diagnosis.record import summary
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
@@ -84,7 +85,8 @@ def test_two_urdfs_with_other_robot_yamls_beside_them_differ(folders):
 
 def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, capsys):
     a, b = (only(folder, f"{NAME}.urdf", f"{NAME}.loops.toml") for folder in folders)
-    loops = [shutil.move(path.with_suffix(".loops.toml"), tmp_path / f"{i}.loops.toml") for i, path in enumerate((a, b))]
+    beside = [path.with_suffix(".loops.toml") for path in (a, b)]
+    loops = [shutil.move(path, tmp_path / f"{i}.loops.toml") for i, path in enumerate(beside)]
     assert screwgauge.diagnose(a, b, loops=loops).loops.mobility == (2, 2)
     assert screwgauge.diagnose(a, b, loops=loops[0]).loops.mobility == (2, 2)  # one for both
     assert not screwgauge.diagnose(a, b, loops=(loops[0], None)).same
@@ -110,8 +112,6 @@ def test_a_loops_file_for_what_says_its_own_loops_is_refused(folders):
 
 
 def test_the_loops_file_is_named_with_its_digest_in_the_record(folders, tmp_path):
-    from screwgauge.diagnosis.record import summary
-
     facts = summary(screwgauge.diagnose(urdf(folders[0]), NAME))["models"]
     assert facts["A"]["loops"]["file"].endswith(f"{NAME}.loops.toml")
     assert len(facts["A"]["loops"]["sha256"]) == 64

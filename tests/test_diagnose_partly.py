@@ -21,7 +21,7 @@ class Robot:
     def limb(self, root: str, names: list[str], at: tuple[float, ...], axes=ONE, kind: str = "revolute") -> str:
         """Adds a chain; returns its last link."""
         for i, name in enumerate(names):
-            xyz = np.array(at) if i == 0 else self.random.uniform(-0.05, 0.05, 3) + [0, 0, -0.2]
+            xyz = np.array(at) if i == 0 else self.random.uniform(-0.05, 0.05, 3) + np.array([0, 0, -0.2])
             mass, com = self.random.uniform(1, 8), self.random.uniform(-0.05, 0.05, 3)
             x, c = (" ".join(f"{v:.3f}" for v in vector) for vector in (xyz, com))
             moments = " ".join(f'i{k}{k}="{mass * v:.4f}"' for k, v in zip("xyz", (0.01, 0.012, 0.008), strict=True))

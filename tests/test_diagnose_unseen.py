@@ -174,7 +174,8 @@ TIED = (
     .replace('<body name="tip"', '<site name="s" pos="0.1 0 0" euler="0 10 0"/><body name="tip"')
     .replace('<joint name="b" axis="0 1 0"/>', '<joint name="b" axis="0 1 0"/><body name="eye" pos="0 0.1 0"/>')
     .replace(
-        '<body name="eye" pos="0 0.1 0"/>', '<body name="eye" pos="0.3 0.1 0"><site name="r" pos=".1 -.1 -.2" euler="0 10 0"/></body>'
+        '<body name="eye" pos="0 0.1 0"/>',
+        '<body name="eye" pos="0.3 0.1 0"><site name="r" pos=".1 -.1 -.2" euler="0 10 0"/></body>',
     )
     .replace(
         "<equality>",

@@ -24,6 +24,7 @@ from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import notes
+from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
@@ -52,6 +53,7 @@ class Diagnosis:
         matrix: All readings of both files, if asked for.
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
+        order: In which the two libraries index the joints; None where it is the same, or a description has none.
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
     """
 
@@ -74,6 +76,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
     left_out: tuple[str, ...] = ()
+    order: Order | None = None
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -143,6 +146,8 @@ def diagnose(
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
+        if order := between((one, two), pairing, seed):
+            found = replace(found, order=order, verdict=f"{found.verdict} {order.sentence}")
         if not pairing.one_machine:
             found = replace(found, verdict=f"{partly((one, two), pairing)} {found.verdict}")
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found

@@ -27,6 +27,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "differences": [_difference(each) for each in found.differences],
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
+        "order": found.order and asdict(found.order),
         "growth": found.growth and asdict(found.growth),
         "attribution": why and _attribution(why),
         "soft_equalities": found.soft and _attribution(found.soft),

@@ -83,7 +83,8 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
 
     Where B is open at a state that closes A, which is said, the nearest is taken that closes B.
     """
-    if not (common.a.closures or common.b.closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
+    bound = any(each.closures or each.couplings for each in (common.a, common.b))
+    if not bound or deadline.over("what loops leave of motion"):
         return None, ""
     if pairing.only_a or pairing.only_b:
         return None, f"{_NOT_COMPARED}: joints are in one model only"

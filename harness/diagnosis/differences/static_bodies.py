@@ -100,7 +100,8 @@ def _as_a_whole(common: Common, name: str, found: Iterator[Difference]) -> Itera
             one = said[each.what]
             yield replace(each, size=one.size, sentence=one.sentence, whole=(one.a, one.b))
         else:
-            divided = f"{original}: B divides its {each.what} otherwise among {', '.join(shares)}; the whole is the same"
+            among = f"among {', '.join(shares)}; the whole is the same"
+            divided = f"{original}: B divides its {each.what} otherwise {among}"
             yield replace(each, sentence=divided)
 
 
