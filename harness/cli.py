@@ -71,6 +71,11 @@ def _path(text: str) -> Path:
     return Path(_named(text))
 
 
+def _sides(text: str) -> str | list[str]:
+    """``FILE``, or ``A,B``, of which one may be empty."""
+    return text.split(",") if "," in text and not Path(text).exists() else _named(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="screwgauge",
@@ -180,7 +185,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
-    add("--loops", type=_path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
+    add(
+        "--loops",
+        type=_sides,
+        metavar="A,B",
+        help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
+    )
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")

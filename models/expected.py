@@ -1,7 +1,7 @@
 """What the description says a model file should read as, by plain matrices, joint after joint.
 
-It shares no kinematics with the solver, and walks the joints as the description declares them, not as a tree
-does.
+It shares no kinematics with the solver. Poses follow the joints of the tree alone, as they do in a file: a loop that is
+open at home shows as a gap of its closure.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from screwgauge.models.layout import Link, lay_out
+from screwgauge.models.layout import Link, Tree, lay_out
 from screwgauge.models.readings.assemble import matrix, screw
 from screwgauge.models.readings.loops import closure_readings
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading, couplings_of
@@ -20,12 +20,15 @@ from screwgauge.reference.rotations import Array, rotation
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
     """The reading of a model file that says exactly what the description says, limits left out."""
-    tree, poses = lay_out(mechanism, cut), home_poses(mechanism)
+    tree = lay_out(mechanism, cut)
+    poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}
     joints: dict[str, JointReading] = {}
     for link in tree.links:
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
-        bodies[link.name] = BodyReading(link.near, names, body.mass, body.com, body.inertia, poses[link.original])
+        copy_of = link.original if link.name != link.original else ""
+        matter = body.mass, body.com, body.inertia
+        bodies[link.name] = BodyReading(link.near, names, *matter, poses[link.name], copy_of=copy_of)
         joints |= _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     return Reading(
@@ -40,16 +43,12 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     )
 
 
-def home_poses(mechanism: Mechanism) -> dict[str, Array]:
-    """World pose of every body at the home coordinates. Shape (4, 4) each."""
+def home_poses(tree: Tree) -> dict[str, Array]:
+    """World pose of the ground, of every body and of every copy at the home coordinates. Shape (4, 4) each."""
     poses = {GROUND: np.eye(4)}
-    while len(poses) <= len(mechanism.bodies):
-        for joint in mechanism.joints:
-            T = joint_transform(joint, joint.home)
-            if joint.parent in poses and joint.child not in poses:
-                poses[joint.child] = poses[joint.parent] @ T
-            elif joint.child in poses and joint.parent not in poses:
-                poses[joint.parent] = poses[joint.child] @ np.linalg.inv(T)
+    for link in tree.links:
+        T = joint_transform(link.joint, link.joint.home)
+        poses[link.name] = poses[link.near] @ (np.linalg.inv(T) if link.reverse else T)
     return poses
 
 
@@ -75,7 +74,7 @@ def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
     """A joint's freedoms, as its outer body moves against the inner one."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
-    T, joints = poses[joint.parent] @ _matrix(joint.parent_frame), {}
+    T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}
     for name, value, (turns, axis) in zip(joint.coordinates, joint.home, joint.freedoms, strict=True):
         S = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3])
         joints[name] = JointReading("hinge" if turns else "slide", S, T[:3, 3], float(value))

@@ -50,6 +50,11 @@ class LoopsFile:
     axial: tuple[str, Array] | None
     couplings: tuple[Coupling, ...] = ()
 
+    @property
+    def home(self) -> dict[str, float]:
+        """Coordinates of all joints at home [rad or m]."""
+        return {name: float(q) for joint in self.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
     """What the loops file of a cut mechanism says."""

@@ -36,10 +36,10 @@ def test_what_else_differs_is_all_that_is_named(cuts, tmp_path):
     points, copy = cuts("slider-crank", 'mass="0.8"', 'mass="0.9"')
     found = screwgauge.diagnose(copy, points)
     (said,) = found.differences
-    assert said.sentence == "piston: mass 0.9000 kg in B, 0.8000 kg in A (+12.50 %)"
+    assert said.sentence == "piston: mass 0.9000 kg in B, 0.8000 kg in A (+12.50 %), with piston@wrist in A"
     assert screwgauge.diagnose(copy, found.write_fix(tmp_path / "fixed.xml")).same
     (said,) = screwgauge.diagnose(points, copy).differences
-    assert said.sentence == "piston: mass 0.8000 kg in B, 0.9000 kg in A (-11.11 %)"
+    assert said.sentence == "piston: mass 0.8000 kg in B, 0.9000 kg in A (-11.11 %), with piston@wrist in B"
 
 
 def test_other_points_of_the_axis_are_no_difference_and_points_beside_it_are(cuts):

@@ -11,6 +11,7 @@ import pytest
 import screwgauge
 from screwgauge.diagnosis.causes.growth import SPEEDS, growth
 from screwgauge.engines.mujoco import plain
+from screwgauge.reference.errors import ClosureError
 
 #: A planar four-bar in the x-z plane, closed at home.
 FOUR_BAR = """<mujoco><worldbody>
@@ -72,12 +73,11 @@ def test_a_closure_seen_from_its_other_end_is_the_same(diagnosed):
     assert scaled["Jdot v"] <= 1e-12
 
 
-def test_loops_that_no_state_closes_are_said_not_to_be_compared(diagnosed):
+def test_loops_that_no_pose_closes_are_refused(diagnosed):
     far = four_bar('<connect name="d" body1="coupler" body2="world" anchor="0 0.3 0"/>')
     apart = far.replace("<connect", '<joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/><connect')
-    found = diagnosed(apart, apart)
-    assert found.loops is None
-    assert any("no random state closes both models" in note for note in found.notes)
+    with pytest.raises(ClosureError, match=r"a\.xml: loops do not close from any of \d+ starts: nearest are 'joint_1'"):
+        diagnosed(apart, apart)
 
 
 def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its_growth(diagnosed):

@@ -167,17 +167,20 @@ def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     assert found.differences[0].what == "softness"
 
 
-#: Closures in all forms that MJCF has; `rod` and `eye` are one body, of which the frames are not the same.
+#: Closures in all forms that MJCF has, closed at home; `rod` and `eye` are one body, of which the frames are not the
+#: same.
 TIED = (
     FOUR_BAR.replace('pos="0 0 0.1"><joint name="d"', 'pos="0 0 0.1" euler="0 20 0"><joint name="d"')
     .replace('<body name="tip"', '<site name="s" pos="0.1 0 0" euler="0 10 0"/><body name="tip"')
     .replace('<joint name="b" axis="0 1 0"/>', '<joint name="b" axis="0 1 0"/><body name="eye" pos="0 0.1 0"/>')
     .replace(
-        '<body name="eye" pos="0 0.1 0"/>', '<body name="eye" pos="0.3 0.1 0"><site name="r" pos="0 0 .1"/></body>'
+        '<body name="eye" pos="0 0.1 0"/>',
+        '<body name="eye" pos="0.3 0.1 0"><site name="r" pos=".1 -.1 -.2" euler="0 10 0"/></body>',
     )
     .replace(
         "<equality>",
-        '<equality><weld body1="eye" body2="tip" anchor="0 0 .1" relpose="0 0 0 1 0 0 0"/>'
+        '<equality><weld body1="eye" body2="tip" anchor="0 0 .1" '
+        'relpose="0.03420201433256687 -.1 -0.006030737921409152 0.984807753012208 0 0.17364817766693033 0"/>'
         '<connect name="sites" site1="s" site2="r"/><weld name="fixed" site1="r" site2="s" torquescale="2"/>',
     )
     .replace('joint name="gear"', "joint")
@@ -185,13 +188,13 @@ TIED = (
 TIES = {
     "anchor of a connect": [('anchor="0.3 0 0"', 'anchor="0.301 0.02 0"')],
     "anchor of a weld": [('anchor="0 0 .1"', 'anchor="0 0.2 .1"')],
-    "pose of a weld": [('relpose="0 0 0 1 0 0 0"', 'relpose="0.1 0 0 1 0.1 0 0"')],
-    "site": [('pos="0 0 .1"/></body>', 'pos="0 0.05 .1" axisangle="1 0 0 30"/></body>')],
+    "pose of a weld": [('relpose="0.03420201433256687', 'relpose="0.13')],
+    "site": [('pos=".1 -.1 -.2" euler="0 10 0"', 'pos=".1 -.05 -.2" axisangle="1 0 0 30"')],
     "softness": [('name="sites"', 'name="sites" solref="0.5 1"'), ("<joint joint1", '<joint solimp="0.8 .9" joint1')],
     "scale of torques": [(' torquescale="2"', "")],
     "all at once": [
         ('pos="0.1 0 0" euler="0 10 0"', 'pos="0.1 0.2 0" euler="0 20 0"'),
-        ('relpose="0 0 0 1 0 0 0"', 'solref="-500 -1" relpose="0.1 0 0 1 0.1 0 0"'),
+        ('relpose="0.03420201433256687', 'solref="-500 -1" relpose="0.13'),
         ('<body name="rocker" pos="0.3 0 0"', '<body name="rocker" pos="0.35 0 0"'),
     ],
 }

@@ -53,6 +53,7 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
+    from screwgauge.diagnosis.order import indexed
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
@@ -62,10 +63,9 @@ def import_(options: argparse.Namespace) -> int:
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
     found = import_apart(options.file, choice)
-    for path in write_imported(found, options.out or Path(f"{options.file.stem}.toml")):
-        say(str(path))
-    for sentence in notes(found):
-        say(sentence)
+    written = write_imported(found, options.out or Path(f"{options.file.stem}.toml"))
+    for said in (*map(str, written), *notes(found), *indexed(options.file, found)):
+        say(said)
     return 0
 
 

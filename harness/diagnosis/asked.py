@@ -102,6 +102,7 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
+    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, what is left of it is rounding
     states, fits = closed(tree, states)
     if not fits.any():
         return {}
@@ -115,5 +116,5 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     )
     return {
         "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
-        "Jdot v": Pair(here, there, float(np.abs(states.qdd).max())),
+        "Jdot v": Pair(here, there, drawn),
     }

@@ -18,17 +18,19 @@ from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import Loops, loops
-from screwgauge.diagnosis.differences.static import differences
+from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
+from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
-from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, in_process, loaded
+from screwgauge.diagnosis.model import Loops as Beside
+from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import notes, outside
+from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import Together, together
-from screwgauge.diagnosis.verdict import BINDING, SAME, stopped, strange, verdict
+from screwgauge.diagnosis.verdict import BINDING, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.reading import Reading
@@ -53,6 +55,7 @@ class Diagnosis:
         matrix: All readings of both files, if asked for.
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
+        order: In which the two libraries index the joints; None where it is the same, or a description has none.
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
         together: The libraries' own torques of both, as loaded; None where they are not compared.
         not_compared: What is not compared and could differ, a phrase each, with its side.
@@ -81,6 +84,7 @@ class Diagnosis:
     together: Together | None = None
     not_compared: tuple[str, ...] = ()
     undecided: bool = False
+    order: Order | None = None
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -119,7 +123,7 @@ def diagnose(
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
     matrix: bool = False,
-    loops: str | Path | None = None,
+    loops: Beside = None,
     limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
@@ -130,24 +134,30 @@ def diagnose(
         map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
-        loops: File that says what closes the loops of a URDF, ``robot.yaml`` or ``.loops.toml``.
+        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
+            one file for both, or one for each side, None for what lies beside it.
         limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Raises:
-        ScrewgaugeError: A file, or the map, cannot be read.
+        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
     """
     check_seed(seed)
     deadline = Deadline(limit)
     if not isinstance(map, str | Path | Mapping | None):
         raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
-    beside = None if loops is None else Path(loops)
-    one, two, pairing = cut_alike(*alike(loaded(a, load, beside), loaded(b, load, beside), load), given)
+    first, second = each_loops(loops, (a, b))
+    sides = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
+    one, two, pairing = cut_alike(*sides, given)
     if not pairing.alike:
         found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
+        if order := between((one, two), pairing, seed):
+            found = replace(found, order=order, verdict=f"{found.verdict} {order.sentence}")
+        if not pairing.one_machine:
+            found = replace(found, verdict=f"{partly((one, two), pairing)} {found.verdict}")
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
     if not deadline.left_out:
         return found
@@ -165,7 +175,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
-    bound, of_loops = loops((a, b), common, pairing, seed, deadline)
+    bound, of_loops = loops(common, pairing, seed, deadline)
     found = [*compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))), *content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
@@ -176,9 +186,10 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     both, why_not = None, ""
     if not lost and cause.before.scaled <= SAME and not deadline.over("torques of the libraries as loaded"):
         both, why_not = together((a, b), common, seed)
-    late, seen_alike = bool(deadline.left_out), all(witness.agrees for witness in seen)
-    alike = not found and cause.before.scaled <= SAME and (bound is None or bound.mobility[0] == bound.mobility[1])
-    alike = alike and seen_alike and (both is None or both.agrees)
+    late = bool(deadline.left_out)
+    alike = not found and cause.before.scaled <= SAME and (bound is None or bound.closes_alike)
+    alike = alike and not (a.never_closed or b.never_closed)
+    alike = alike and all(witness.agrees for witness in seen) and (both is None or both.agrees)
     withheld = (*content.withheld, *([f"torques of the libraries as loaded: {why_not}"] if why_not else []))
     return Diagnosis(
         a,
@@ -187,7 +198,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         verdict((a, b), found, why, seen, bound, replace(content, withheld=withheld), both, late=late),
         alike and not withheld,
         pairing,
-        tuple(found),
+        tuple(distinct(found)),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
         attribution=cause,
@@ -196,7 +207,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         proof=why.proof,
         fix=why.fix,
         witnesses=seen,
-        notes=(*notes((a, b), common, seen, of_loops, seed), *outside(content)),
+        notes=(*notes((a, b), common, seen, of_loops, seed, compared=bound is not None), *outside(content)),
         by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else changes_of(found)),
         together=both,
         not_compared=withheld,
@@ -239,11 +250,10 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
 
 
 def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
-    """Without what one of the formats cannot say, limits of a description, closures of a URDF; and without other points
-    of one axis, where loops leave the same.
+    """Without what one of the formats cannot say, limits of a description; and without other points of one axis, where
+    loops leave the same.
     """
     silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
-    silent |= set() if a.says_closures and b.says_closures else {"closure"}
     points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
     found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
     return [each for each in found if each.what not in silent]

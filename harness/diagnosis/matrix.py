@@ -8,7 +8,7 @@ from itertools import combinations
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Difference
-from screwgauge.diagnosis.differences.static import differences, sorted_by_size
+from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
 from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.pairing.branches import missing
@@ -133,7 +133,9 @@ def differences_between(
 ) -> list[Difference]:
     """What two readings say otherwise: what one of them has not, then the largest first."""
     found = [*missing(one, two, pairing)]
-    return found + sorted_by_size(differences(brought(one, two, pairing), deadline)[0]) if pairing.joints else found
+    if not pairing.joints:
+        return found
+    return found + sorted_by_size(distinct(differences(brought(one, two, pairing), deadline)[0]))
 
 
 def _sentences(

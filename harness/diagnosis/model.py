@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,17 +13,22 @@ from screwgauge.diagnosis.pairing.cuts import Copy, copies, united
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
-from screwgauge.models.readings.loops import with_loops
+from screwgauge.models.loops import read_loops
+from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.models.readings.source import prepare
+from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
+from screwgauge.scene.preflight import check_closed
 
 #: Reads a file by a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
+#: What closes the loops of URDFs: one file for all, or one for each side.
+Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
 
 
@@ -38,9 +43,12 @@ class Model:
         floating: Whether the base of a URDF is read as moving freely.
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
-        loops: File beside a URDF that says what closes its loops.
+        loops: File that says what closes the loops of a URDF; `loops_sha256` of it.
         parts: Bodies that are taken for parts of others, as the other model has them.
         as_read: The reading before that; None where there are none.
+        open_by: How far its loops are open at home as written, in words; empty where they are closed.
+        never_closed: Which loops close from no start, in words; empty where all do.
+        says_closures: Whether its files can say what closes loops; a URDF alone cannot.
     """
 
     label: str
@@ -53,11 +61,17 @@ class Model:
     loops: Path | None = None
     parts: tuple[Copy, ...] = ()
     as_read: Reading | None = None
+    open_by: str = ""
+    never_closed: str = ""
+    loops_sha256: str = ""
+    says_closures: bool = True
 
     @property
-    def says_closures(self) -> bool:
-        """A URDF cannot, without a file beside it."""
-        return self.library == "screwgauge" or self.reading.gravity is not None or bool(self.reading.closures)
+    def home(self) -> dict[str, float]:
+        """Coordinates of home that the file of its loops says, which a URDF cannot [rad or m]."""
+        own = self.loops is not None and self.loops.name.endswith(OWN)
+        said = read_loops(self.loops).home if own and self.loops else {}
+        return {name: q for name, q in said.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
@@ -78,33 +92,75 @@ def in_process(file: Path, library: str, floating: bool) -> Reading:
 
 
 def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None) -> Model:
-    """Loads one side: a file, ``FILE@library``, or a description.
+    """Loads one side: a file, with what lies beside it, ``FILE@library``, or a description.
 
     Args:
-        loops: Says what closes the loops of a URDF.
+        loops: Says what closes the loops of a URDF, in place of what lies beside it.
 
     Raises:
         ScrewgaugeError: It cannot be read.
     """
+    text, library = _asked(given)
+    file = Path(text)
+    if _is_description(text, library):
+        if loops is not None:
+            raise ModelFileError("says itself what closes its loops", text, "leave --loops out")
+        return _described(text)
+    library = library or libraries_for(file)[0]
+    content, form = read_file(file), prepare(file).form
+    model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), _digest(content))
+    if (loops := loops_for(file, loops)) is None:
+        return replace(model, says_closures=form != "urdf")
+    return replace(model, loops=loops, reading=with_loops(model.reading, loops), loops_sha256=_digest(read_file(loops)))
+
+
+def each_loops(loops: Loops, sides: tuple[str | Path, str | Path]) -> tuple[Path | None, Path | None]:
+    """The loops file of each side: of a pair, or one for every side that is a URDF.
+
+    Raises:
+        ScrewgaugeError: It is neither, or there is none.
+    """
+    if loops is None:
+        return None, None
+    if isinstance(loops, str | Path):
+        one, two = (Path(loops) if _is_urdf(side) else None for side in sides)
+        if one is None and two is None:
+            what = "say themselves what closes their loops"
+            raise ModelFileError(what, f"{sides[0]} and {sides[1]}", "leave --loops out")
+        return one, two
+    given = list(loops) if isinstance(loops, Sequence) else []
+    if len(given) != len(sides) or not all(each is None or isinstance(each, str | Path) for each in given):
+        raise DescriptionError(f"{loops!r:.100} is no loops file", "loops", "give one file, or one for each side")
+    one, two = (None if not each else Path(each) for each in given)
+    return one, two
+
+
+def _asked(given: str | Path) -> tuple[str, str]:
+    """File or name of a side, and the library that is asked for; empty where none is."""
     text, library = str(given), ""
     if "@" in text and not Path(text).exists():
         text, _, library = text.rpartition("@")
         if library not in LIBRARIES:
             raise UnknownNameError("library", library, LIBRARIES, str(given))
+    return text, library
+
+
+def _is_description(text: str, library: str) -> bool:
     file = Path(text)
-    if not library and (file.suffix == ".toml" or (not file.suffix and not file.exists())):
-        return _described(text)
-    library = library or libraries_for(file)[0]
-    content = read_file(file)
-    sha256 = hashlib.sha256(content.encode()).hexdigest()
-    model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
-    if loops is None or model.says_closures:
-        return model
-    return replace(model, loops=loops, reading=with_loops(model.reading, loops))
+    return not library and (file.suffix == ".toml" or (not file.suffix and not file.exists()))
+
+
+def _is_urdf(given: str | Path) -> bool:
+    text, library = _asked(given)
+    return not _is_description(text, library) and prepare(Path(text)).form == "urdf"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _described(name: str) -> Model:
-    mechanism = load_mechanism(name)
+    check_closed(mechanism := load_mechanism(name))
     file = Path(name) if Path(name).is_file() else None
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
     return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)

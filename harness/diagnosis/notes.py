@@ -30,17 +30,28 @@ CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(
-    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int
+    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int, *, compared: bool
 ) -> tuple[str, ...]:
-    """All of them, a sentence each."""
-    said = [of_loops] * bool(of_loops)
-    a, b = models
+    """All of them, a sentence each.
+
+    Args:
+        of_loops: What is to be said of loops; `compared`: they are, at closed states.
+    """
+    said, (a, b) = [of_loops] * bool(of_loops), models
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
+        if model.open_by:
+            where = "; loops are compared where they are closed" if compared else ""
+            said.append(f"{side} is open at home as written: {model.open_by}{where}")
         if model.reading.gravity is None:
             said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
         said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
+        if model.loops is not None and model.file is not None:
+            where = "" if model.loops.parent == model.file.parent else f" in {model.loops.parent}"
+            said.append(f"what closes loops of {side} is said by {model.loops.name}{where or ' beside it'}")
         if not model.says_closures and (common.a.closures or common.b.closures):
-            said.append(f"closures are not compared: {side} is a URDF, which cannot say them (--loops FILE does)")
+            said.append(
+                f"{side} is a URDF, which cannot say what closes loops, and no file beside it does (--loops names one)"
+            )
         mjcf = model.library == "mujoco" and model.reading.gravity is not None
         if not model.reading.actuators and (mjcf or a.reading.actuators or b.reading.actuators):
             said.append(

@@ -29,6 +29,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "differences": [_difference(each) for each in found.differences],
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
+        "order": found.order and asdict(found.order),
         "growth": found.growth and asdict(found.growth),
         "attribution": why and _attribution(why),
         "soft_equalities": found.soft and _attribution(found.soft),
@@ -46,6 +47,7 @@ def _facts(model: Model) -> dict[str, Any]:
         "file": model.label,
         "library": model.library,
         "sha256": model.sha256,
+        "loops": model.loops and {"file": str(model.loops), "sha256": model.loops_sha256},
         "digits": model.digits,
         "joints": len(model.reading.joints),
         "bodies": len(model.reading.bodies),
@@ -69,4 +71,5 @@ def _attribution(why: Attribution) -> dict[str, Any]:
 
 def _difference(each: Difference) -> dict[str, Any]:
     plain = {key: getattr(each, key) for key in ("item_a", "item_b", "what", "unit", "size", "kind", "sentence")}
-    return {**plain, "a": each.a, "b": each.b}
+    a, b = each.whole or (each.a, each.b)
+    return {**plain, "a": a, "b": b}

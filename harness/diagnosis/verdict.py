@@ -9,8 +9,8 @@ from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explain import Explanation
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.content import Beyond
-from screwgauge.diagnosis.differences.loops import Loops
-from screwgauge.diagnosis.differences.static import sorted_by_size
+from screwgauge.diagnosis.differences.loops import ALIKE, Loops
+from screwgauge.diagnosis.differences.static import distinct, sorted_by_size
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
@@ -52,7 +52,7 @@ def verdict(
     """
     cause, proof, grown = why.attribution, why.proof, why.growth
     apart = [_witness(witness) for witness in seen if not witness.agrees]
-    unlike = bound is not None and bound.mobility[0] != bound.mobility[1]
+    unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
     if found or cause.before.scaled > SAME:
         unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
         seen_by_libraries = both is not None and not both.agrees
@@ -73,6 +73,7 @@ def verdict(
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
     said += _bound(found, bound) if bound else []
+    said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
     return " ".join([*said, *apart])
 
 
@@ -82,7 +83,10 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
     if a != b:
         return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
     if not bound.alike:
-        return [f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})."]
+        apart = f"Poses that close A leave B open: {bound.opened}." if bound.opened else ""
+        much = f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})"
+        where = ", at the nearest poses that close B" if bound.opened else ""
+        return [*filter(None, (apart, f"{much}{where}." if bound.row.max_abs > ALIKE else ""))]
     if any(each.what in BINDING for each in found):
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []
@@ -104,11 +108,26 @@ def stopped(limit: float, left_out: Sequence[str]) -> str:
     return f"Stopped after {limit:g} s (--limit), without: {first_few(left_out, _NAMED)}."
 
 
+def partly(models: tuple[Model, Model], pairing: Pairing) -> str:
+    """Of two models of which less than half has a partner."""
+    a, b = (len(model.reading.joints) for model in models)
+    by = "the map" if "given" in pairing.how.values() else "their names"
+    return (
+        f"Compared by {by} are {len(pairing.joints)} of {a} joints of A and {b} of B ({_pairs(pairing)}); the others "
+        "have no partner."
+    )
+
+
+def _pairs(pairing: Pairing) -> str:
+    """Some joints with their partners."""
+    pairs = ", ".join(f"{name} = {other}" for name, other in list(pairing.joints.items())[:_NAMED])
+    return f"{pairs}{', ...' if len(pairing.joints) > _NAMED else ''}"
+
+
 def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
     """Of two models that are not of one machine."""
     a, b = (len(model.reading.joints) for model in models)
-    pairs = ", ".join(f"{name} = {other}" for name, other in list(pairing.joints.items())[:_NAMED])
-    more = f" ({pairs}{', ...' if len(pairing.joints) > _NAMED else ''})" if pairs else ""
+    more = f" ({_pairs(pairing)})" if pairing.joints else ""
     return (
         f"A and B are models of different machines: of {a} joints of A and {b} of B, {len(pairing.joints)} have a "
         f"partner{more}. If they are the same machine, name the partners with --map."
@@ -150,26 +169,26 @@ def _differs(
         rest = f" {_listed(_largest_first(found))}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
+    named = distinct(found[number] for number in numbers)
     # of many causes those that explain the most come first
-    many = len(numbers) > _NAMED
-    named = [found[number] for number in numbers]
+    many = len(named) > _NAMED
     causes = _listed([each.sentence for each in named] if many else _largest_first(named))
     slips = [] if many else [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
-    beside = [each for i, each in enumerate(found) if i not in numbers] if why.complete else []
+    several, share = len(named) > 1, why.share
+    beside = distinct(each for i, each in enumerate(found) if i not in numbers) if why.complete else []
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, ""
     if others:
         more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
     if apart:
         more += f" {apart} other difference{'s are' if apart > 1 else ' is'} in forces that these torques leave out."
-    share = why.share
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
-        causes, share, numbers, slip, doubt = _listed(_largest_first(found)), 1.0, [0, 0], "", ""
-    verb = "explains" if len(numbers) == 1 else "together explain"
+        causes, share, several, slip, doubt = _listed(_largest_first(found)), 1.0, True, "", ""
+    verb = "together explain" if several else "explains"
     return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
 
 
@@ -196,7 +215,7 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
 
 
 def _largest_first(found: Iterable[Difference]) -> list[str]:
-    return [each.sentence for each in sorted_by_size(found)]
+    return [each.sentence for each in sorted_by_size(distinct(found))]
 
 
 def _left(why: Attribution, proof: Backfill | None) -> str:

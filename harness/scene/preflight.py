@@ -15,7 +15,7 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
-from screwgauge.reference.pose import Layout, layout, length, pose
+from screwgauge.reference.pose import Layout, Pose, layout, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.scene.scene import Scene
@@ -35,7 +35,24 @@ def check_home(mechanism: Mechanism) -> Layout:
     """
     lay = layout(mechanism)
     at = pose(lay, mechanism.home[None])
-    size = np.array([1.0, length(lay)])[:, None]
+    _check_closed(lay, at)
+    check_independent(lay, at)
+    return lay
+
+
+def check_closed(mechanism: Mechanism) -> None:
+    """Refuses a mechanism that does not close at home.
+
+    Raises:
+        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
+    """
+    lay = layout(mechanism)
+    _check_closed(lay, pose(lay, mechanism.home[None]))
+
+
+def _check_closed(lay: Layout, at: Pose) -> None:
+    """Args: at: The home pose."""
+    mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
     for joint, gap in zip(lay.tree.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
         if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
             wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
@@ -46,8 +63,6 @@ def check_home(mechanism: Mechanism) -> Layout:
                 "correct the placements or the home coordinates",
             )
     _check_couplings(mechanism, length(lay))
-    check_independent(lay, at)
-    return lay
 
 
 def _check_couplings(mechanism: Mechanism, length: float) -> None:

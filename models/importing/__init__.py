@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 #: How the names of model files end.
-URDF = ".urdf"
-SUFFIXES = (URDF, ".xml", ".mjcf")
+SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 
 def is_model(path: Path | str) -> bool:

@@ -7,16 +7,13 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from screwgauge.models.importing import URDF
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.models.readings.loops import OWN, with_loops
+from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded, warned
 from screwgauge.models.readings.read import libraries_for, read
 from screwgauge.models.readings.source import prepare
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.files import is_file
 
 #: Keyframe that users of MJCF call so.
 HOME = "home"
@@ -46,13 +43,10 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
     options = options or Options()
-    library, loops = options.library or libraries_for(path)[0], options.loops or loops_beside(path)
+    library, loops = options.library or libraries_for(path)[0], loops_for(path, options.loops)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
     reading = read(path, library, home=_home(path, own), floating=options.floating)
-    if loops is not None:
-        if path.suffix != URDF:
-            raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
-        reading = with_loops(reading, loops)
+    reading = reading if loops is None else with_loops(reading, loops)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
@@ -64,7 +58,7 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
 def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
     """Coordinates at home as files say them [rad or m]: of an MJCF in its keyframe ``home``, if it has one."""
     if own is not None:
-        return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+        return own.home
     source = prepare(path)
     if source.form != "mjcf" or source.root.find(f"keyframe/key[@name='{HOME}']") is None:
         return {}
@@ -72,17 +66,6 @@ def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
         model = loaded(source)
     qpos = model.key(HOME).qpos
     return {model.joint(i).name: float(qpos[model.jnt_qposadr[i]]) for i in range(model.njnt) if is_single(model, i)}
-
-
-def loops_beside(path: Path) -> Path | None:
-    """The file beside a URDF that says what closes its loops: of the same name, or called ``robot.yaml``."""
-    if path.suffix != URDF:
-        return None
-    stem = path.with_suffix("")
-    for file in (stem.with_name(f"{stem.name}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml")):
-        if is_file(file):
-            return file
-    return None
 
 
 @cache

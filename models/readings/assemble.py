@@ -95,7 +95,8 @@ def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ..
         placed = ((link.mass, link.com, link.inertia, frames.get(link.name, np.eye(4))) for link in solid)
         mass, com, inertia = joined(placed)
         gravcomp = sum(link.mass * link.gravcomp for link in solid) / (mass or 1.0)
-    return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames)
+    parts = tuple(link.name for link in solid if link is not named)
+    return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames, parts=parts)
 
 
 def joined(parts: Iterable[tuple[float, Array, Array, Array]]) -> tuple[float, Array, Array]:

@@ -16,8 +16,9 @@ from screwgauge.models.layout import Closure
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading, couplings_of
+from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.files import check_count, read_file
+from screwgauge.reference.files import check_count, is_file, read_file
 from screwgauge.reference.rotations import Array
 
 #: How the name of a loops file of our own ends.
@@ -44,6 +45,23 @@ class LoopsYaml:
     motors: tuple[str, ...] | str
     spherical: tuple[str, ...]
     unread: tuple[str, ...]
+
+
+def loops_for(path: Path, given: Path | None = None) -> Path | None:
+    """The file that says what closes the loops of a model file; None where there is none.
+
+    Args:
+        given: One that was named, in place of one beside a URDF: of its name, or called ``robot.yaml``.
+
+    Raises:
+        ScrewgaugeError: The model says itself what closes its loops, or cannot be read.
+    """
+    if prepare(path).form != "urdf":
+        if given is not None:
+            raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
+        return None
+    beside = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
+    return given or next((file for file in beside if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:

@@ -37,6 +37,8 @@ class BodyReading:
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
         first: Link that the last of the joints carries; empty where that is the one that the body is called after.
+        parts: Further links with mass or inertia that are one with it.
+        copy_of: Body of a description of which this is a share, cut off to open a loop; empty of all others.
     """
 
     near: str
@@ -48,6 +50,8 @@ class BodyReading:
     gravcomp: float = 0.0
     fixed: Mapping[str, Array] = field(default_factory=dict)
     first: str = ""
+    parts: tuple[str, ...] = ()
+    copy_of: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,10 @@ def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading
         reading,
         bodies={
             bodies[name]: replace(
-                body, near=bodies.get(body.near, body.near), joints=tuple(joints[joint] for joint in body.joints)
+                body,
+                near=bodies.get(body.near, body.near),
+                joints=tuple(joints[joint] for joint in body.joints),
+                copy_of=bodies.get(body.copy_of, body.copy_of),
             )
             for name, body in reading.bodies.items()
         },

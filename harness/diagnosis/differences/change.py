@@ -104,6 +104,7 @@ class Difference:
         sentence: Both values and their difference in words.
         change: What makes B as A, in B's own names and counting; None where no change of B does.
         kind: ``model``, ``digits`` (rounding of a printed number) or ``convention``, which changes nothing physical.
+        whole: Values of the body of which this is a share that was cut off; None of all others.
     """
 
     item_a: str
@@ -116,6 +117,7 @@ class Difference:
     sentence: str
     change: Change | None = None
     kind: Kind = "model"
+    whole: tuple[Array | None, Array | None] | None = None
 
 
 def applied(reading: Reading, changes: Iterable[Change]) -> Reading:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,13 +13,19 @@ from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.importing import closing
+from screwgauge.models.importing.assemble import assemble, some
 from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import draw, plant
+from screwgauge.models.kinematics.home import rehomed
+from screwgauge.models.kinematics.tree import States, Tree, draw, plant
+from screwgauge.reference.errors import ClosureError
 
 #: States that are drawn, and closed where they can be.
 DRAWN = 12
 #: Scaled motions that loops leave and that differ by no more are the same: rounding over small singular values.
 ALIKE = 1e-9
+#: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
+HOME = 1e-9
 _NOT_COMPARED = "what closures and couplings leave is not compared"
 
 
@@ -31,36 +37,61 @@ class Loops:
         row: Difference of what they leave of unit velocities, as projectors.
         mobility: Degrees of freedom that they leave in A and in B; `freedoms` without them.
         states: At how many states.
+        opened: How far B is open at poses that close A, in words; empty where they close B, too.
     """
 
     row: Row
     mobility: tuple[int, int]
     freedoms: int
     states: int
+    opened: str = ""
+
+    @property
+    def closes_alike(self) -> bool:
+        """Whether the same poses close both, and leave as many freedoms."""
+        return self.mobility[0] == self.mobility[1] and not self.opened
 
     @property
     def alike(self) -> bool:
-        """Whether they leave the same motions."""
-        return self.mobility[0] == self.mobility[1] and self.row.max_abs <= ALIKE
+        """Whether they leave the same motions, at the same poses; near singular ones rounding may hide it."""
+        return self.closes_alike and self.row.max_abs <= ALIKE
 
 
-def loops(
-    models: tuple[Model, Model], common: Common, pairing: Pairing, seed: int, deadline: Deadline
-) -> tuple[Loops | None, str]:
+def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
+    """Both models, with how far their loops are open at home and whether they close at all.
+
+    Raises:
+        ClosureError: Loops of neither close from any start.
+    """
+    found, refused = list[Model](), list[ClosureError]()
+    for model in models:
+        system = closing.Loops(plant(rehomed(model.reading, model.home)[0]))
+        gaps = system.gaps(system.home, HOME)
+        try:
+            assemble(model.reading, model.label) if gaps else None
+            found.append(replace(model, open_by=some(gaps)))
+        except ClosureError as error:
+            refused.append(error)
+            found.append(replace(model, open_by=some(gaps), never_closed=error.what))
+    if len(refused) == len(models):
+        raise refused[0]
+    return found[0], found[1]
+
+
+def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tuple[Loops | None, str]:
     """What loops leave in both models, and a sentence on it; None where that is not compared.
 
-    Where B is open at a state that closes A, the nearest is taken that closes B.
+    Where B is open at a state that closes A, which is said, the nearest is taken that closes B.
     """
-    closures = bool(common.a.closures or common.b.closures)
-    if not (closures or common.a.couplings or common.b.couplings) or deadline.over("what loops leave of motion"):
+    bound = any(each.closures or each.couplings for each in (common.a, common.b))
+    if not bound or deadline.over("what loops leave of motion"):
         return None, ""
-    if closures and not all(model.says_closures for model in models):
-        return None, ""  # which is said of closures
     if pairing.only_a or pairing.only_b:
         return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
     states, _ = closed(a, draw(common.a, DRAWN, seed))
-    theirs, fits = closed(b, states_of_b(a, b, states))
+    same_poses = states_of_b(a, b, states)
+    theirs, fits = closed(b, same_poses)
     if not fits.any():
         return None, f"{_NOT_COMPARED}: no random state closes both models"
     force, length = components(common.a), size(common.a)
@@ -72,4 +103,11 @@ def loops(
         "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
     )
     said = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
-    return Loops(row, (n, m), len(force), len(ours)), said
+    return Loops(row, (n, m), len(force), len(ours), _opened(b, same_poses)), said
+
+
+def _opened(tree: Tree, states: States) -> str:
+    """How far loops are open where they are widest, in words; empty where they are closed at all states."""
+    system = closing.Loops(tree)
+    widest = max(states.q, key=lambda q: float(np.abs(system.system(q)[0]).max(initial=0.0)))
+    return some(system.gaps(widest, ALIKE))

@@ -10,14 +10,15 @@ import numpy as np
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
 from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, deviations
-from screwgauge.diagnosis.differences.stated import another, differ, difference, only
+from screwgauge.diagnosis.differences.stated import another, differ, difference
+from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
-from screwgauge.diagnosis.differences.words import compared, place, unit_of
+from screwgauge.diagnosis.differences.words import compared, each_in_its_own, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.mjcf import FAR
-from screwgauge.models.readings.reading import BodyReading
+from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array, rotation_vector
 
 #: Entries of a joint that are one number each.
@@ -35,12 +36,9 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
         return out, right
     out += _model(right)
     for name in right.a.joints:
-        out += _joint(right, name)
-    for name in right.a.bodies:
-        if name in right.b.bodies:
-            out += _body(right, name)
-    out += _unpaired(right)
-    out += [*closures(right), *couplings(right), *actuators(right)]
+        out += _joint(right, name, common.b.joints[name])
+    out += bodies(right)
+    out += [*closures(right, common), *couplings(right), *actuators(right)]
     return out, right
 
 
@@ -64,6 +62,10 @@ def _model(common: Common) -> Iterator[Difference]:
     a, b = downwards(common.a), downwards(common.b)
     if np.linalg.norm(a - b) > ROUNDING * max(float(np.linalg.norm(a)), float(np.linalg.norm(b))):
         size_, sentence = compared("", "gravity", a, b, PROPERTIES["gravity"].unit)
+        R = common.placement[:3, :3]
+        if np.abs(R - np.eye(3)).max() > ROUNDING:
+            step, axes = float(np.linalg.norm(a - b)), "along the axes of its own world"
+            sentence = each_in_its_own("", "gravity", a, R.T @ b, PROPERTIES["gravity"].unit, step, axes)
         yield difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
     first, second = np.array(common.a.medium), np.array(common.b.medium)
     if np.any(np.abs(first - second) > ROUNDING * np.maximum(first, second)):
@@ -79,7 +81,8 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     return f", because the whole stands turned by {angle:.4g} deg in B"
 
 
-def _joint(common: Common, name: str) -> Iterator[Difference]:
+def _joint(common: Common, name: str, written: JointReading) -> Iterator[Difference]:
+    """Args: written: B's as its file counts it, before it was put right."""
     a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
@@ -89,9 +92,22 @@ def _joint(common: Common, name: str) -> Iterator[Difference]:
             continue
         first, second = getattr(a, what), getattr(b, what)
         if differ(first, second):
-            yield difference(common, name, what, np.asarray(first), np.asarray(second))
+            yield _counted(common, name, what, (first, second, getattr(written, what)))
     if not all(map(_same_limit, a.limits, b.limits)):
-        yield difference(common, name, "limits", np.array(a.limits), np.array(b.limits))
+        yield _counted(common, name, "limits", (a.limits, b.limits, written.limits))
+
+
+def _counted(common: Common, name: str, what: str, values: tuple[object, object, object]) -> Difference:
+    """An entry of a joint.
+
+    Args:
+        values: A's, B's as A counts, B's as its file has it.
+    """
+    a, b, own = (np.asarray(value, dtype=float) for value in values)
+    unit = unit_of(what, common.a.joints[name])
+    size_, sentence = compared(name, what, a, b, unit, own)
+    turned = "" if np.array_equal(own, b) else "; B counts the other way"
+    return difference(common, name, what, a, b, (size_, f"{sentence}{turned}"))
 
 
 def _same_limit(x: float, y: float) -> bool:
@@ -101,44 +117,9 @@ def _same_limit(x: float, y: float) -> bool:
     return not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0)
 
 
-def _body(common: Common, name: str) -> Iterator[Difference]:
-    a, b = common.a.bodies[name], common.b.bodies[name]
-    com, inertia = seen_from(a, b)
-    if differ(a.mass, b.mass):
-        yield difference(common, name, "mass", np.asarray(a.mass), np.asarray(b.mass))
-    if a.mass and b.mass:
-        radius = max(math.sqrt(abs(float(np.trace(a.inertia))) / a.mass), float(np.linalg.norm(com)))
-        step = float(np.linalg.norm(com - b.com))
-        if step > ROUNDING * max(radius, size(common.a)):
-            more = step / max(radius, 1e-300), compared(name, "com", com, b.com, "m")[1]
-            yield difference(common, name, "com", com, b.com, more)
-    scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
-    if np.abs(inertia - b.inertia).max() > 10 * ROUNDING * scale:
-        yield difference(common, name, "inertia", inertia, b.inertia)
-    if differ(a.gravcomp, b.gravcomp):
-        yield difference(common, name, "gravcomp", np.asarray(a.gravcomp), np.asarray(b.gravcomp))
-
-
-def seen_from(a: BodyReading, b: BodyReading) -> tuple[Array, Array]:
-    """Centre of mass and inertia of A's body in the frame of B's, as both are in the world at home."""
-    if np.array_equal(a.pose, b.pose):
-        return a.com, a.inertia
-    T = np.linalg.inv(b.pose) @ a.pose
-    R = T[:3, :3]
-    if np.abs(T - np.eye(4)).max() < 1e-13:  # rounding of products of exponentials
-        return a.com, a.inertia
-    return R @ a.com + T[:3, 3], R @ a.inertia @ R.T
-
-
-def _unpaired(common: Common) -> Iterator[Difference]:
-    """Bodies that one has and the other has not, of joints that both have."""
-    for here, there, side in ((common.a, common.b, "A"), (common.b, common.a, "B")):
-        for name, body in here.bodies.items():
-            if name in there.bodies or body.mass == 0.0:
-                continue
-            own = common.own["bodies"].get(name, name) if side == "B" else name
-            sentence = f"{own}: a body of {body.mass:.6g} kg in {side} only"
-            yield only(side, own, "body", sentence, np.asarray(body.mass), "kg")
+def distinct(found: Iterable[Difference]) -> list[Difference]:
+    """Each once: shares of one body have its sentence."""
+    return list({each.sentence: each for each in reversed([*found])}.values())[::-1]
 
 
 def sorted_by_size(found: Iterable[Difference]) -> list[Difference]:

@@ -19,19 +19,25 @@ from screwgauge.models.kinematics.tree import plant
 from screwgauge.models.readings.reading import ClosureReading
 
 
-def closures(common: Common) -> Iterator[Difference]:
-    """Those that both have, with how far they are open; then those of one alone, A's first."""
-    gaps = [residual_at_home(plant(each)) for each in (common.a, common.b)]
+def closures(common: Common, as_written: Common) -> Iterator[Difference]:
+    """Those that both have, with how far they are open; then those of one alone, A's first.
+
+    Args:
+        as_written: The two before B's geometry was put right, which say how far their loops are open.
+    """
+    gaps = [residual_at_home(plant(each)) for each in (as_written.a, as_written.b)]
+    same = all(as_written.a.joints[name].home == q for name, q in as_written.homes.items())
+    at = "home" if same else "A's home"
     for name in common.a.closures:
         if name in common.b.closures:
-            yield from _closure(common, name, (gaps[0][name], gaps[1][name]))
+            yield from _closure(common, name, (gaps[0][name], gaps[1][name]), at)
             yield from _softness(common, "closures", name)
     for side, here, there, open_ in (("A", common.a, common.b, gaps[0]), ("B", common.b, common.a, gaps[1])):
         for name, closure in here.closures.items():
             if name not in there.closures:
                 own = common.own["closures"].get(name, name) if side == "B" else name
                 sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
-                sentence += f", open at home by {_gap(closure, open_[name])}"
+                sentence += f", open at {at} by {_gap(closure, open_[name])}"
                 yield only(side, own, "closure", sentence)
 
 
@@ -39,9 +45,9 @@ def _gap(closure: ClosureReading, gap: float) -> str:
     return f"{gap:.3g} m" if closure.kind == "point" else f"{gap:.3g} m or rad"
 
 
-def _closure(common: Common, name: str, gaps: tuple[float, float]) -> Iterator[Difference]:
+def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
-    still = f"; open at home by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
+    still = f"; open at {at} by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
         yield another(common, "closures", name, "closure", sentence)

@@ -29,8 +29,13 @@ def unit_of(what: str, joint: JointReading | None) -> str:
     return "" if unit == "1" else unit
 
 
-def compared(item: str, what: str, a: Array, b: Array, unit: str) -> tuple[float, str]:
-    """Relative difference of two values, and a sentence on it."""
+def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | None = None) -> tuple[float, str]:
+    """Relative difference of two values, and a sentence on it.
+
+    Args:
+        own: B's value as its file has it, where that counts the other way.
+    """
+    shown = b if own is None else own
     name = NAMES.get(what, what)
     lead = f"{item}: {name}" if item else name
     behind = f" {unit}" if unit else ""
@@ -39,7 +44,7 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str) -> tuple[float
         apart = float(np.nanmax(np.abs(step))) if np.size(step) else 0.0
     scale = max(_finite(a), _finite(b)) or 1.0
     if np.ndim(a) == 0:
-        said = f"{lead} {digits(float(b), float(a))}{behind} in B, {digits(float(a), float(b))}{behind} in A"
+        said = f"{lead} {digits(float(shown), float(a))}{behind} in B, {digits(float(a), float(shown))}{behind} in A"
         return apart / scale, f"{said} ({_change(float(a), float(b))})"
     if what in ("com", "centre", "gravity"):
         size = float(np.linalg.norm(step))
@@ -49,7 +54,20 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str) -> tuple[float
         return size / scale, f"{said} ({size:.4g}{behind} apart)"
     if what == "inertia":
         return apart / scale, f"{lead} {_tensors(a, b)}"
-    return apart / scale, f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
+    return apart / scale, f"{lead} {vector(shown, a)}{behind} in B, {vector(a, shown)}{behind} in A"
+
+
+def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, step: float, axes: str) -> str:
+    """A sentence on vectors that each file gives in a frame of its own.
+
+    Args:
+        a, b: As the files have them. Shape (3,).
+        step: How far apart they are, seen in one frame.
+        axes: What each is given in.
+    """
+    said = f"{item}: {NAMES.get(what, what)}" if item else NAMES.get(what, what)
+    much = f"{step * 1e3:.4g} mm" if unit == "m" else f"{step:.4g} {unit}"
+    return f"{said} {vector(b, a)} {unit} in B, {vector(a, b)} {unit} in A, each {axes} ({much} apart)"
 
 
 def place(item: str, what: str, amount: tuple[float, float], joint: JointReading) -> str:

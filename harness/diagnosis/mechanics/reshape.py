@@ -82,6 +82,11 @@ def _moved_to(closure: ClosureReading, into: Mapping[str, tuple[str, Array]]) ->
     )
 
 
+def _shown(part: BodyReading) -> bool:
+    """Whether a part has mass that its file gives it; the share of a body that was cut is the body's own."""
+    return bool(part.mass or part.inertia.any()) and not part.copy_of
+
+
 def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
     """A body with another one fixed to it as both are at home."""
     T = np.linalg.inv(body.pose) @ part.pose
@@ -95,4 +100,5 @@ def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
         inertia=both.inertia,
         gravcomp=weight / both.mass if both.mass else 0.0,
         fixed={**body.fixed, **links},
+        parts=(*body.parts, *([name] if _shown(part) else []), *part.parts),
     )

@@ -103,6 +103,9 @@ def _branch(
         return Difference(item_a, item_b, "branch", None, None, "", math.inf, sentence)
     what = f"{len(carried)} bod{'y' if len(carried) == 1 else 'ies'}, {mass:.6g} kg"
     more = f" and {len(joints) - 1} joint{'s' if len(joints) > 2 else ''} behind it" if len(joints) > 1 else ""
+    twin = there[0].joints.get(joint)
+    if twin is not None and twin.kind != reading.joints[joint].kind:
+        lost += f", where {joint} is a {twin.kind}"
     sentence = f"{joint}{more}: missing in {lost}, with all that {'they carry' if more else 'it carries'} ({what})"
     there_is, change = (np.array(1.0), np.array(0.0)), None
     if side == "A":

@@ -21,6 +21,8 @@ from screwgauge.reference.rotations import Array
 
 #: Below this share of joints with a partner, two models are of different machines.
 ALIKE = 0.5
+#: So many identical names are no chance: their joints are compared, however much else the two models have.
+NO_CHANCE = 5
 #: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
 NEAR = 0.1
 #: How joints are paired that have each other's names.
@@ -47,6 +49,11 @@ class Pairing:
 
     @property
     def alike(self) -> bool:
+        """Whether the two can be compared: as models of one machine, or by the joints that share names."""
+        return self.one_machine or "given" in self.how.values() or [*self.how.values()].count("name") >= NO_CHANCE
+
+    @property
+    def one_machine(self) -> bool:
         """Whether enough has a partner for the two to be models of one machine: of one by name, or of both."""
         named, alone = sum(how != "geometry" for how in self.how.values()), (len(self.only_a), len(self.only_b))
         by_name = named >= ALIKE * (len(self.joints) + min(alone))

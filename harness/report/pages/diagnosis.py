@@ -83,7 +83,8 @@ def _about(found: Diagnosis) -> dict[str, Any]:
 
 def _file(model: Model) -> str:
     read = f"{model.label}, read by {model.library}"
-    return f"{read}, SHA-256 {model.sha256}" if model.sha256 else read
+    read += f", SHA-256 {model.sha256}" if model.sha256 else ""
+    return f"{read}; loops of {model.loops}, SHA-256 {model.loops_sha256}" if model.loops else read
 
 
 PAGE = Report(

@@ -1,0 +1,128 @@
+"""Pinocchio indexes joints of a URDF by name among siblings, MuJoCo as files have them: that is said, with its cost."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from screwgauge.cli import main
+from screwgauge.diagnosis.compare import STATES
+from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
+from screwgauge.diagnosis.pairing.common import weighed
+from screwgauge.diagnosis.record import summary
+from screwgauge.models.kinematics.tree import draw, plant
+from screwgauge.models.readings.order import by_name, in_file
+from screwgauge.models.readings.read import read
+from screwgauge.models.readings.source import prepare
+
+LEGS = ("FR", "FL", "RR", "RL")
+JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))
+#: Each leg hangs on a fixed link, as in public models.
+FIXED = '<link name="{0}.mount"/><joint name="{1}" type="fixed"><parent link="trunk"/><child link="{0}.mount"/></joint>'
+
+
+def quadruped(legs=LEGS, mount: str = "") -> tuple[str, str]:
+    """URDF and MJCF with legs in an order. `mount`: format of the name of a fixed joint before each leg."""
+    urdf, mjcf = ['<link name="trunk"/>'], []
+    for k, leg in enumerate(legs):
+        near, body = "trunk", ""
+        if mount:
+            urdf.append(FIXED.format(leg, mount.format(leg=leg, k=k)))
+            near = f"{leg}.mount"
+        for i, (joint, axis, at) in enumerate(JOINTS):
+            signs = (1 if leg[0] == "F" else -1, 1 if leg[1] == "L" else -1, 1)
+            xyz = " ".join(str(sign * x) for sign, x in zip(signs, at, strict=True))
+            name, mass, com = f"{leg}_{joint}", 1.5 - 0.4 * i, f"0.01 0.0{i} -0.1"
+            urdf.append(
+                f'<link name="{name}.link"><inertial><origin xyz="{com}"/><mass value="{mass}"/><inertia ixx="0.01" '
+                f'iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="{name}" '
+                f'type="revolute"><origin xyz="{xyz}"/><parent link="{near}"/><child link="{name}.link"/>'
+                f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            )
+            body += (
+                f'<body name="{name}.link" pos="{xyz}"><joint name="{name}" axis="{axis}" range="-1 1"/>'
+                f'<inertial pos="{com}" mass="{mass}" diaginertia="0.01 0.01 0.002"/>'
+            )
+            near = f"{name}.link"
+        mjcf.append(body + "</body>" * len(JOINTS))
+    return (
+        f'<robot name="quad">{"".join(urdf)}</robot>',
+        '<mujoco model="quad"><compiler angle="radian" autolimits="true"/><worldbody><body name="trunk">'
+        f"{''.join(mjcf)}</body></worldbody></mujoco>",
+    )
+
+
+@pytest.fixture
+def files(write):
+    urdf, mjcf = quadruped()
+    return write("quad.urdf", urdf), write("quad.xml", mjcf)
+
+
+@pytest.mark.parametrize("mount", ["", "{leg}_mount", "m{k}"])
+def test_the_two_orders_are_those_of_the_libraries(mount, write):
+    urdf, mjcf = (write(name, text) for name, text in zip(("q.urdf", "q.xml"), quadruped(mount=mount), strict=True))
+    pinocchio, mujoco = (read(urdf, library) for library in ("pinocchio", "mujoco"))
+    assert by_name(prepare(urdf)) == tuple(pinocchio.joints)
+    assert in_file(prepare(urdf)) == tuple(mujoco.joints)
+    assert in_file(prepare(mjcf)) == tuple(read(mjcf, "mujoco").joints) == tuple(read(mjcf, "pinocchio").joints)
+    assert by_name(prepare(mjcf))[:3] == ("FL_hip", "FL_thigh", "FL_calf")
+
+
+def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(files):
+    found = diagnose(*files)
+    assert found.same, found.verdict
+    assert "pinocchio indexes the joints of A as FL_hip, FL_thigh, FL_calf and 9 more" in found.verdict
+    assert "mujoco those of B as FR_hip, FR_thigh, FR_calf and 9 more" in found.verdict
+    said = r"compared by index, torques differ by (\S+) N m \((\w+) beside (\w+)\), the largest being (\S+) N m"
+    cost = re.search(said, found.verdict)
+    reading = found.a.reading
+    tree, order = plant(reading), found.order
+    tau = inverse_dynamics(plant(weighed(reading)), draw(weighed(reading), STATES, 0))
+    names = list(tree.reading.joints)
+    there = [names.index(name) for name in order.second]
+    off = np.abs(tau - tau[:, there])
+    assert float(cost[1]) == pytest.approx(off.max(), rel=1e-2)
+    assert float(cost[4]) == pytest.approx(np.abs(tau).max(), rel=1e-2)
+    assert summary(found)["order"]["value"] == pytest.approx(off.max())
+
+
+def test_nothing_is_said_where_orders_are_the_same(files, write):
+    urdf, mjcf = (write(name, text) for name, text in zip(("s.urdf", "s.xml"), quadruped(sorted(LEGS)), strict=True))
+    for a, b in ((urdf, mjcf), (files[1], files[1]), (files[0], files[0])):
+        found = diagnose(a, b)
+        assert found.order is None
+        assert "index" not in found.verdict
+
+
+def test_it_is_said_after_a_difference_and_beside_other_names(files, write):
+    other = files[1].read_text(encoding="utf-8").replace('mass="1.1"', 'mass="1.2"').replace('"FR_hip"', '"FR.hip"')
+    found = diagnose(files[0], write("other.xml", other))
+    assert not found.same
+    assert "mujoco those of B as FR.hip, FR_thigh, FR_calf and 9 more" in found.verdict
+
+
+def test_joints_are_named_from_where_the_orders_part(write):
+    urdf, mjcf = quadruped(("FL", "RR", "FR", "RL"))
+    found = diagnose(write("q.urdf", urdf), write("q.xml", mjcf))
+    assert "the joints of A as FR_hip, FR_thigh, FR_calf and 6 more (from joint 4 on), mujoco those of" in found.verdict
+    assert "those of B as RR_hip, RR_thigh, RR_calf and 6 more; compared by index" in found.verdict
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_an_import_says_so(which, files, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["import", str(files[which]), "--out", "made.toml"]) == 0
+    said = capsys.readouterr().out
+    assert "pinocchio indexes the joints of a URDF of it as FL_hip, FL_thigh, FL_calf and 9 more" in said
+    assert "mujoco those of the file as FR_hip, FR_thigh, FR_calf and 9 more" in said
+    assert re.search(r"compared by index, torques differ by \S+ N m \(", said)
+
+
+def test_an_import_of_a_chain_says_nothing_of_it(tmp_path, capsys, monkeypatch, write):
+    monkeypatch.chdir(tmp_path)
+    file = write("chain.urdf", quadruped(("FR",))[0])
+    assert main(["import", str(file)]) == 0
+    assert "index" not in capsys.readouterr().out
