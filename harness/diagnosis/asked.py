@@ -111,9 +111,9 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
         return {}
     (one, _), (two, sure) = (left(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
-    here, there = (
-        np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None] * sure[:, None, None] for e in (said, own)
-    )
+    # least squares amplify rounding, of rows and of what is left open, by the square of the condition number
+    weight = sure[:, None, None] ** 2
+    here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (said, own))
     return {
         "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
         "Jdot v": Pair(here, there, drawn),

@@ -26,6 +26,8 @@ BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "
 CLOSING = {*BINDING, "softness"}
 #: What is in the libraries' own torques alone.
 APART = {"medium", *kinds()}
+#: Content that acts by friction, stops or contacts, which all torques leave out.
+RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 _NAMED = 3
@@ -205,6 +207,10 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
         both: Those of the libraries, where they agree, too.
     """
     closed = [each.what in CLOSING for each in found]
+    if any(each.what == "branch" for each in found):
+        return f"torques of all else agree ({off:.1g})"
+    if any(each.what in RESISTING for each in found):
+        return f"torques, which leave out friction of tendons, stops and contacts, agree ({off:.1g})"
     if both is None and any(each.what in APART for each in found):
         return f"torques of bodies and joints, which leave it out, agree ({off:.1g})"
     if not any(closed):

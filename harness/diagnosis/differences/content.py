@@ -6,7 +6,7 @@ Two models that agree in all else are not called the same where content is prese
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from screwgauge.diagnosis.differences.change import Difference
@@ -39,7 +39,8 @@ def beyond(common: Common) -> Beyond:
     named_alike = all(name == other for name, other in common.own["joints"].items())
     fates: dict[str, list[tuple[str, Content]]] = {"withheld": [], "aside": []}
     found = list[Difference]()
-    for a, b in _pairs(common.a.content, common.b.content):
+    lost = {*common.a.joints} ^ {*common.b.joints}  # which is said of the joints themselves
+    for a, b in _pairs(*(_kept(each.content, lost) for each in (common.a, common.b))):
         fate = _fate(a, b, (common.a, common.b), named_alike=named_alike)
         sides = [(side, each) for side, each in zip("AB", (a, b), strict=True) if each is not None]
         if fate == "differs":
@@ -47,6 +48,11 @@ def beyond(common: Common) -> Beyond:
         elif fate in fates:
             fates[fate] += sides
     return Beyond(tuple(found), *(tuple(_sided(fates[fate])) for fate in ("withheld", "aside")))
+
+
+def _kept(content: Iterable[Content], lost: Collection[str]) -> list[Content]:
+    """Without what acts on joints alone that one of the models does not have."""
+    return [each for each in content if not each.of or any(name not in lost for _, name, _ in each.of)]
 
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:

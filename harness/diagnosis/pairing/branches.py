@@ -104,9 +104,10 @@ def _branch(
     what = f"{len(carried)} bod{'y' if len(carried) == 1 else 'ies'}, {mass:.6g} kg"
     more = f" and {len(joints) - 1} joint{'s' if len(joints) > 2 else ''} behind it" if len(joints) > 1 else ""
     twin = there[0].joints.get(joint)
-    if twin is not None and twin.kind != reading.joints[joint].kind:
-        lost += f", where {joint} is a {twin.kind}"
-    sentence = f"{joint}{more}: missing in {lost}, with all that {'they carry' if more else 'it carries'} ({what})"
+    carries = f"all that {'they carry' if more else 'it carries'} ({what})"
+    sentence = f"{joint}{more}: missing in {lost}, with {carries}"
+    if twin is not None and twin.kind != (kind := reading.joints[joint].kind):
+        sentence = f"{joint}: a {kind} in {side}, a {twin.kind} in {lost}; it{more} and {carries} have no partner there"
     there_is, change = (np.array(1.0), np.array(0.0)), None
     if side == "A":
         sentence += ", without which torques are compared"
