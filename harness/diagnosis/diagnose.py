@@ -29,6 +29,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.verdict import BINDING, SAME, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
+from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
@@ -84,6 +85,14 @@ class Diagnosis:
         if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on numbers of the models that no machine has."""
+        a, b = (implausible(model.reading) for model in (self.a, self.b))
+        both = [f"A and B: {text}" for text in a if text in b]
+        ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
+        return (*both, *ours, *theirs)
 
     @property
     def not_fixed(self) -> tuple[str, ...]:
