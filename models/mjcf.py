@@ -8,16 +8,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
-from screwgauge.models.placement import compose, inverse, number_text, quaternion, tensor_text, vector_text
+from screwgauge.models.placement import compose, inverse, quaternion, vector_text
+from screwgauge.models.principal import inertial, stand_ins
 from screwgauge.models.view import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: MuJoCo refuses a moving body of less mass or inertia [kg, kg m^2]. One that has just as little stands for a body
-#: without any, and has none once our readers have loaded it.
-LEAST = 1e-15
 #: A limit that is none [rad, m].
 FAR = 1e10
 #: Coefficients of a joint equality.
@@ -51,6 +49,9 @@ def write_mjcf(
     tree = lay_out(mechanism, cut)
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
+    for sentence in stand_ins(mechanism):
+        said = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
+        root.append(ET.Comment(f" {said} "))
     _settings(root, gravity, include)
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
     if "geoms" in include:
@@ -102,7 +103,7 @@ def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Elemen
     for link in tree.links:
         element = ET.SubElement(bodies[link.near], "body", name=link.name)
         _place(element, compose(link.near_frame, inverse(link.far_frame)))
-        _inertial(element, link.body)
+        ET.SubElement(element, "inertial", inertial(link.body))
         for freedom in link.freedoms:
             _joint(element, freedom, link, limited)
         bodies[link.name] = element
@@ -132,14 +133,6 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
         joint.set("range", vector_text(np.clip(freedom.limits, -FAR, FAR)))
 
 
-def _inertial(element: ET.Element, body: Body) -> None:
-    inertial = ET.SubElement(element, "inertial", pos=vector_text(body.com), mass=number_text(body.mass or LEAST))
-    if not body.mass:
-        inertial.set("diaginertia", vector_text([LEAST] * 3))
-        return
-    inertial.set("fullinertia", tensor_text(body.inertia))
-
-
 def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequence[Closure]) -> None:
     if not closures:
         return
@@ -163,7 +156,8 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     """Sentences on what the mechanism has and no MJCF can say."""
     high = (one.name for one in mechanism.couplings if len(one.polynomial) > POWERS)
-    return tuple(f"MJCF lacks coupling '{name}': MuJoCo has no powers above {POWERS - 1}" for name in high)
+    lacks = (f"MJCF lacks coupling '{name}': MuJoCo has no powers above {POWERS - 1}" for name in high)
+    return *lacks, *stand_ins(mechanism)
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:

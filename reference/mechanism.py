@@ -13,6 +13,8 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array
 
 GROUND = "ground"
+#: Of its trace: by how much rounding may make an inertia tensor one that no body has.
+SLACK = 1e-12
 
 #: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are
 #: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. F constrains
@@ -67,7 +69,7 @@ class Body:
             what = "a body without mass has an inertia or a centre of mass"
             raise DescriptionError(what, where, "give it mass, or leave inertia and com out")
         moments = np.linalg.eigvalsh(self.inertia)
-        slack = 1e-12 * max(float(np.trace(self.inertia)), 0.0)
+        slack = SLACK * max(float(np.trace(self.inertia)), 0.0)
         if moments[0] < -slack:
             what = f"inertia is not positive semidefinite (smallest principal moment {moments[0]:.3g} kg m^2)"
             raise DescriptionError(what, where, "check the signs of the products of inertia")

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from screwgauge.reference.mechanism import Body, Joint, Mechanism
+from screwgauge.reference.plausible import solids, too_wide
 from screwgauge.reference.pose import layout, length, tree_pose
 from screwgauge.reference.rotations import Array, cross, widest
 
@@ -46,7 +47,10 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     cloud = [at[1][0, index[j.parent]] + at[0][0, index[j.parent]] @ j.parent_frame.p for j in joints]
     extent = widest(cloud)
     found = list[Suspicion]()
+    wide = {solid.name: text for solid in solids(mechanism) if (text := too_wide(solid))}
     for body in mechanism.bodies:
+        if body.name in wide:
+            found.append(Suspicion(body.name, body.com, wide[body.name]))
         its = [(joint, frame.p) for joint in joints for name, frame in joint.sides if name == body.name]
         found += _masses(body, its, unit, extent)
         axes = _axes(mechanism, body.name)

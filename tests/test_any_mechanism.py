@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,10 +57,14 @@ def test_a_hanging_pendulum_carries_its_weight():
     assert reactions["a.fz"] == pytest.approx(2 * 9.81, abs=ROUNDING)
 
 
-def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash():
-    results = screwgauge.run(screwgauge.load_scene(DATA / "pendulum-scene.toml"), engines=["screw", "mujoco"])
+def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash(tmp_path):
+    text = (DATA / "pendulum.toml").read_text(encoding="utf-8")
+    light = text.replace("{ xx = 0, yy = 0, zz = 0 }", "{ xx = 3e-16, yy = 3e-16, zz = 3e-16 }")
+    (tmp_path / "pendulum.toml").write_text(light, encoding="utf-8")
+    shutil.copy(DATA / "pendulum-scene.toml", tmp_path)
+    results = screwgauge.run(screwgauge.load_scene(tmp_path / "pendulum-scene.toml"), engines=["screw", "mujoco"])
     assert results.exit_status == 3
-    assert "inertia must have positive eigenvalues" in results.failures["mujoco"].reason
+    assert "mass and inertia of moving bodies must be larger" in results.failures["mujoco"].reason
     assert "/" not in results.failures["mujoco"].reason.split(":")[1]
 
 

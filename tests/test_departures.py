@@ -353,7 +353,7 @@ def test_a_verdict_names_three_doubts_and_counts_them_all(scene, own):
     results = screwgauge.run(scene, engines=("screw", "mujoco"), quantities=("joint_position",))
     doubtful = replace(results.solutions["mujoco"], warnings=("one", "two.", "three", "four"))
     banner = verdict(replace(results, solutions={**results.solutions, "mujoco": doubtful}))
-    assert banner.text.startswith("one. two. three. All 4 are listed under Engines. screw and mujoco agree")
+    assert banner.text.startswith("one. two. three. All 4 are listed below. screw and mujoco agree")
 
 
 DAMPED = "ignored by pinocchio in own.urdf: dynamics damping of joint a"

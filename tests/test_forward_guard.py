@@ -16,6 +16,7 @@ from screwgauge.reference.errors import ClosureError, ScrewgaugeError
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.run import report
 from screwgauge.report.verdict import verdict
+from screwgauge.scene.plausible import doubts
 from screwgauge.scene.simulation import check_start
 
 FALL = """
@@ -101,7 +102,7 @@ def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
 
 def test_a_start_in_degrees_is_asked_about(scene):
     for start, said in (("crank = -1.5", False), ("crank = 30", True), ("crank = '30*deg'", False)):
-        warnings = check_start(screwgauge.load_scene(scene(start=start)))[1]
+        warnings = doubts(screwgauge.load_scene(scene(start=start)))
         sentence = "the start crank = 30 rad is more than a turn from home (degrees are written as '30*deg')"
         assert [*warnings] == [sentence] * said
 

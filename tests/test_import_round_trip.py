@@ -27,13 +27,11 @@ MASSES = 1e-13
 FORCES = 1e-11
 #: One of each pair that differ in numbers only, and one of each size.
 ALIKE = {"3ups-upu-s-asymmetric", "3ups-upu-s-offset", "3ups-upu-s-table2", "a02-fourbar-40", "a04-bricard-box"}
-#: MuJoCo refuses their thin rods and point masses.
-THIN = {"a01-pendulum", "a04-bricard-thin"}
 NAMES = [name for name in mechanism_names() if name not in ALIKE]
 #: In the full cut, where welds join bodies and their copies: all kinds of joint.
 FULL = {"3ups-upu-s", "five-bar", "rccc", "stewart", "screw-press"}
 FILES = [("{}.urdf", NAMES), ("{}.xml", NAMES), ("{}-full.urdf", FULL), ("{}-full.xml", FULL)]
-CASES = [(n, file.format(n)) for file, names in FILES for n in sorted(names) if not (n in THIN and "xml" in file)]
+CASES = [(n, file.format(n)) for file, names in FILES for n in sorted(names)]
 
 
 @cache

@@ -216,7 +216,7 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
     text = CROSS.replace("mass = 0\n", "mass = 1e-14\ninertia = { xx = 1e-17, yy = 1e-17, zz = 1e-17 }\n")
     results = screwgauge.run(scene(text, CROSSED), engines=["screw", "mujoco"])
     reason = results.failures["mujoco"].reason
-    assert reason.endswith("give every body more than 1e-15 kg and kg m^2, or no mass at all.")
+    assert reason.endswith("give every mass and moment of inertia more than 1e-15 kg and kg m^2, or zero.")
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import write_models
     from screwgauge.models.mjcf import left_out
+    from screwgauge.reference.plausible import implausible
     from screwgauge.scene.default import gravity_of
     from screwgauge.scene.preflight import check_home
 
@@ -39,10 +40,9 @@ def models(options: argparse.Namespace) -> int:
     check_home(mechanism := load_mechanism(options.mechanism))
     out = options.out or OUT / mechanism.name / "models"
     said: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
-    for path in write_models(mechanism, out, include=frozenset(_names(options.include) or ()), **said):
-        say(str(path))
-    for sentence in left_out(mechanism):
-        say(sentence)
+    paths = write_models(mechanism, out, include=frozenset(_names(options.include) or ()), **said)
+    for line in (*map(str, paths), *left_out(mechanism), *implausible(mechanism)):
+        say(line)
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.compare import components
-from screwgauge.diagnosis.mechanics.closed import DEPENDENT, closed, left
+from screwgauge.diagnosis.mechanics.closed import DEPENDENT, clear, closed, left
 from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
@@ -104,7 +104,8 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
         return {}
     drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, what is left of it is rounding
     states, fits = closed(tree, states)
-    if not fits.any():
+    states = states.at(clear(equations(tree, states).rows))
+    if not fits.any() or not len(states.q):
         return {}
     said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])

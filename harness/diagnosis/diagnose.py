@@ -33,6 +33,7 @@ from screwgauge.diagnosis.together import Together, together
 from screwgauge.diagnosis.verdict import BINDING, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
+from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
@@ -96,6 +97,14 @@ class Diagnosis:
         if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on numbers of the models that no machine has."""
+        a, b = (implausible(model.reading) for model in (self.a, self.b))
+        both = [f"A and B: {text}" for text in a if text in b]
+        ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
+        return (*both, *ours, *theirs)
 
     @property
     def not_fixed(self) -> tuple[str, ...]:
@@ -191,6 +200,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     alike = alike and not (a.never_closed or b.never_closed)
     alike = alike and all(witness.agrees for witness in seen) and (both is None or both.agrees)
     withheld = (*content.withheld, *([f"torques of the libraries as loaded: {why_not}"] if why_not else []))
+    withheld += (of_loops,) if bound is None and of_loops else ()
     return Diagnosis(
         a,
         b,

@@ -38,6 +38,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "libraries": [asdict(witness) for witness in found.witnesses],
         "matrix": found.matrix and asdict(found.matrix),
         "notes": found.notes,
+        "doubts": found.doubts,
         "left_out": found.left_out,
     }
 

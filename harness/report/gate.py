@@ -128,6 +128,12 @@ class Check:
 _KINDS = {"differ": "failure", "failed": "error", "refused": "error"}
 
 
+def _banners(found: Check) -> list[Banner]:
+    """The verdict, and what no machine has."""
+    odd = [Banner(f"{row.scene}: {sentence}", "Warning") for row in found.rows for sentence in row.doubts]
+    return [_banner(found), *odd]
+
+
 def _banner(found: Check) -> Banner:
     text = f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."
     judged = {any(error.b == JUDGE for error in row.errors) for row in found.rows}  # of a pair of models nobody is
@@ -166,7 +172,7 @@ def _tolerances(found: Check) -> list[str]:
 
 PAGE = Report(
     text="check",
-    banner=_banner,
+    banner=_banners,
     data={"check.json": lambda found: found.record},
     values={
         "title": lambda found: "Check",

@@ -41,9 +41,9 @@ def verdict(results: Comparison) -> Banner:
     if not results.ok:
         return Banner(_agreement(results), "✗ NOTHING COMPARED", "differ")
     word = "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE"
-    said = [f"{text.rstrip('.')}." for solution in results.solutions.values() for text in solution.warnings]
-    if doubts := [*dict.fromkeys(said)]:
-        more = f" All {len(doubts)} are listed under Engines." if len(doubts) > DOUBTS else ""
+    warned = (text for solution in results.solutions.values() for text in solution.warnings)
+    if doubts := [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]:
+        more = f" All {len(doubts)} are listed below." if len(doubts) > DOUBTS else ""
         return Banner(f"{' '.join(doubts[:DOUBTS])}{more} {_agreement(results)}", f"{word}, but", "note")
     return Banner(_agreement(results), word, "agree")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from screwgauge.problem import InitialValue
@@ -11,7 +9,6 @@ from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.forward import Forces, forces_at, forward
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
@@ -53,16 +50,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)
     forces = forces_at(mechanism, scene.applied, task.since)
     forward(lay, velocities(lay, at, task.rates[None]), forces)
-    warnings = (*_turned(mechanism, task.start), stiff_warning(stiffness(lay, forces, task), task))
-    return lay, tuple(filter(None, warnings))
-
-
-def _turned(mechanism: Mechanism, start: Array) -> Iterator[str]:
-    """A sentence on each angle that starts more than a turn from home, as it does where degrees are meant."""
-    for k, (label, value) in enumerate(zip(mechanism.independent, start, strict=True)):
-        column = mechanism.independent_columns[k]
-        if mechanism.units[column] == "rad" and abs(value - mechanism.home[column]) > 2.0 * np.pi:
-            yield f"the start {label} = {value:g} rad is more than a turn from home (degrees are written as '30*deg')"
+    return lay, tuple(filter(None, [stiff_warning(stiffness(lay, forces, task), task)]))
 
 
 def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:

@@ -27,6 +27,7 @@ from screwgauge.reference.files import is_file
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import Layout, pose
 from screwgauge.scene.motion import Sampled
+from screwgauge.scene.plausible import doubts
 from screwgauge.scene.preflight import check_actuation, check_scene, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
@@ -84,7 +85,8 @@ def run(
         for name in scene.tables
         if name not in names
     ]
-    warnings = (*warnings, *unread)
+    doubted = doubts(scene)
+    warnings = (*doubted, *warnings, *unread)
     for sentence in warnings:
         warn(sentence)
     own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}
@@ -122,6 +124,7 @@ def run(
         mobility=facts(counted),
         environment=environment(),
         warnings=warnings,
+        doubts=doubted,
         refusals=(*refused, *missing),
         cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
         known=[*_known(pairs, solutions)],
@@ -196,8 +199,8 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     wanted, left = check_actuation(scene, counted, wanted)
     # those of a tree are the engine's own
     given = {name: found for name, found in described(mechanism).items() if not name.startswith("tree_force")}
-    doubts = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
-    return counted, given, None, wanted, (*left, *far_from_home(scene), *doubts)
+    sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
+    return counted, given, None, wanted, (*left, *far_from_home(scene), *sampled)
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:

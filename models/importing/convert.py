@@ -21,6 +21,7 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.plausible import implausible
 from screwgauge.reference.rotations import Array
 
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
@@ -84,7 +85,8 @@ def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint
     mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
-    remarks = [*moves, *graph.remarks, *filter(None, (doubt,))]
+    odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
+    remarks = [*moves, *graph.remarks, *filter(None, (doubt,)), *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content, Kind, Values, kinds, table
-from screwgauge.models.mjcf import LEAST
+from screwgauge.models.principal import without_stand_ins
 from screwgauge.models.readings.assemble import Assembly
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -195,8 +195,9 @@ def _options(model: Any) -> Iterator[Content]:
 def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
     """Bodies of which parts have their weight compensated otherwise than others."""
     found: dict[str, set[float]] = {}
+    masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
-        if model.body_mass[i] > LEAST:
+        if masses[i]:
             found.setdefault(assembly.places[model.body(i).name][0], set()).add(float(model.body_gravcomp[i]))
     for name, values in found.items():
         if len(values) > 1 and name != GROUND:

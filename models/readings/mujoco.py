@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.mjcf import LEAST, POWERS
+from screwgauge.models.mjcf import POWERS
+from screwgauge.models.principal import without_stand_ins
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.compiled import content, other_equality, single_joint
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
@@ -145,17 +146,17 @@ def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
     """Args: root: First link of a URDF, which MuJoCo merges into the world."""
     if root:
         yield Link(root, "", (), 0.0, np.zeros(3), np.zeros((3, 3)), np.eye(4))
+    masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
         R, above, first = turn(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
-        heavy = model.body_mass[i] > LEAST
-        solid = heavy or model.body_inertia[i].max() > 2.0 * LEAST  # of diagonalised tensors, which are rounded
+        mass = float(masses[i])
         yield Link(
             model.body(i).name,
             model.body(above).name if above else root,
             tuple(model.joint(first + k).name for k in range(model.body_jntnum[i])),
-            float(model.body_mass[i]) if heavy else 0.0,
-            model.body_ipos[i].copy() if solid else np.zeros(3),
-            R @ np.diag(model.body_inertia[i]) @ R.T if solid else np.zeros((3, 3)),
+            mass,
+            model.body_ipos[i].copy() if mass else np.zeros(3),
+            R @ np.diag(moments[i]) @ R.T,
             matrix(data.xpos[i], data.xmat[i].reshape(3, 3)),
             float(model.body_gravcomp[i]),
         )

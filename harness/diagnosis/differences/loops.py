@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import Row, components, row_of
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mechanics.closed import closed, left
+from screwgauge.diagnosis.mechanics.closed import clear, closed, left
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
@@ -97,6 +97,10 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     force, length = components(common.a), size(common.a)
     slides = np.array([unit == "N" for _, unit in force])
     rows = equations(a, states.at(fits)).rows, equations(b, theirs).rows @ velocity_map(a, b)
+    regular = clear(rows[0]) & clear(rows[1])
+    if not regular.any():
+        return None, f"{_NOT_COMPARED}: all random states that close both models are singular"
+    rows = rows[0][regular], rows[1][regular]
     ours, others = (left(each, slides, length)[0] for each in rows)
     n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))
     row = row_of(

@@ -11,7 +11,8 @@ from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers,
 from screwgauge.diagnosis.files.write_urdf import FRAMES, SAME
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import Matter, relative
-from screwgauge.models.placement import number_text, quaternion, tensor_text, vector_text
+from screwgauge.models.placement import number_text, quaternion, vector_text
+from screwgauge.models.principal import of_tensor
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 
@@ -71,7 +72,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
     mass, pos = number_text(matter.mass), vector_text(matter.com)
     if inertial is None:
-        xml.add(link.element, "inertial", pos=pos, mass=mass, fullinertia=tensor_text(J))
+        xml.add(link.element, "inertial", pos=pos, mass=mass, **of_tensor(J))
         return
     if plain or old is None or matter.mass != old.mass:
         xml.set(inertial, mass=mass)
@@ -90,10 +91,14 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
 
 
 def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
-    """Writes a tensor in the axes of the body; beside a full one MuJoCo admits no orientation. Shape (3, 3)."""
-    lost = [name for name in ("diaginertia", *ORIENTATIONS) if name in inertial.attributes]
+    """Writes a tensor in the axes of the body, however MuJoCo takes it; beside a full one it admits no orientation.
+
+    Args:
+        J: Shape (3, 3).
+    """
+    lost = [name for name in ("fullinertia", "diaginertia", *ORIENTATIONS) if name in inertial.attributes]
     xml.set(inertial, **dict.fromkeys(lost))
-    xml.set(inertial, fullinertia=tensor_text(J))
+    xml.set(inertial, **of_tensor(J))
 
 
 def check_matter(xml: XmlText) -> None:

@@ -20,6 +20,8 @@ from screwgauge.reference.rotations import Array
 STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 #: Singular values below this share of the largest are those of rows that follow from others.
 DEPENDENT = 1e-8
+#: Singular values between these shares are of a singular pose, found to the square root of rounding or so.
+UNCLEAR = 1e-11, 1e-5
 
 
 def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
@@ -45,6 +47,16 @@ def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
     there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
     rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]
     return replace(there, qdd=there.qdd - (back @ rest)[..., 0]), fits
+
+
+def clear(rows: Array) -> NDArray[np.bool_]:
+    """States at which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
+
+    Newton's method ends beside a singular pose with half the digits, and with singular values that are neither.
+    """
+    s = np.linalg.svd(rows, compute_uv=False)
+    s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
+    return np.asarray(~((s > UNCLEAR[0]) & (s < UNCLEAR[1])).any(axis=1))
 
 
 def left(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from screwgauge.engines.tree.closed import ClosedTree, close_tree
 from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
+from screwgauge.models.principal import stood_in
 from screwgauge.models.readings.mujoco import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
@@ -38,7 +39,11 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree whose engine warns."""
+    """A tree whose engine warns, and whose file says some moments of inertia otherwise."""
+
+    def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
+        super().__init__(closed, dynamics)
+        self.thin = dynamics.tree.thin
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         with warned() as warnings:
@@ -46,7 +51,8 @@ class MujocoModel(TreeModel):
         said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None
         curves = curvature.said(self.closed.tree.couplings, problem, own_steps=steps)
-        return replace(solution, notes=(*solution.notes, *curves, *said), warnings=said)
+        noted = (*solution.notes, *stood_in(self.thin), *curves, *said)
+        return replace(solution, notes=noted, warnings=said)
 
 
 class MujocoDynamics:

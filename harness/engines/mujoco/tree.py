@@ -18,7 +18,8 @@ from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
-from screwgauge.models.mjcf import LEAST, POWERS
+from screwgauge.models.mjcf import POWERS
+from screwgauge.models.principal import LEAST, without_stand_ins
 from screwgauge.models.readings.mujoco import joint_equality, turn
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
@@ -33,8 +34,7 @@ _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 def prepare(model: mujoco.MjModel) -> None:
     """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one."""
-    stand_in = (model.body_mass <= LEAST) & (model.body_inertia <= LEAST).all(axis=1)
-    model.body_mass[stand_in], model.body_inertia[stand_in] = 0.0, 0.0
+    model.body_mass[:], model.body_inertia[:] = without_stand_ins(model.body_mass, model.body_inertia)
     for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
         getattr(model, f"{kind}_sameframe")[:] = 0
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
@@ -49,10 +49,11 @@ class MujocoTree:
             self.model = mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
             small = "mass and inertia" in str(error) or "eigenvalues" in str(error)
-            remedy = (
-                f"give every body more than {LEAST:g} kg and kg m^2, or no mass at all" if small else "correct the MJCF"
-            )
+            more = f"give every mass and moment of inertia more than {LEAST:g} kg and kg m^2, or zero"
+            remedy = more if small else "correct the MJCF"
             raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), remedy) from None
+        thin = (self.model.body_mass > LEAST) & (self.model.body_inertia.min(axis=1) <= LEAST)
+        self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # zero moments, but for MuJoCo
         prepare(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")

@@ -18,6 +18,11 @@ from screwgauge.report.layout import Report
 _RANKED = 12  # hypotheses that are shown
 
 
+def _banners(found: Diagnosis) -> list[Banner]:
+    """The verdict, and what no machine has."""
+    return [_banner(found), *(Banner(sentence, "Warning") for sentence in found.doubts)]
+
+
 def _banner(found: Diagnosis) -> Banner:
     if found.left_out or found.exit_status == 3:
         return Banner(found.verdict, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
@@ -89,7 +94,7 @@ def _file(model: Model) -> str:
 
 PAGE = Report(
     text="diagnosis",
-    banner=_banner,
+    banner=_banners,
     data={"diagnosis.json": summary},
     values={
         "title": lambda found: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(found)),

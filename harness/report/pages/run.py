@@ -45,8 +45,9 @@ __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 
 
 def _banners(results: Comparison) -> list[Banner]:
+    found = verdict(results)
     said = [*results.warnings, *unmatched(results.scene.figures, results.solutions)]
-    return [verdict(results), *(Banner(sentence, "Warning") for sentence in said)]
+    return [found, *(Banner(sentence, "Warning") for sentence in said if sentence not in found.text)]
 
 
 def _shown(found: Iterable[Row]) -> list[Row]:

@@ -97,6 +97,7 @@ def compared(
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
     versions = {name: solution.version for name, solution in results.solutions.items()}
     row = Row(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
+    row = replace(row, doubts=results.doubts)
     return row, results
 
 
@@ -207,7 +208,8 @@ def _pair(item: Item, settings: Settings) -> Row:
     packages = {name: known[name] for name in ("pin", "mujoco")}
     hashes = {model.label: model.sha256 for model in (found.a, found.b)}
     where = _line(b, found.differences)
-    return Row(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
+    row = Row(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
+    return replace(row, doubts=found.doubts)
 
 
 def _line(file: Path, found: tuple[Difference, ...] | list[Difference]) -> int:

@@ -61,6 +61,7 @@ class Row:
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
         versions: Of engines, by name; `files`: file -> SHA-256.
+        doubts: Sentences on numbers that no machine has, whatever the status.
         file, line: Where to look for the cause; 0 if no line is known.
     """
 
@@ -74,6 +75,7 @@ class Row:
     file: str = ""
     line: int = 0
     seconds: float = 0.0
+    doubts: Sequence[str] = ()
 
     @property
     def ok(self) -> bool:

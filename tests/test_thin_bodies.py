@@ -1,0 +1,188 @@
+"""Points, rods, plates and nearly singular tensors: MuJoCo takes the MJCF of all of them, and has what they have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import tomli_w
+
+import screwgauge
+from screwgauge.models.catalog import load_mechanism, mechanism_tables
+from screwgauge.models.generate import write_models
+from screwgauge.models.mjcf import left_out
+from screwgauge.models.placement import quaternion_rotation
+from screwgauge.models.principal import inertial, without_stand_ins
+from screwgauge.reference.mechanism import Body
+from screwgauge.reference.rotations import Array, rotation
+from screwgauge.scene.read import load_scene
+
+ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+#: Of the largest moment: rounding of a quaternion and of the product that turns moments with it.
+TURNED = 3e-15
+#: The same of what MuJoCo's compiler turns itself, see `models.comparison`.
+COMPILED = 5e-14
+UP = np.nextafter(0.3, 1.0)
+MOMENTS = {
+    "point": (0.0, 0.0, 0.0),
+    "rod": (0.0, 1.0, 1.0),
+    "plate": (0.1, 0.2, 0.3),
+    "plate of decimals": (0.1, 0.2, 0.1 + 0.2),
+    "more than a plate by rounding": (0.1, 0.2, float(np.nextafter(0.1 + 0.2, 1.0))),
+    "rod of two lengths by rounding": (0.0, 0.3, float(UP)),
+    "almost a rod": (1e-14, 1.0, 1.0),
+    "nearly singular": (1e-9, 0.4, 0.4),
+    "below zero by rounding": (-1e-16, 1.0, 1.0),
+    "block": (0.2, 0.3, 0.4),
+    "ball": (1.0, 1.0, 1.0),
+}
+TURNS = {"straight": (0.0, 0.0, 0.0), "along y": (0.0, 0.0, np.pi / 2), "askew": (0.3, -1.1, 0.7)}
+
+
+def body(moments: Array, turn: tuple[float, ...], size: float) -> Body:
+    R = np.eye(3)
+    for axis, angle in zip(np.eye(3), turn, strict=True):
+        R = R @ rotation(axis, np.array(angle))
+    I = R @ np.diag(size * np.array(moments)) @ R.T if any(turn) else np.diag(size * np.array(moments))
+    return Body("b", 1.0, np.array([0.1, -0.2, 0.3]), 0.5 * (I + I.T))
+
+
+def compiled(one: Body) -> mujoco.MjModel:
+    said = " ".join(f'{name}="{text}"' for name, text in inertial(one).items())
+    text = (
+        '<mujoco><compiler boundinertia="0" balanceinertia="false"/><worldbody><body><joint type="slide"/>'
+        f"<inertial {said}/></body></worldbody></mujoco>"
+    )
+    return mujoco.MjModel.from_xml_string(text)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS)
+@pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
+def test_mujoco_has_the_tensor_that_the_description_has(moments, turn, size) -> None:
+    one = body(moments, turn, size)
+    model, full = compiled(one), "fullinertia" in inertial(one)
+    _, found = without_stand_ins(model.body_mass, model.body_inertia)
+    R = quaternion_rotation(model.body_iquat[1])
+    off = np.abs(R @ np.diag(found[1]) @ R.T - one.inertia).max()
+    assert off <= (COMPILED if full or 1e-14 in moments else TURNED) * np.abs(one.inertia).max()
+    np.testing.assert_array_equal(model.body_ipos[1], one.com)
+    assert np.abs(model.body_inertia[1] - found[1]).max() <= 1e-15
+
+
+def test_a_moment_that_no_mjcf_can_say_and_that_counts_is_not_replaced() -> None:
+    """In (0, 1e-15) kg m^2 and no rounding of the others: MuJoCo counts in kg m^2, whatever the size."""
+    with pytest.raises(ValueError, match="mass and inertia"):
+        compiled(body((0.3, 0.4, 0.5), TURNS["askew"], 1e-15))
+
+
+def test_a_tensor_that_no_body_has_is_written_as_one_that_can_be_and_said(arm: Callable[..., Path]) -> None:
+    """Descriptions may break A + B >= C and positive moments by 1e-12 of the trace; MuJoCo by nothing."""
+    mechanism = load_mechanism(arm("bob = { mass = 1, com = [0, 0, 1], inertia = { xx = 1, yy = 1, zz = -1e-12 } }"))
+    (_, sentence) = left_out(mechanism)
+    assert sentence.startswith("MJCF: a principal moment of bob is 1e-12 kg m^2 off the description, as MuJoCo takes")
+
+
+#: Motion of the double pendulum.
+MOVED = """
+motion.one.polynomial = [0.1, 1, 2]
+motion.two.harmonics = [[5, 0.3, 0.2]]
+time = { duration = 0.4, step = 0.1 }
+"""
+
+
+@pytest.fixture
+def arm(write) -> Callable[..., Path]:
+    """A double pendulum; its second body is given."""
+    text = """
+name = "arm"
+independent = {{ one = "one", two = "two" }}
+[bodies]
+rod = {{ mass = 0.5, com = [0, 0, 0.25], inertia = {{ xx = 1e-2, yy = 1e-2 }} }}
+{bob}
+[joints]
+one = {{ kind = "R", parent = "ground", child = "rod", axes = [[0, 1, 0]], actuated = true }}
+[joints.two]
+kind = "R"
+parent = "rod"
+child = "bob"
+axes = [[0.6, 0.8, 0]]
+parent_frame.position = [0, 0, 0.5]
+actuated = true
+"""
+    return lambda bob: write("arm.toml", text.format(bob=bob))
+
+
+def test_what_stands_for_zero_is_named_in_the_file_by_models_and_by_a_run(arm, write, tmp_path) -> None:
+    path = arm("bob = { mass = 1.3, com = [0.2, 0, 0.4], inertia = {} }")
+    mechanism = load_mechanism(path)
+    (sentence,) = left_out(mechanism)
+    assert "1e-15 kg m^2 stands for it in rod, bob; the engine mujoco sets it to zero" in sentence
+    write_models(mechanism, tmp_path / "models")
+    assert sentence.removeprefix("MJCF: ") in (tmp_path / "models" / "arm.xml").read_text(encoding="utf-8")
+    scene = write("s.toml", f'mechanism = "{path.name}"\n{MOVED}')
+    results = screwgauge.run(load_scene(scene), engines=["mujoco"])
+    assert sentence.removeprefix("MJCF: ") in results.solutions["mujoco"].notes
+
+
+def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
+    assert not left_out(paper)
+
+
+@pytest.mark.parametrize(
+    "bob",
+    [
+        "bob = { mass = 1.3, com = [0.2, 0, 0.4], inertia = {} }",
+        "bob = { mass = 1.3, inertia = {} }",  # on its own axis, where it has no inertia at all
+        "bob = { mass = 0 }",
+        "bob = { mass = 1e-3, com = [0.03, 0.04, 0], inertia = { xx = 6.4e-7, yy = 3.6e-7, zz = 1e-6, xy = -4.8e-7 } }",
+        "bob = { mass = 1, com = [0, 0, 1], inertia = { xx = 1, yy = 1, zz = -1e-12 } }",
+    ],
+    ids=["point", "point on its axis", "nothing", "thin along its axis", "impossible by 1e-12"],
+)
+def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
+    scene = load_scene(write("s.toml", f'mechanism = "{arm(bob).name}"\n{MOVED}'))
+    check(screwgauge.run(scene, engines=["truth", *ENGINES]))
+
+
+def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
+    """Rods along their slides, which no axis of a frame is."""
+    tables = mechanism_tables("stewart")
+    for name, one in tables["bodies"].items():
+        if name != "platform":
+            axis = np.array(tables["joints"][f"{name.split('.')[0]}.slide"]["axes"][0], dtype=float)
+            I = 0.01 * float(one["mass"]) * (axis @ axis * np.eye(3) - np.outer(axis, axis))
+            entries = {f"{'xyz'[i]}{'xyz'[j]}": float(I[i, j]) for i in range(3) for j in range(i, 3)}
+            one["inertia"] = entries
+    write("rods.toml", tomli_w.dumps({**tables, "name": "rods"}))
+    scene = (Path(screwgauge.__file__).parent / "scenes" / "stewart.toml").read_text(encoding="utf-8")
+    path = write("s.toml", scene.replace('mechanism = "stewart"', 'mechanism = "rods.toml"'))
+    check(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=ENGINES))
+
+
+@pytest.mark.parametrize("name", ["a01-pendulum", "a04-bricard-thin"])
+def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
+    results = screwgauge.run(load_scene(name).at([0.0, 0.05, 0.1]))
+    assert [*results.solutions][:3] == ["screw", "pinocchio", "mujoco"]
+    check(results)
+
+
+def check(results: screwgauge.Results) -> None:
+    assert not results.failures
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+
+
+def test_a_fix_gives_an_mjcf_a_thin_rod(arm, write, tmp_path) -> None:
+    """Of the URDF, where the rod's own line is 0 and no axis of its frame."""
+    rod = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 6.4e-3, yy = 3.6e-3, zz = 1e-2, xy = -4.8e-3 } }"
+    thick = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 2e-2, yy = 2e-2, zz = 2e-2, xy = -4.8e-3 } }"
+    for name, bob in (("a", rod), ("b", thick)):
+        write_models(load_mechanism(arm(bob)), tmp_path / name)
+    b, fixed = tmp_path / "b" / "arm.xml", tmp_path / "fixed.xml"
+    found = screwgauge.diagnose(tmp_path / "a" / "arm.urdf", b)
+    assert found.exit_status == 1
+    found.write_fix(fixed)
+    assert screwgauge.diagnose(tmp_path / "a" / "arm.urdf", fixed).exit_status == 0
