@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
 ALIKE = 1.0 - 1e-9
-#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
+#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is judged.
 UNDETERMINED = "undetermined"
 
 ERROR_COLUMNS = [
@@ -81,7 +82,7 @@ def compare(
                 limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
                 rows = [_held(row, rules, limit) for row in _components(quantity, unit, a, b, t, scale)]
                 errors += rows
-                if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
+                if compared := [row for row in rows if row["ok"] is not pd.NA]:
                     row = _pair(compared)
                     if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
                         row["reason"] = why or row["reason"]
@@ -90,7 +91,9 @@ def compare(
         for failure in failures.values():
             for name in solution.values:
                 pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
-    return pd.DataFrame(errors, columns=ERROR_COLUMNS), pd.DataFrame(pairs, columns=PAIR_COLUMNS)
+    # of what has no unique value nothing is said, neither true nor false
+    found = pd.DataFrame(errors, columns=ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float})
+    return found, pd.DataFrame(pairs, columns=PAIR_COLUMNS)
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
@@ -119,9 +122,14 @@ def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: flo
 
 
 def _held(row: Row, rules: Mapping[str, tuple[str, bool]], limit: float) -> Row:
-    """A component's errors with the rule that fixes it, held against a scaled error."""
+    """A component's errors with the rule that fixes it, held against a scaled error.
+
+    What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
+    """
     rule, unique = rules.get(row["component"], rules[""])
-    ok = rule == UNDETERMINED or row["max_scaled"] <= limit
+    ok: Any = row["max_scaled"] <= limit
+    if rule == UNDETERMINED and np.isfinite(row["max_scaled"]):
+        limit, ok = float("nan"), pd.NA
     return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
 
 

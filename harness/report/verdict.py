@@ -111,12 +111,22 @@ def _alone(results: Comparison) -> Iterator[str]:
             yield f"Compared with no other engine: {listed(names)} of {engine}."
 
 
+def not_unique(results: Comparison) -> Iterator[str]:
+    """How many components of a quantity are not compared, as they have no unique value."""
+    for quantity, names in results.not_unique.items():
+        n = len(results.components(quantity))
+        yield (
+            f"{len(names)} of {n} components of {quantity} have no unique value: they are not compared, and the digits "
+            "are of the others."
+        )
+
+
 def _agreement(results: Comparison) -> str:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
         return "No engine ran."
     if pairs:
-        unseen = " ".join(["", *_alone(results), *filter(None, [results.coverage.poor])])
+        unseen = " ".join(["", *not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])])
         # what is zero within rounding has no digits
         least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"

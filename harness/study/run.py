@@ -126,6 +126,7 @@ def run(
         cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
         known=[*_known(pairs, solutions)],
         provenance=judged_files,
+        undetermined=counted.undetermined,
     )
 
 
