@@ -16,6 +16,7 @@ from screwgauge.judging.compare import compare
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
 from screwgauge.report.terminal import terminal
+from screwgauge.report.verdict import verdict
 from screwgauge.solution import Values
 
 SENTENCE = (
@@ -129,6 +130,13 @@ def test_where_all_is_unique_nothing_of_it_is_said(tmp_path):
     assert found.errors["ok"].dtype == "boolean"
     assert not found.errors["ok"].isna().any()
     assert not pd.isna(found.errors["tolerance"]).any()
+
+
+def test_of_a_linkage_whose_reactions_are_all_open_none_is_called_alone():
+    scene = screwgauge.load_scene("bennett")
+    said = verdict(screwgauge.run(scene.at(scene.t[:3]), engines=["screw", "pinocchio"])).text
+    assert "All 20 components of reaction have no unique value: they are not compared." in said
+    assert "Compared with no other engine" not in said
 
 
 def terminal_text(results) -> str:
