@@ -31,7 +31,15 @@ from screwgauge.scene.preflight import check_actuation, check_scene, far_from_ho
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution
-from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
+from screwgauge.study.ask import (
+    Report,
+    ask_engines,
+    description_file,
+    generated,
+    load_engines,
+    model_files,
+    silent,
+)
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
@@ -84,6 +92,9 @@ def run(
         for name in scene.tables
         if name not in names
     ]
+    if scene.changed:
+        file = scene.mechanism_file.name
+        unread.append(f"the mechanism is not that of {file}: it was changed, and is run as it is now")
     warnings = (*warnings, *unread)
     for sentence in warnings:
         warn(sentence)
@@ -95,7 +106,7 @@ def run(
         answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
         files |= {name: file for name in own if (file := scene.tables[name].file)}
-        judged_files = provenance(scene, files, date=date)
+        judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
