@@ -129,28 +129,6 @@ def test_a_small_force_among_large_ones_is_seen(write):
     assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
 
 
-def test_whole_turns_are_a_remark_and_no_difference():
-    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5])
-    results = screwgauge.run(scene, engines=["screw", "pinocchio"], quantities=["joint_position"])
-    one, other = results.solutions.values()
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
-
-    def compared(off: float):
-        values = other.values["joint_position"]
-        array = values.array.copy()
-        array[1, values.components.index("leg2.q2")] += off
-        values = Values(values.components, values.units, array)
-        both = {"screw": one, "pinocchio": replace(other, values={"joint_position": values})}
-        pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)[1]
-        return pairs.set_index("unit").loc["rad"]
-
-    assert compared(-4 * np.pi)["ok"]
-    assert compared(-4 * np.pi)["reason"] == "whole turns of leg2.q2 do not count"
-    assert not compared(2 * np.pi + 1e-9)["ok"]
-    assert not compared(np.pi)["ok"]
-
-
 @pytest.mark.parametrize("decade", np.arange(-9.0, -6.5, 0.5))
 def test_next_to_a_lock_the_actuators_still_drive_every_freedom(decade):
     scene = moving_at([[0.0, BASE + 10.0**decade]])

@@ -16,7 +16,7 @@ from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.rotations import Array, within_half_turn
+from screwgauge.reference.rotations import Array
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
@@ -43,7 +43,7 @@ def compare(
     tolerance_of: Callable[[str], float],
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of every pair of solutions.
+    """Errors of every pair of solutions, whose joint angles are of one chart (see `charts`).
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
@@ -139,17 +139,15 @@ def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, sc
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
     names = [first.components[k] for k in chosen]
-    difference = apart = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
-    if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
-        difference = np.abs(within_half_turn(apart))
+    difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # what is not a number is worse than anything
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
-    turned, rms = np.any(difference < apart, axis=0), np.sqrt(np.mean(difference**2, axis=0))
+    rms = np.sqrt(np.mean(difference**2, axis=0))
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
-        yield {**about, **size, "worst_t": float(t[rows[i]]), "turned": bool(turned[k])}
+        yield {**about, **size, "worst_t": float(t[rows[i]])}
 
 
 def _pair(rows: Sequence[Row]) -> Row:
@@ -157,10 +155,7 @@ def _pair(rows: Sequence[Row]) -> Row:
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
     worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
-    turned = ", ".join(row["component"] for row in rows if row["turned"])
-    reason = f"whole turns of {turned} do not count" if turned else ""
-    if not np.isfinite(worst["max_scaled"]):
-        reason = f"not a number at t = {worst['worst_t']:g} s"
+    reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
     return {
         **worst,
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),

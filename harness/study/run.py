@@ -17,6 +17,7 @@ from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
+from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
@@ -120,6 +121,7 @@ def run(
     if lay is not None:
         solutions, failed = observed(scene, lay, answers, wanted), {}
         reasons += ends(scene, wanted, answers, failures)
+    given, solutions = solutions, in_one_chart(mechanism, solutions)
     errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
     if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
@@ -128,7 +130,7 @@ def run(
         solutions=solutions,
         failures=failures,
         errors=errors,
-        pairs=with_factors(pairs, own, solutions) if own else pairs,
+        pairs=with_factors(pairs, own, given) if own else pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(counted),
         environment=environment(),
