@@ -18,8 +18,7 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn
 from screwgauge.solution import Solution, Values
 
-#: Angles that stay farther apart in any reading mean another orientation, or are no angles in rad: they are left as they
-#: are [rad].
+#: Angles that stay farther apart in any reading [rad] mean another orientation, or are no angles: they stay as they are.
 NEAR = 0.1
 
 _POSITION, _RATES = "joint_position", ("joint_velocity", "joint_acceleration")
@@ -97,7 +96,7 @@ def _read(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.b
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
     if angles.shape[1] < 3:
         return read, swapped
-    # in gimbal lock, first and last axis being one line, only the sum of their angles, or the difference, means anything
+    # in gimbal lock first and last axis are one line: only the sum or the difference of their angles means anything
     hand = np.sign(joint.axes[2] @ cross(joint.axes[0], joint.axes[1]))
     locked = (np.abs(np.cos(read[:, 1])) * linear.SINGULAR < 1.0) & known.all(axis=1)
     more = np.where(locked, read[:, 0] - near[:, 0], 0.0)
