@@ -56,7 +56,9 @@ def test_engines_agree_after_a_gimbal_lock_in_whatever_triple_they_read(scene):
     assert middle.min() < -2.0  # well beyond the lock
     said = [note for one in results.solutions.values() for note in one.notes if "other triple of the same" in note]
     assert len(said) == 2
-    assert all(note.startswith("the angles of ball and their rates are written as screw reads them") for note in said)
+    assert all(
+        note.startswith("the angles of ball, their rates and forces are written as screw reads them") for note in said
+    )
     assert not results.pairs["reason"].str.contains("turn").any()
 
 
@@ -146,6 +148,20 @@ def test_the_other_triple_with_its_own_rates_is_no_difference(paper_results):
     ok, notes = rewritten(paper_results, ("joint_position", WRIST, swap), *rates)
     assert all(ok.values())
     assert any("has the other triple of the same orientation at 2 of 2 samples" in note for note in notes)
+
+
+def test_forces_along_the_other_triple_are_no_difference_either(paper_results):
+    """Of a tree that has the joint, as full cuts have."""
+    one = paper_results.solutions["screw"]
+    force = Values(WRIST, ("N m",) * 3, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
+    swapped = one.values["joint_position"].array.copy()
+    columns = [one.values["joint_position"].components.index(name) for name in WRIST]
+    swapped[:, columns] = swap(swapped[:, columns])
+    position = replace(one.values["joint_position"], array=swapped)
+    given = {"joint_position": position, "tree_force": Values(WRIST, force.units, MIDDLE * force.array)}
+    both = {"a": replace(one, values={**one.values, "tree_force": force}), "b": replace(one, values=given)}
+    found = in_one_chart(paper_results.scene.mechanism, both)["b"]
+    assert np.array_equal(found.values["tree_force"].array, force.array)
 
 
 def test_the_other_triple_with_the_rates_of_the_first_differs(paper_results):

@@ -18,14 +18,16 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn
 from screwgauge.solution import Solution, Values
 
-#: Angles that stay farther apart in any reading [rad] mean another orientation, or are no angles: they stay as they are.
+#: Angles that stay farther apart in any reading [rad] mean another orientation, or are no angles: they stay.
 NEAR = 0.1
 
-_POSITION, _RATES = "joint_position", ("joint_velocity", "joint_acceleration")
+_POSITION = "joint_position"
+#: What turns its sign with the middle axis of a triple: rates, and forces along coordinates of a tree.
+_ALONG = ("joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft")
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
-    """The solutions with their joint angles, and the rates of these, as the reference would read them.
+    """The solutions with their joint angles, and the rates and forces along these, as the reference would read them.
 
     The reference is the first that has all joint positions, the truth before others.
 
@@ -48,7 +50,7 @@ def _has(values: Values, mechanism: Mechanism) -> bool:
 
 def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
     """One solution in the chart of the reference."""
-    arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_RATES) if name in one.values}
+    arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_ALONG) if name in one.values}
     place = {name: {c: k for k, c in enumerate(one.values[name].components)} for name in arrays}
     own, theirs = _coordinates(mechanism, one), reference.values[_POSITION].pick(mechanism.coordinates).array
     notes = list[str]()
@@ -61,13 +63,13 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
         for name, angles in zip(names, read.T, strict=True):
             if name in place.get(_POSITION, ()):
                 arrays[_POSITION][:, place[_POSITION][name]] = angles
-        for rate in _RATES if swapped.any() else ():
+        for rate in _ALONG if swapped.any() else ():
             if names[1] in place.get(rate, ()):
                 arrays[rate][swapped, place[rate][names[1]]] *= -1.0
         if swapped.any():
             notes.append(
-                f"the angles of {joint.name} and their rates are written as {reference.engine} reads them; it has the "
-                f"other triple of the same orientation at {swapped.sum()} of {len(swapped)} samples"
+                f"the angles of {joint.name}, their rates and forces are written as {reference.engine} reads them; it "
+                f"has the other triple of the same orientation at {swapped.sum()} of {len(swapped)} samples"
             )
     values = {name: replace(one.values[name], array=array) for name, array in arrays.items()}
     return replace(one, values={**one.values, **values}, notes=(*one.notes, *notes))
