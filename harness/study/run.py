@@ -94,8 +94,8 @@ def run(
         if name not in names
     ]
     if scene.changed:
-        file = scene.mechanism_file.name
-        unread.append(f"the mechanism is not that of {file}: it was changed, and is run as it is now")
+        whose = scene.mechanism_file.name
+        unread.append(f"the mechanism is not that of {whose}: it was changed, and is run as it is now")
     warnings = (*warnings, *unread)
     for sentence in warnings:
         warn(sentence)
