@@ -103,8 +103,12 @@ def arm(unit: str, length: float) -> float:
 
 
 def natural_scales(mechanism: Mechanism) -> dict[str, float]:
-    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L."""
-    L, M = length(mechanism), mechanism.mass
+    """S0 by unit, of a mechanism."""
+    return scales_of(length(mechanism), mechanism.mass)
+
+
+def scales_of(L: float, M: float) -> dict[str, float]:
+    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, of a length [m] and a mass [kg]."""
     return {
         "rad": 1.0,
         "m": L,

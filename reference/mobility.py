@@ -87,6 +87,11 @@ class Mobility:
     unique: tuple[bool, ...]
     determined: tuple[bool, ...]
 
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of the components that have no unique value under any such rule."""
+        return tuple(name for name, fixed in zip(self.names, self.determined, strict=True) if not fixed)
+
 
 def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
     """A mechanism and its pose with its own length as the unit, so that ranks do not depend on its size."""

@@ -134,7 +134,10 @@ def sequence_angles(M: Array, few: NDArray[np.bool_] | bool = False) -> Array:
     """Angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``; see `triad_angles`."""
     q1 = np.arctan2(np.where(few, M[..., 2, 1], -M[..., 1, 2]), np.where(few, M[..., 1, 1], M[..., 2, 2]))
     q2 = np.arctan2(M[..., 0, 2], np.where(few, M[..., 0, 0], np.hypot(M[..., 1, 2], M[..., 2, 2])))
-    q3 = np.where(few, 0.0, np.arctan2(-M[..., 0, 1], M[..., 0, 0])).astype(M.dtype)
+    # beside q1, so that the two together are right where q2 is a right angle and either of them is anything
+    c, s = np.cos(q1)[..., None], np.sin(q1)[..., None]
+    row = c * M[..., 1, :2] + s * M[..., 2, :2]
+    q3 = np.where(few, 0.0, np.arctan2(row[..., 0], row[..., 1])).astype(M.dtype)
     return np.stack([q1, q2, q3], axis=-1)
 
 

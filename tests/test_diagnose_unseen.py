@@ -300,6 +300,6 @@ def test_a_weld_whose_closed_poses_are_nearly_singular_is_no_fault_of_the_engine
     a, b = tmp_path / "a.xml", tmp_path / "b.xml"
     a.write_text(f"<mujoco><worldbody>{opened}{closed}</worldbody></mujoco>")
     b.write_text(f"<mujoco><worldbody>{opened}{closed}</worldbody>{weld}</mujoco>")
-    found = diagnose(a, b)
+    found = screwgauge.diagnose(a, b)
     assert "difference of the engine" not in found.verdict
     assert all(witness.agrees for witness in found.witnesses)

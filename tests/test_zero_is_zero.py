@@ -11,6 +11,7 @@ from planar import Bar, at_random, four_bar, moving, slider_crank
 from tolerances import NOTICED, ROUNDING
 
 import screwgauge
+from screwgauge.engines.estimate import Part, Trust, errors
 from screwgauge.judging.compare import compare
 from screwgauge.judging.judge import judge
 from screwgauge.reference.mobility import mobility
@@ -41,6 +42,26 @@ def test_a_slider_crank_at_its_dead_centre(write):
     """The slide stands still, and the rod turns at a constant rate."""
     text = slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.0)
     check_clear(screwgauge.run(moving(write, text, [0.0], 10.0)))
+
+
+@pytest.mark.parametrize("crank", [0.695, 0.6992, 0.69935])
+def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, crank):
+    """Moments of a planar mechanism, at condition numbers around 50: no difference, and hardly any tolerance."""
+    text = slider_crank([Bar(crank), Bar(0.7), Bar(0.0)], 1.5)
+    results = screwgauge.run(moving(write, text, [1.5, np.pi / 2], 1.0))
+    check_clear(results)
+    rows = results.pairs[(results.pairs["quantity"] == "reaction") & (results.pairs["unit"] == "N m")]
+    assert rows["max_scaled"].max() < 1e-10
+    assert rows["tolerance"].max() < 1e-5  # of a millionth of the natural scale
+
+
+def test_an_error_is_measured_by_no_less_than_a_millionth_of_the_natural_scale():
+    """As differences are: noise in what is zero has no digit, and needs none."""
+    trust = Trust(np.full(2, 60.0), np.full(2, 20.0), np.ones(2), load=np.full(2, 1e-4))
+    noise = np.array([[1e-19], [0.0]])
+    part = Part({"reaction": noise}, trust, np.zeros(0, dtype=np.intp), {"reaction": np.zeros((0, 1))})
+    estimate, _ = errors("reaction", [part], Values(("m",), ("N m",), noise), length=1.0, mass=1.0)
+    assert estimate.max() < 1e-9
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)])
@@ -127,28 +148,6 @@ def test_a_small_force_among_large_ones_is_seen(write):
     scene = moving(write, slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.6), [0.6], 1.0)
     right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
     assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
-
-
-def test_whole_turns_are_a_remark_and_no_difference():
-    scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5])
-    results = screwgauge.run(scene, engines=["screw", "pinocchio"], quantities=["joint_position"])
-    one, other = results.solutions.values()
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
-
-    def compared(off: float):
-        values = other.values["joint_position"]
-        array = values.array.copy()
-        array[1, values.components.index("leg2.q2")] += off
-        values = Values(values.components, values.units, array)
-        both = {"screw": one, "pinocchio": replace(other, values={"joint_position": values})}
-        pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)[1]
-        return pairs.set_index("unit").loc["rad"]
-
-    assert compared(-4 * np.pi)["ok"]
-    assert compared(-4 * np.pi)["reason"] == "whole turns of leg2.q2 do not count"
-    assert not compared(2 * np.pi + 1e-9)["ok"]
-    assert not compared(np.pi)["ok"]
 
 
 @pytest.mark.parametrize("decade", np.arange(-9.0, -6.5, 0.5))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.quantities import FLOOR, QUANTITIES, arm
+from screwgauge.quantities import FLOOR, QUANTITIES, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
@@ -29,6 +29,11 @@ from screwgauge.solution import Clock, Values
 CLEAR, CLEAR_FORCES = 30.0, 1e4
 #: Worst case over the two poses that are tried.
 SAFETY = 4.0
+#: Share of the tolerance from which powers of the gain say too much of what is zero.
+SHARE = 0.01
+
+Units = Mapping[str, Sequence[str]]
+"""Quantity -> unit of each component."""
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
 _NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load", "open", "stretch")
@@ -141,16 +146,20 @@ def examined(
     k: int,
     again: Callable[[Rows, Array], dict[str, Array]],
     clock: Clock,
+    units: Units,
+    length: float,
 ) -> Part:
     """Completes a part of a solution: solves what is doubtful again, and refuses what is singular.
 
     Args:
         A, k: As for `shakes`.
+        units, length: As for `vanishing`.
         again: Solves samples with unknowns moved by a shake: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
         clock: All that is done counts as the stage "error estimate".
     """
     with clock.stage("error estimate"):
-        doubtful, spent = trust.doubtful(), dict(clock.spent)
+        spent = dict(clock.spent)
+        doubtful: Rows = np.union1d(trust.doubtful(), vanishing(values, trust, units, length))
         moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
         with np.errstate(all="ignore"):  # next to a singular pose anything may come out, and is then refused
             for shake in shakes(A[doubtful], k) if doubtful.size else ():
@@ -167,22 +176,50 @@ def examined(
     return Part(values, trust, doubtful, moved)
 
 
-def errors(name: str, parts: Sequence[Part], has: Values, length: float) -> tuple[Array, dict[str, float]]:
+def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
+    """Samples to solve again on behalf of all at which a unit of a quantity is zero beside its summands.
+
+    What cancels is measured by its summands, which may be a million times the measure of the comparison; powers of the
+    gain, which know nothing of what cancels, would then admit far too much. One sample stands for all that have smaller
+    powers, see `absolute`.
+
+    Args:
+        values: Quantity -> shape (n, m).
+        units: Quantity -> unit of each component.
+        length: Length of the mechanism [m].
+    """
+    found = set[int]()
+    for name, array in values.items():
+        powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
+        if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
+            continue
+        size, arms = np.abs(array), np.array([arm(unit, length) for unit in units[name]])
+        whole = (size / arms).max(axis=1)
+        for unit in dict.fromkeys(units[name]):
+            columns = [i for i, has in enumerate(units[name]) if has == unit]
+            most = (whole + summand(unit, trust)) * arm(unit, length)
+            if (size[:, columns].max(axis=1) <= FLOOR * most).all() and most.max() > 0.0:
+                found.add(int(np.argmax(powers * most)))
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> tuple[Array, dict[str, float]]:
     """What rounding makes of a quantity.
 
     What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
     tolerance of that summand, the quantity is zero within rounding, and the summand measures it.
 
     Args:
-        length: Length of the mechanism [m].
+        length, mass: Of the mechanism [m, kg].
 
     Returns:
-        Estimated error at each sample over the largest magnitude of the unit over all samples, worst unit, shape (n,),
+        Estimated error at each sample over the largest magnitude of the unit over all samples, worst unit, shape (n,);
+        that magnitude is at least `FLOOR` of the natural one, as in a scaled error. It is
         infinite where there is no number, or not one digit of it is right. And by unit the largest of these errors as
         it is, at most the tolerance of the largest summand.
     """
     lost, found, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
-    arms = np.array([arm(unit, length) for unit in has.units])
+    arms, natural = np.array([arm(unit, length) for unit in has.units]), scales_of(length, mass)
     whole = np.nanmax(np.abs(has.array / arms), axis=1, initial=0.0)  # of a quantity's units each is made of the others
     starts = np.cumsum([len(part.trust.condition) for part in parts])[:-1]
     for unit in dict.fromkeys(has.units):
@@ -191,32 +228,48 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float) -> tupl
         beside = np.concatenate([summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
         # of the unit's own numbers, and of those of the other unit, which are summands, too
         local = [size + beside * arm(unit, length), (whole + beside) * arm(unit, length)]
+        most_of_all = float(local[1][~lost].max(initial=0.0))
+        zero = float(size.max(initial=0.0)) <= FLOOR * most_of_all
         error, most = (
             np.concatenate(
-                [absolute(name, part, x, columns) for part, x in zip(parts, np.split(each, starts), strict=True)]
+                [
+                    absolute(name, part, x, columns, zero=zero)
+                    for part, x in zip(parts, np.split(each, starts), strict=True)
+                ]
             )
             for each in local
         )
-        most_of_all = float(local[1][~lost].max(initial=0.0))
         largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * most_of_all
         rounding[unit] = min(bound, largest)
         meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
         scale = float(size[meant].max(initial=0.0))
         if scale <= FLOOR * most_of_all and largest <= bound:
             error, scale = most, most_of_all
-        scale = scale or float(size.max(initial=0.0))
-        if scale > 0.0:
-            found = np.maximum(found, error / scale)
+        scale = max(scale or float(size.max(initial=0.0)), FLOOR * natural[unit])
+        found = np.maximum(found, error / scale)
     return np.where(lost | ~(found < DIGIT), np.inf, found), rounding
 
 
-def absolute(name: str, part: Part, local: Array, columns: Sequence[int]) -> Array:
-    """Estimated error of the worst of some components, in their unit. `local`: size of their summands, (n,)."""
+def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
+    """Estimated error of the worst of some components, in their unit.
+
+    Args:
+        local: Size of their summands. Shape (n,).
+        zero: Whether they are zero beside these: samples with smaller powers than those that were solved again are then
+            off by no more than these.
+
+    Returns:
+        Shape (n,).
+    """
     trust, again = part.trust, part.doubtful
     with np.errstate(over="ignore", invalid="ignore"):
-        error = (ROUNDED * linear.EPS + trust.open) * amplified(name, trust) * local
+        powers = (ROUNDED * linear.EPS + trust.open) * amplified(name, trust) * local
+        error = np.array(powers)
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
+        if zero and len(again):
+            smaller = powers <= powers[again].max()
+            error[smaller] = np.minimum(error[smaller], error[again].max())
         if name != "joint_position":  # what stands on partial rates without a digit has none either
             error[~(ROUNDED * linear.EPS * trust.stretch * trust.gain**2 < DIGIT)] = np.inf
     return np.asarray(error)

@@ -113,6 +113,7 @@ def assemble(
     progress: Progress,
     *,
     length: float,
+    mass: float,
 ) -> Solution:
     """Solves a trajectory part by part.
 
@@ -121,7 +122,7 @@ def assemble(
         n: Number of samples.
         solve_part: Takes the rows of a part.
         names: Called afterwards: components of each quantity.
-        length: Length of the mechanism [m].
+        length, mass: Of the mechanism [m, kg].
     """
     parts: list[Part] = []
     for first in range(0, n, PART):
@@ -129,7 +130,7 @@ def assemble(
         progress(min(1.0, (first + PART) / n))
     table, (engine, version, setting) = names(), labels
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
-    rounding = {name: errors(name, parts, has, length) for name, has in values.items()}
+    rounding = {name: errors(name, parts, has, length, mass) for name, has in values.items()}
     return Solution(
         engine=engine,
         version=version,

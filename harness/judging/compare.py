@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,12 +16,12 @@ from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.rotations import Array, within_half_turn
+from screwgauge.reference.rotations import Array
 from screwgauge.solution import Failure, Solution, Values, common_rows
 
 #: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
 ALIKE = 1.0 - 1e-9
-#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is compared.
+#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is judged.
 UNDETERMINED = "undetermined"
 
 ERROR_COLUMNS = [
@@ -42,7 +43,7 @@ def compare(
     tolerance_of: Callable[[str], float],
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of every pair of solutions.
+    """Errors of every pair of solutions, whose joint angles are of one chart (see `charts`).
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
@@ -81,7 +82,7 @@ def compare(
                 limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
                 rows = [_held(row, rules, limit) for row in _components(quantity, unit, a, b, t, scale)]
                 errors += rows
-                if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
+                if compared := [row for row in rows if row["ok"] is not pd.NA]:
                     row = _pair(compared)
                     if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
                         row["reason"] = why or row["reason"]
@@ -90,7 +91,9 @@ def compare(
         for failure in failures.values():
             for name in solution.values:
                 pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
-    return pd.DataFrame(errors, columns=ERROR_COLUMNS), pd.DataFrame(pairs, columns=PAIR_COLUMNS)
+    # of what has no unique value nothing is said, neither true nor false
+    found = pd.DataFrame(errors, columns=ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float})
+    return found, pd.DataFrame(pairs, columns=PAIR_COLUMNS)
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
@@ -119,9 +122,14 @@ def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: flo
 
 
 def _held(row: Row, rules: Mapping[str, tuple[str, bool]], limit: float) -> Row:
-    """A component's errors with the rule that fixes it, held against a scaled error."""
+    """A component's errors with the rule that fixes it, held against a scaled error.
+
+    What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
+    """
     rule, unique = rules.get(row["component"], rules[""])
-    ok = rule == UNDETERMINED or row["max_scaled"] <= limit
+    ok: Any = row["max_scaled"] <= limit
+    if rule == UNDETERMINED and np.isfinite(row["max_scaled"]):
+        limit, ok = float("nan"), pd.NA
     return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
 
 
@@ -131,17 +139,15 @@ def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, sc
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
     names = [first.components[k] for k in chosen]
-    difference = apart = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
-    if unit == "rad":  # angles are read within a turn, and which turn is a matter of the way there
-        difference = np.abs(within_half_turn(apart))
+    difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # what is not a number is worse than anything
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
-    turned, rms = np.any(difference < apart, axis=0), np.sqrt(np.mean(difference**2, axis=0))
+    rms = np.sqrt(np.mean(difference**2, axis=0))
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
-        yield {**about, **size, "worst_t": float(t[rows[i]]), "turned": bool(turned[k])}
+        yield {**about, **size, "worst_t": float(t[rows[i]])}
 
 
 def _pair(rows: Sequence[Row]) -> Row:
@@ -149,10 +155,7 @@ def _pair(rows: Sequence[Row]) -> Row:
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
     worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
-    turned = ", ".join(row["component"] for row in rows if row["turned"])
-    reason = f"whole turns of {turned} do not count" if turned else ""
-    if not np.isfinite(worst["max_scaled"]):
-        reason = f"not a number at t = {worst['worst_t']:g} s"
+    reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
     return {
         **worst,
         "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),

@@ -45,6 +45,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
         "first_difference": first_difference(results),
         "known": results.known,
+        "not_unique": results.not_unique,
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],

@@ -106,9 +106,25 @@ def _alone(results: Comparison) -> Iterator[str]:
     beside = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
     engines = {name: one for name, one in results.solutions.items() if name not in results.scene.tables}
     for engine, solution in engines.items() if len(engines) > 1 else ():  # what a table leaves out it says itself
-        names = [name for name, values in solution.values.items() if values.array.size and (engine, name) not in beside]
+        names = [
+            name
+            for name, values in solution.values.items()
+            if values.array.size
+            and (engine, name) not in beside
+            and not {*values.components} <= {*results.not_unique.get(name, ())}
+        ]
         if names:
             yield f"Compared with no other engine: {listed(names)} of {engine}."
+
+
+def not_unique(results: Comparison) -> Iterator[str]:
+    """How many components of a quantity are not compared, as they have no unique value."""
+    for quantity, names in results.not_unique.items():
+        n = len(results.components(quantity))
+        count, others = f"{len(names)} of {n}", ", and the digits are of the others"
+        if len(names) == n:
+            count, others = f"All {n}", ""
+        yield f"{count} components of {quantity} have no unique value: they are not compared{others}."
 
 
 def _agreement(results: Comparison) -> str:
@@ -116,7 +132,7 @@ def _agreement(results: Comparison) -> str:
     if not engines:
         return "No engine ran."
     if pairs:
-        unseen = " ".join(["", *_alone(results), *filter(None, [results.coverage.poor])])
+        unseen = " ".join(["", *not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])])
         # what is zero within rounding has no digits
         least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.elements import read_load
 from screwgauge.scene.entries import check_name, read_times
@@ -32,7 +33,8 @@ class Scene:
     """A mechanism in motion.
 
     Attributes:
-        mechanism_file: Its description, the model file of the engine ``screw``.
+        mechanism_file: The description that it was read from, the model file of the engines ``screw`` and ``truth``
+            unless the mechanism was changed since.
         applied: Gravity, loads, springs and motors.
         task: A given motion, or a start from which the motion is integrated.
         rule: What fixes the redundant actuation.
@@ -100,6 +102,14 @@ class Scene:
     def simulated(self) -> bool:
         """Whether its motion is integrated."""
         return isinstance(self.task, InitialValue)
+
+    @property
+    def changed(self) -> bool:
+        """Whether its mechanism is another one than its description says by now."""
+        try:
+            return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
+        except ScrewgaugeError:  # the file has gone, or says nothing that can be read
+            return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
         """The same scene at other times [s].

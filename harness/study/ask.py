@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
+from screwgauge.models.importing.write import description
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
@@ -54,15 +55,34 @@ def solve(
 def generated(scene: Scene) -> Iterator[Path]:
     """A folder with the generated models of a scene's mechanism, as long as the context lasts."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
-        write_models(scene.mechanism, Path(name), gravity=scene.applied.g)
+        write_scene_models(scene, Path(name))
         yield Path(name)
+
+
+def write_scene_models(scene: Scene, folder: Path) -> None:
+    """Writes the models of a scene's mechanism, and its description where its file says another one.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    if scene.changed:
+        remark = f"Changed since it was read from {scene.mechanism_file.name}; numbers are those of its doubles."
+        text = description(scene.mechanism, [remark])
+        (folder / f"{scene.mechanism.name}.toml").write_text(text, encoding="utf-8")
+
+
+def description_file(scene: Scene, folder: Path) -> Path:
+    """The description of a scene's mechanism: its file, or what `write_scene_models` left in a folder."""
+    written = folder / f"{scene.mechanism.name}.toml"
+    return written if written.is_file() else scene.mechanism_file
 
 
 def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
     """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
     engine, own = get_engine(name), scene.models.get(name)
     if not engine.cut:
-        return ModelFiles(own or scene.mechanism_file)
+        return ModelFiles(own or description_file(scene, folder))
     base = stem(scene.mechanism.name, engine.cut)
     model = own or folder / f"{base}{engine.reads}"
     beside = model.with_suffix(".loops.toml")

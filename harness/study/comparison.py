@@ -12,6 +12,7 @@ import pandas as pd
 from screwgauge.judging.conditioning import Guarded, guarded
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.refusals import Refusal
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
@@ -28,11 +29,12 @@ class Comparison:
         solutions: Engine -> what it computed, in the order asked for.
         failures: Engine -> why it did not.
         errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale,
-            worst_t, rule, unique, tolerance, ok.
+            worst_t, rule, unique, tolerance, ok. Of a component without a unique value tolerance and ok are empty.
         pairs: One row per quantity, pair and unit: quantity, a, b, unit, max_abs, rms, max_scaled,
             worst_component, worst_t, rule, unique, tolerance, ok, reason.
         judge: One row per engine, residual and unit: engine, residual, unit, max_abs, max_scaled,
             worst_component, worst_t, tolerance, ok, reason.
+        undetermined: Reaction components that redundant constraints leave open: they have no unique value.
         mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
@@ -57,6 +59,7 @@ class Comparison:
     cover: Callable[[], Coverage] = Coverage
     known: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    undetermined: Sequence[str] = ()
 
     @property
     def ok(self) -> bool:
@@ -84,6 +87,17 @@ class Comparison:
     def guard(self) -> list[Guarded]:
         """How far each quantity of each engine can be trusted, by condition and estimated error."""
         return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
+
+    @property
+    def not_unique(self) -> dict[str, tuple[str, ...]]:
+        """Quantity -> those of its components that have no unique value, for quantities that have such components."""
+        ruled = [name for name in QUANTITIES if QUANTITIES[name].ruled]
+        found = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
+        shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in found.items()}
+        return {name: components for name, components in shown.items() if components}
+
+    def _having(self, quantity: str) -> list[Solution]:
+        return [solution for solution in self.solutions.values() if quantity in solution.values]
 
     @cached_property
     def coverage(self) -> Coverage:

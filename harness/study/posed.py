@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.judging.kinetics import unit_motions
-from screwgauge.models.generate import write_models
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task, spread
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import model_files
+from screwgauge.study.ask import model_files, write_scene_models
 from screwgauge.study.reference import Reference, reference_values
 
 #: What is measured of given motions, in this order.
@@ -111,5 +110,5 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     whole = replace(scene, rule="min_norm", models={})
     motion: GivenMotion = whole.motion
     here = whole.at(motion.t[spread(len(motion), samples)])
-    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    write_scene_models(scene, folder)
     return Posed(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

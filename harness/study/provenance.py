@@ -16,12 +16,15 @@ SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meanin
 _BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
 
 
-def provenance(scene: Scene | None, models: Mapping[str, Path], *, date: datetime | None = None) -> dict[str, Any]:
+def provenance(
+    scene: Scene | None, models: Mapping[str, Path], *, description: Path | None = None, date: datetime | None = None
+) -> dict[str, Any]:
     """Names and contents of what was judged.
 
     Args:
         scene: None where there is no single one.
         models: Engine -> model file as it read it; generated ones must still be there.
+        description: What describes the mechanism where that is not the scene's file; generated, too.
         date: When it was judged; now by default.
 
     Returns:
@@ -32,7 +35,8 @@ def provenance(scene: Scene | None, models: Mapping[str, Path], *, date: datetim
     if scene is not None:
         given = {*scene.models.values(), scene.mechanism_file, *(table.file for table in scene.tables.values())}
         found["models"] = {name: _file(path, generated=path not in given) for name, path in models.items()}
-        found["description"] = _file(scene.mechanism_file)
+        described = description or scene.mechanism_file
+        found["description"] = _file(described, generated=described not in given)
         if scene.file is not None:
             found["scene_file"], found["scene_sha256"] = _file(scene.file).values()
     return {**found, "schema": SCHEMA}

@@ -17,6 +17,7 @@ from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
+from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge
@@ -32,7 +33,15 @@ from screwgauge.scene.preflight import check_actuation, check_scene, far_from_ho
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution
-from screwgauge.study.ask import Report, ask_engines, generated, load_engines, model_files, silent
+from screwgauge.study.ask import (
+    Report,
+    ask_engines,
+    description_file,
+    generated,
+    load_engines,
+    model_files,
+    silent,
+)
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
@@ -86,6 +95,9 @@ def run(
         if name not in names
     ]
     doubted = doubts(scene)
+    if scene.changed:
+        whose = scene.mechanism_file.name
+        unread.append(f"the mechanism is not that of {whose}: it was changed, and is run as it is now")
     warnings = (*doubted, *warnings, *unread)
     for sentence in warnings:
         warn(sentence)
@@ -97,7 +109,7 @@ def run(
         answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
         files = {name: model_files(scene, name, folder).model for name in names}
         files |= {name: file for name in own if (file := scene.tables[name].file)}
-        judged_files = provenance(scene, files, date=date)
+        judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
@@ -111,6 +123,7 @@ def run(
     if lay is not None:
         solutions, failed = observed(scene, lay, answers, wanted), {}
         reasons += ends(scene, wanted, answers, failures)
+    given, solutions = solutions, in_one_chart(mechanism, solutions)
     errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
     if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
@@ -119,7 +132,7 @@ def run(
         solutions=solutions,
         failures=failures,
         errors=errors,
-        pairs=with_factors(pairs, own, solutions) if own else pairs,
+        pairs=with_factors(pairs, own, given) if own else pairs,
         judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(counted),
         environment=environment(),
@@ -129,6 +142,7 @@ def run(
         cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
         known=[*_known(pairs, solutions)],
         provenance=judged_files,
+        undetermined=counted.undetermined,
     )
 
 

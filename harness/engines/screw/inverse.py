@@ -33,7 +33,8 @@ _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration", "
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
     work, labels = Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
-    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=work.system.length)
+    size = {"length": work.system.length, "mass": lay.mechanism.mass}
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
     return replace(solution, assembly=np.concatenate(work.assembly))
 
 
@@ -60,7 +61,8 @@ class Work:
             there = self.system.fill((q / self.system.size)[:, self.system.unknown] + shake, q)
             return self._beyond(there, motion.part(doubtful))[0]
 
-        return examined(values, trust, A, motion.y.shape[1], again, self.clock)
+        units = {name: units for name, (_, units) in self.names().items()}
+        return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.system.length)
 
     def _beyond(self, at: Pose, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """All that is wanted from closed poses: values, what they rest on, and the closing system."""

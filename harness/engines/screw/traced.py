@@ -11,7 +11,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust
+from screwgauge.engines.estimate import Part, Trust, vanishing
 from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
@@ -179,10 +179,18 @@ class TracedWork:
             self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
-    def part(self, motion: GivenMotion, loads: Array | None = None, into: Mapping[str, Array] | None = None) -> Part:
+    def part(
+        self,
+        motion: GivenMotion,
+        loads: Array | None = None,
+        into: Mapping[str, Array] | None = None,
+        *,
+        thorough: bool = False,
+    ) -> Part:
         """Some samples that follow those before.
 
         Args:
+            thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
             loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
             into: Where the values are written, see `arrays`.
         """
@@ -202,6 +210,10 @@ class TracedWork:
                 self._nearest(values, near.T)
             trust = self.bounds.trust(out)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
+            if thorough:
+                zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
+                self.by_array["zero beside their summands"] += len(zeros)
+                left = np.union1d(left, zeros)
         found = self._completed(motion, loads, arrays, Part(values, trust, left, {}))
         for name, array in arrays.items() if into is not None and arrays is not into else ():
             into[name][:] = array  # type: ignore[index]
@@ -266,10 +278,11 @@ def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
     work, assembly = TracedWork(lay, known, motion, backend), list[Array]()
 
     def part(rows: slice) -> Part:
-        found = work.part(motion.part(rows))
+        found = work.part(motion.part(rows), thorough=True)
         assembly.append(found.values["joint_position"])
         return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
 
     labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
-    found = assemble(labels, len(motion), part, work.names, work.clock, progress, length=work.length)
+    size = {"length": work.length, "mass": lay.mechanism.mass}
+    found = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
     return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))

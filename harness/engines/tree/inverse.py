@@ -26,9 +26,10 @@ from screwgauge.solution import Clock, Solution
 
 def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Solves a given motion with an engine's open tree."""
-    work, tree, length = _Work(closed, problem, motion), closed.tree, closed.sizes.length
+    work, tree = _Work(closed, problem, motion), closed.tree
+    size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
-    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, length=length)
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
     tolerances = {
         name: {unit: max(size, work.tolerances.get(name, 0.0)) for unit, size in by_unit.items()}
         for name, by_unit in solution.tolerances.items()
@@ -88,7 +89,8 @@ class _Work:
             angles = {name: c.q for name, c in read.items()}
             return _Pass(self, _Poses(some, there, found, read, angles, matrix)).all()[0]
 
-        return examined(values, trust, A, motion.y.shape[1], again, self.clock)
+        units = {name: units for name, (_, units) in self.names().items()}
+        return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
         """Closure residuals over those of y, and their derivative."""

@@ -14,9 +14,8 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Curve, Spec, thin
 from screwgauge.report.figures.looks import CROSS, GREY, PLUS, SHAPES, Look, numbered
-from screwgauge.report.figures.selection import drawable, select, short_labels
+from screwgauge.report.figures.selection import Drawing, drawings, short_labels
 from screwgauge.report.formatting import file_name, missing, number, unit_text, words
-from screwgauge.scene.figures import Figure
 from screwgauge.solution import common_rows
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class _Subject:
     t: Array
     values: dict[str, dict[str, Array]]
     solved: dict[str, NDArray[np.bool_]]
-    panels: list[tuple[str, list[str]]]
+    panels: Sequence[tuple[str, Sequence[str]]]
 
     @property
     def names(self) -> list[str]:
@@ -58,25 +57,25 @@ class _Subject:
 
 def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
-    figures = drawable(tuple(comparison.scene.figures), comparison.solutions)
-    plots = [_quantity(f"{i:02d}-{file_name(figure.title)}", figure, comparison) for i, figure in enumerate(figures, 1)]
+    found = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
+    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(found, 1)]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
     return plots
 
 
-def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
-    subject, (pairs, tolerance) = _subject(figure, comparison), _compared(figure, comparison)
+def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
+    subject, (pairs, tolerance) = _subject(drawing, comparison), _compared(drawing, comparison)
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
     labels = [_labels(names, subject.values[first]) for _, names in subject.panels]
-    unit = unit_text(figure.unit)
+    unit = unit_text(drawing.unit)
 
     apart = {f"|{a} - {b}|": _apart(subject, (a, b)) for a, b in pairs}
 
     def build(moving: bool) -> Spec:
         views = ["curves", "lower"] if pairs else ["curves"]
-        upper = _curves(subject, labels, shown, f"{words(figure.quantity)} [{unit}]", moving) | {"views": views}
+        upper = _curves(subject, labels, shown, f"{words(drawing.quantity)} [{unit}]", moving) | {"views": views}
         drawn = chart.filled("curves", **upper)
         if not pairs:
             return drawn
@@ -85,7 +84,8 @@ def _quantity(name: str, figure: Figure, comparison: Comparison) -> Picture:
         resolve = {"scale": dict.fromkeys(("color", "strokeDash", "shape"), "independent")}
         return {"vconcat": [drawn, lower], "spacing": 14, "resolve": resolve, "params": params}
 
-    return chart.picture(name, figure.title, build, _warnings(subject, shown, sum(map(len, labels))))
+    notes = [*filter(None, [drawing.note]), *_warnings(subject, shown, sum(map(len, labels)))]
+    return chart.picture(name, drawing.title, build, notes)
 
 
 def _curves(
@@ -178,23 +178,22 @@ def _condition(name: str, comparison: Comparison) -> Picture:
     return chart.picture(name, "Condition number of the closure along the path", build)
 
 
-def _subject(figure: Figure, comparison: Comparison) -> _Subject:
+def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
     # an engine that solved only some samples comes last: the first one is drawn as lines
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
-    solutions = {engine: solution for engine, solution in order if figure.quantity in solution.values}
-    found = {engine: solution.values[figure.quantity] for engine, solution in solutions.items()}
-    shown = [(title, select(next(iter(found.values())), figure.unit, patterns)) for title, patterns in figure.panels]
+    solutions = {engine: solution for engine, solution in order if drawing.quantity in solution.values}
+    found = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
     n = len(comparison.times)
-    nothing = dict.fromkeys((name for _, names in shown for name in names), np.full(n, np.nan))
+    nothing = dict.fromkeys(drawing.names, np.full(n, np.nan))
     values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in found.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
-    return _Subject(comparison.times, values, solved, shown)
+    return _Subject(comparison.times, values, solved, drawing.panels)
 
 
-def _labels(names: list[str], columns: Mapping[str, Array]) -> dict[str, str]:
+def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
     """Component -> label of those that are drawn; of too many, the ones that move most."""
     moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
-    return {name: label for name, label in zip(names, short_labels(names), strict=True) if name in moving}
+    return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
 def _apart(subject: _Subject, pair: Pair) -> Apart:
@@ -214,10 +213,11 @@ def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
     return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
 
 
-def _compared(figure: Figure, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Pairs of engines that were compared in the figure's quantity; the tolerance if all have the same."""
+def _compared(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
+    """Pairs of engines that have the quantity that is drawn; the tolerance if all are held against the same."""
     table = comparison.errors
-    rows = table[(table["quantity"] == figure.quantity) & (table["unit"] == figure.unit)]
+    rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
+    rows = rows[rows["component"].isin(drawing.names)]
     limits = {number(limit, 4) for limit in rows["tolerance"] * rows["scale"] if not missing(limit)}
     pairs = list(dict.fromkeys(zip(rows["a"], rows["b"], strict=True)))
     return pairs, float(limits.pop()) if len(limits) == 1 else None

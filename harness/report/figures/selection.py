@@ -2,14 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from screwgauge.scene.figures import Figure
 from screwgauge.solution import Solution, Values
 
 MAX_PANELS = 6  # more side by side cannot be read; they then share one
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """One picture: components of a figure that all have a unique value, or that all have none.
+
+    Attributes:
+        panels: Labels and names of components.
+        unique: Whether each component has a unique value; else nothing is said of tolerances.
+        others: How many components of the figure are not here, as they are of the other sort.
+    """
+
+    title: str
+    quantity: str
+    unit: str
+    panels: tuple[tuple[str, tuple[str, ...]], ...]
+    unique: bool = True
+    others: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """All components."""
+        return [name for _, some in self.panels for name in some]
+
+    @property
+    def note(self) -> str:
+        """What a reader has to know about values that are not unique; empty where all are."""
+        n = len(self.names) + self.others
+        if not self.unique:
+            return (
+                f"Not unique: redundant constraints leave these components open ({len(self.names)} of {n}). Any value "
+                "balances, so engines may differ here; they are not compared."
+            )
+        if not self.others:
+            return ""
+        return f"Not here: {self.others} of {n} components that have no unique value. Digits are of those shown."
+
+
+def drawings(
+    figures: tuple[Figure, ...], solutions: Mapping[str, Solution], not_unique: Mapping[str, Collection[str]]
+) -> list[Drawing]:
+    """What is drawn of the figures; what has no unique value is drawn apart.
+
+    Args:
+        not_unique: Quantity -> components without a unique value.
+    """
+    values, found = _first_values(solutions), list[Drawing]()
+    for figure in drawable(figures, solutions):
+        open_ = not_unique.get(figure.quantity, ())
+        names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
+        n = sum(len(some) for _, some in names)
+        for unique in (True, False):
+            picked = [(label, tuple(x for x in some if (x not in open_) is unique)) for label, some in names]
+            if panels := tuple(panel for panel in picked if panel[1]):
+                others = n - sum(len(some) for _, some in panels)
+                title = figure.title if unique else f"{figure.title}: not unique"
+                found.append(Drawing(title, figure.quantity, figure.unit, panels, unique, others))
+    return found
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:

@@ -15,7 +15,7 @@ from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT, Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Picture
 from screwgauge.report.figures.run import make_plots
-from screwgauge.report.figures.selection import drawable, unmatched
+from screwgauge.report.figures.selection import drawings, unmatched
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import (
     FORMS,
@@ -98,9 +98,15 @@ def _overview(results: Comparison) -> list[Row]:
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
     """What differs is shown; what agrees is folded into a line with its digits."""
     pairs, shown, folds = grouped(compared(results), "quantity", "unit"), list[Block](), list[Block]()
-    for picture, figure in zip_longest(pictures, drawable(tuple(results.scene.figures), results.solutions)):
-        found = pairs.get((figure.quantity, figure.unit), []) if figure and picture else []
+    drawn = drawings(tuple(results.scene.figures), results.solutions, results.not_unique)
+    for picture, drawing in zip_longest(pictures, drawn):
+        if picture and drawing and not drawing.unique:
+            folds.append(Folded(picture.title, (picture,), "not compared"))
+            continue
+        found = pairs.get((drawing.quantity, drawing.unit), []) if drawing and picture else []
         note = f"agrees to {digits_text(max(row['max_scaled'] for row in found))} digits" if found else ""
+        if found and drawing.others:
+            note += f"; {drawing.others} components that are not unique are apart"
         if not all(row["ok"] for row in found):
             shown.append(picture)
         elif picture:
@@ -207,6 +213,7 @@ VALUES: dict[str, Value] = {
     "limit": lambda results: LIMIT,
     "computed": lambda results: about(results.scene, results.times) | judged(results.provenance),
     "engines": lambda results: [*_engines(results)],
+    "not unique": lambda results: rows(results.errors[results.errors["ok"].isna()]),
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
     "published": published,
     "times": _times,
@@ -215,6 +222,13 @@ VALUES: dict[str, Value] = {
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
 }
+
+
+def errors_table(results: Comparison) -> pd.DataFrame:
+    """What ``errors.csv`` holds: empty cells where there is nothing to judge, ``nan`` for what is no number."""
+    table = results.errors[ERROR_COLUMNS].astype({"tolerance": object, "ok": object})
+    table.loc[table["ok"].isna(), ["tolerance", "ok"]] = ""
+    return table
 
 
 def pictures(results: Comparison) -> list[Picture]:
@@ -226,7 +240,7 @@ RUN = Report(
     text="run",
     banner=_banners,
     data={
-        "errors.csv": lambda results: results.errors[ERROR_COLUMNS],
+        "errors.csv": errors_table,
         "timings.csv": lambda results: pd.DataFrame(timings(results), columns=list(Timing.__dataclass_fields__)),
         "summary.json": summary,
     },
