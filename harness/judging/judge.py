@@ -18,7 +18,7 @@ from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.solution import Solution
+from screwgauge.solution import Solution, common_rows
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
@@ -39,6 +39,7 @@ def judge(
     *,
     refused: Sequence[Refusal] = (),
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
+    second: Solution | None = None,
 ) -> pd.DataFrame:
     """All residuals of what is answered; of a given motion, what they need besides is computed. One row per residual
     and unit.
@@ -48,6 +49,7 @@ def judge(
         refused: Samples without numbers: what an engine does not say cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
+        second: Of a simulation, the same motion integrated with looser tolerances.
     """
     task = timed(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -74,7 +76,10 @@ def judge(
         if whole.has(*_MOTION):
             table += balance.virtual_work(some, allowed_motions(some), *balance.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
-        table += energy_balance(replace(whole, tolerance=grown))
+        looser_run = None
+        if second is not None and np.array_equal(rows, common_rows(len(task), solution, second)):
+            looser_run = answer_at(mechanism, problem, second, rows, tolerance)
+        table += energy_balance(replace(whole, tolerance=grown), looser_run)
     return pd.DataFrame(table, columns=COLUMNS)
 
 

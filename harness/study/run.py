@@ -19,6 +19,7 @@ from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
+from screwgauge.judging.integration import with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
@@ -35,7 +36,7 @@ from screwgauge.study.ask import Report, ask_engines, generated, load_engines, m
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
-from screwgauge.study.simulated import MOTION, asked_of_engines, ends, observed
+from screwgauge.study.simulated import MOTION, asked_of_engines, doubtful, ends, loosened, observed
 from screwgauge.study.whole import left_out, without
 
 if TYPE_CHECKING:
@@ -101,15 +102,27 @@ def run(
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
     missing = list(_missing(asked, answers, len(scene.t)))
     answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
-    judged = [judge(mechanism, problem, x, refused=refused, tolerance_of=scene.tolerance) for x in answers.values()]
-    judged += [judge_table(scene, problem, table, components) for table in own.values()]
+    judging = partial(judge, mechanism, problem, refused=refused, tolerance_of=scene.tolerance)
+    judged = {name: judging(answer) for name, answer in answers.items()}
+    judged |= {name: judge_table(scene, problem, table, components) for name, table in own.items()}
     answers |= own
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     solutions, failed = answers, failures
     if lay is not None:
         solutions, failed = observed(scene, lay, answers, wanted), {}
         reasons += ends(scene, wanted, answers, failures)
-    errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
+    binding = scene.tolerances if scene.simulated else ()
+    comparing = partial(compare, mechanism, problem)
+    held = (failed, counted, scene.tolerance, refused, binding)
+    errors, pairs = comparing(solutions, *held)
+    doubted = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
+    if lay is not None and doubted:
+        with generated(scene) as folder:  # what integration leaves matters now: once more, less exactly
+            looser, _ = ask_engines(loosened(scene), sorted(doubted), asked, folder, progress, expected, limits)
+        judged |= {name: judging(answers[name], second=looser.get(name)) for name in doubted}
+        seen = observed(scene, lay, looser, wanted)
+        solutions |= {name: with_estimate(solutions[name], seen.get(name)) for name in doubted}
+        errors, pairs = comparing(solutions, *held)
     if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
     return Comparison(
@@ -118,7 +131,7 @@ def run(
         failures=failures,
         errors=errors,
         pairs=with_factors(pairs, own, solutions) if own else pairs,
-        judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
+        judge=pd.concat(judged.values(), ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(counted),
         environment=environment(),
         warnings=warnings,
