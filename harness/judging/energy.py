@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.rotations import Array
 
 
-def energy_balance(answer: Answer, looser: Answer | None = None) -> Iterator[Row]:
+def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Row]:
     """Energy gained since the first sample less the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.
@@ -25,10 +26,11 @@ def energy_balance(answer: Answer, looser: Answer | None = None) -> Iterator[Row
     if (found := _balance(answer)) is None:
         return
     missing, size = found
-    other = None if looser is None else _balance(looser)
+    others = [other[0] for one in looser if (other := _balance(one)) is not None]
     reason = ""
-    if other is not None:
-        left = min(SAFETY * largest(missing - other[0]) / max(size, FLOOR * answer.scales["J"]), MOST)
+    if others:
+        apart = largest(*(a - b for a, b in combinations([missing, *others], 2)))
+        left = min(SAFETY * apart / max(size, FLOOR * answer.scales["J"]), MOST)
         answer = replace(answer, tolerance=answer.tolerance + left)
         reason = f"integration leaves at most {left:.1g}"
     row = answer.residual("energy_balance", "J", ["energy"], missing, size, ())

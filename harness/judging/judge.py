@@ -39,7 +39,7 @@ def judge(
     *,
     refused: Sequence[Refusal] = (),
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
-    second: Solution | None = None,
+    again: Sequence[Solution] = (),
 ) -> pd.DataFrame:
     """All residuals of what is answered; of a given motion, what they need besides is computed. One row per residual
     and unit.
@@ -49,7 +49,7 @@ def judge(
         refused: Samples without numbers: what an engine does not say cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
-        second: Of a simulation, the same motion integrated with looser tolerances.
+        again: Of a simulation, the same motion integrated with looser tolerances.
     """
     task = timed(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -76,10 +76,9 @@ def judge(
         if whole.has(*_MOTION):
             table += balance.virtual_work(some, allowed_motions(some), *balance.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
-        looser_run = None
-        if second is not None and np.array_equal(rows, common_rows(len(task), solution, second)):
-            looser_run = answer_at(mechanism, problem, second, rows, tolerance)
-        table += energy_balance(replace(whole, tolerance=grown), looser_run)
+        as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
+        others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
+        table += energy_balance(replace(whole, tolerance=grown), others)
     return pd.DataFrame(table, columns=COLUMNS)
 
 

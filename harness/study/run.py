@@ -117,11 +117,13 @@ def run(
     errors, pairs = comparing(solutions, *held)
     doubted = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
     if lay is not None and doubted:
-        with generated(scene) as folder:  # what integration leaves matters now: once more, less exactly
-            looser, _ = ask_engines(loosened(scene), sorted(doubted), asked, folder, progress, expected, limits)
-        judged |= {name: judging(answers[name], second=looser.get(name)) for name in doubted}
-        seen = observed(scene, lay, looser, wanted)
-        solutions |= {name: with_estimate(solutions[name], seen.get(name)) for name in doubted}
+        with generated(scene) as folder:  # what integration leaves matters now: further runs, less exact
+            ask = partial(ask_engines, names=sorted(doubted), wanted=asked, folder=folder, progress=progress)
+            looser = [ask(each, expected=expected, limits=limits)[0] for each in loosened(scene)]
+        for name in doubted:
+            judged[name] = judging(answers[name], again=[runs[name] for runs in looser if name in runs])
+        seen = [observed(scene, lay, runs, wanted) for runs in looser]
+        solutions |= {name: with_estimate(solutions[name], [x[name] for x in seen if name in x]) for name in doubted}
         errors, pairs = comparing(solutions, *held)
     if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)

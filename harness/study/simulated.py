@@ -18,7 +18,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Failure, Solution
 
 MOTION = SIMULATED[:3]
-#: Loosest tolerance of a second run: beyond it errors go with no tolerance.
+#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
 COARSEST = 0.1
 
 
@@ -39,11 +39,11 @@ def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted:
     return found
 
 
-def loosened(scene: Scene) -> Scene:
-    """The scene with the tolerances of the second run, which shows what integration leaves."""
+def loosened(scene: Scene) -> list[Scene]:
+    """The scene with the tolerances of the further runs that show what integration leaves."""
     steps = scene.start.integration
-    looser = replace(steps, rtol=min(LOOSER * steps.rtol, COARSEST), atol=LOOSER * steps.atol)
-    return replace(scene, task=replace(scene.start, integration=looser))
+    looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
+    return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
 
 
 def doubtful(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
