@@ -85,6 +85,8 @@ class Solution:
             An engine that has them is the reference of the others.
         estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
             infinite where not one digit is right, or there is no number. Shape (n,).
+        integration: Of a simulation: quantity -> unit -> estimated error of its integration up to each sample [unit],
+            NaN where that is not known. Shape (n,). Empty where all agrees without it, see `judging.integration`.
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         assembly: All joint coordinates [rad or m] in the order of the description, which tell the assembly that was
             solved, whatever was asked for; None where it is not known. Shape (n, n_q).
@@ -109,6 +111,7 @@ class Solution:
     stated: Mapping[str, float] = field(default_factory=dict)
     radius: Mapping[str, Array] = field(default_factory=dict)
     estimate: Mapping[str, Array] = field(default_factory=dict)
+    integration: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     conditions: Mapping[str, Array] = field(default_factory=dict)
     assembly: Array | None = None
     rows: Rows | None = None

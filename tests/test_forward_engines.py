@@ -214,7 +214,7 @@ def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, m
 
     def begin(*args, first_step=None, **options):
         solver = Sticking(*args, first_step=first_step, **options)
-        solver.sticks = 20 * (len(begun) < tries)
+        solver.sticks = 400 * (len(begun) < tries)  # more than a phase of the motion takes
         begun.append((solver.t, first_step))
         return solver
 

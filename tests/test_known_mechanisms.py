@@ -16,6 +16,7 @@ from screwgauge.reference.pose import layout, pose
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one
+FALLING = 1e-9  # what rounding makes of a momentum that is the difference of two a million times as large
 NAMES = [
     *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
     *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press"),
@@ -53,6 +54,28 @@ def test_slider_crank():
     assert np.ptp(q["crank"]) > 2 * np.pi
     x = 0.1 * np.cos(q["crank"]) + np.sqrt(0.3**2 - (0.1 * np.sin(q["crank"])) ** 2)
     assert q["slide"] == pytest.approx(x, abs=CLOSED)
+
+
+def falling(name: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Joint coordinates of a simulation by name, and the world positions of its observables."""
+    results = screwgauge.run(screwgauge.load_scene(name), engines=["screw"])
+    q = results.values("joint_position")
+    return dict(zip(results.components("joint_position"), q.T, strict=True)), results.values("observable")
+
+
+def test_spatial_slider_crank():
+    q, slider = falling("spatial-slider-crank")
+    assert np.ptp(q["crank"]) > np.pi
+    x = 0.15 * np.cos(q["crank"]) + np.sqrt(0.35**2 - (0.15 * np.sin(q["crank"])) ** 2)
+    assert q["slide"] == pytest.approx(x, abs=CLOSED)
+    assert slider[:, 0] == pytest.approx(x, abs=CLOSED)
+
+
+def test_the_centre_of_mass_of_a_cart_pole_falls_in_a_vertical_line():
+    q, bob = falling("cart-pole")
+    assert q["rail"] == pytest.approx((1.0 - np.sin(q["hinge"])) / (1.0 + 1e-6), abs=FALLING)
+    assert 1e-6 * q["rail"] + bob[:, 0] == pytest.approx(np.ones(len(bob)), abs=FALLING)
+    assert bob[:, 1] == pytest.approx(-np.cos(q["hinge"]), abs=CLOSED)
 
 
 def test_five_bar():

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from screwgauge.judging.answer import Row, largest, timed
 from screwgauge.judging.assembly import other_assemblies
+from screwgauge.judging.integration import Left, left
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
@@ -42,6 +42,7 @@ def compare(
     mobility: Mobility,
     tolerance_of: Callable[[str], float],
     refusals: Sequence[Refusal] = (),
+    binding: Container[str] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions, whose joint angles are of one chart (see `charts`).
 
@@ -50,6 +51,7 @@ def compare(
         mobility: Which forces are unique, and which are determined at all.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
         refusals: Samples without numbers, and why.
+        binding: Quantities of which the scene itself says the tolerance: no error of integration is admitted besides.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
@@ -80,12 +82,13 @@ def compare(
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
-                rows = [_held(row, rules, limit) for row in _components(quantity, unit, a, b, t, scale)]
+                grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
+                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limit, grown)]
                 errors += rows
                 if compared := [row for row in rows if row["ok"] is not pd.NA]:
                     row = _pair(compared)
                     if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
-                        row["reason"] = why or row["reason"]
+                        row["reason"] = row["integration"] or why or row["reason"]
                     pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
@@ -121,39 +124,51 @@ def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: flo
     return max(asked, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
 
 
-def _held(row: Row, rules: Mapping[str, tuple[str, bool]], limit: float) -> Row:
-    """A component's errors with the rule that fixes it, held against a scaled error.
+def _held(row: Row, rules: Mapping[str, tuple[str, bool]]) -> Row:
+    """A component's errors with the rule that fixes it, held against their tolerance.
 
     What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
     """
     rule, unique = rules.get(row["component"], rules[""])
-    ok: Any = row["max_scaled"] <= limit
+    limit, ok = row["tolerance"], row["max_scaled"] <= row["tolerance"]
     if rule == UNDETERMINED and np.isfinite(row["max_scaled"]):
         limit, ok = float("nan"), pd.NA
     return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
 
 
-def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:
-    """Errors of each component of a unit that both have, over the samples that both have solved."""
+def _components(
+    quantity: str, unit: str, a: Solution, b: Solution, t: Array, limit: float, grown: Left
+) -> Iterator[Row]:
+    """Errors of each component of a unit that both have, over the samples that both have solved.
+
+    The largest; where integration leaves more in later samples, that which is most beyond what it leaves, if one is.
+    """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
     names = [first.components[k] for k in chosen]
     difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # what is not a number is worse than anything
+    scale, admitted = grown.scale, grown.admitted(len(t))[some]
+    beyond = np.where(known, difference / scale - (limit + admitted)[:, None], np.inf)
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
+    at = np.where(beyond.max(axis=0) > 0.0, np.argmax(beyond, axis=0), at)
     rms = np.sqrt(np.mean(difference**2, axis=0))
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
-        yield {**about, **size, "worst_t": float(t[rows[i]])}
+        held = {"worst_t": float(t[rows[i]]), "tolerance": float(limit + admitted[i])}
+        ok = worst / scale <= held["tolerance"]
+        yield {**about, **size, **held, "integration": grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit)}
 
 
 def _pair(rows: Sequence[Row]) -> Row:
     """Sums up the components of one quantity and unit."""
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
+    over = np.where([row["ok"] for row in rows], -np.inf, sizes)  # tolerances of components may differ
+    sizes = sizes if lost.any() or over.max() == -np.inf else over
     worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
     reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
     return {
@@ -173,6 +188,8 @@ def _explained(row: Row, a: Solution, b: Solution, refusals: Sequence[Refusal]) 
     for one in refusals:
         if one.engine in (a.engine, b.engine) and row["quantity"] in one.quantities:
             return {**row, "reason": f"{one.engine}: {one.sentence}"}
+    if row["integration"]:
+        return {**row, "reason": row["integration"]}
     admitted = {s.engine: largest(s.estimate.get(row["quantity"], np.zeros(1))) for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])
     if not admitted[engine] >= row["max_scaled"]:

@@ -18,7 +18,7 @@ from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.solution import Solution
+from screwgauge.solution import Solution, common_rows
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
@@ -39,6 +39,7 @@ def judge(
     *,
     refused: Sequence[Refusal] = (),
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
+    again: Sequence[Solution] = (),
 ) -> pd.DataFrame:
     """All residuals of what is answered; of a given motion, what they need besides is computed. One row per residual
     and unit.
@@ -48,6 +49,7 @@ def judge(
         refused: Samples without numbers: what an engine does not say cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
+        again: Of a simulation, the same motion integrated with looser tolerances.
     """
     task = timed(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -74,7 +76,9 @@ def judge(
         if whole.has(*_MOTION):
             table += balance.virtual_work(some, allowed_motions(some), *balance.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
-        table += energy_balance(replace(whole, tolerance=grown))
+        as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
+        others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
+        table += energy_balance(replace(whole, tolerance=grown), others)
     return pd.DataFrame(table, columns=COLUMNS)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from screwgauge.judging.integration import WITHIN
 from screwgauge.quantities import digits
 from screwgauge.reference.wording import first_few
 from screwgauge.report.blocks import Banner
@@ -127,6 +128,13 @@ def not_unique(results: Comparison) -> Iterator[str]:
         yield f"{count} components of {quantity} have no unique value: they are not compared{others}."
 
 
+def _integrated(pairs: list[Row]) -> str:
+    """How many pairs agree within the error of integration only."""
+    n = sum(row["reason"].startswith(WITHIN) for row in pairs)
+    said = f" {n} of them differ by more than their usual tolerance, but not by more than integration leaves."
+    return said if n else ""
+
+
 def _agreement(results: Comparison) -> str:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
@@ -134,11 +142,13 @@ def _agreement(results: Comparison) -> str:
     if pairs:
         unseen = " ".join(["", *not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])])
         # what is zero within rounding has no digits
-        least = min([row for row in pairs if not row["reason"]] or pairs, key=lambda row: digits(row["max_scaled"]))
+        counted = [row for row in pairs if not row["reason"] or results.scene.simulated]
+        least = min(counted or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         return (
             f"{listed(engines)} agree: {every} within tolerance, "
-            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{unseen}"
+            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{_integrated(pairs)}"
+            f"{unseen}"
         )
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"

@@ -20,6 +20,7 @@ from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
+from screwgauge.judging.integration import with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
@@ -45,7 +46,7 @@ from screwgauge.study.ask import (
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.provenance import provenance
 from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
-from screwgauge.study.simulated import MOTION, asked_of_engines, ends, observed
+from screwgauge.study.simulated import MOTION, asked_of_engines, doubtful, ends, loosened, observed
 from screwgauge.study.whole import left_out, without
 
 if TYPE_CHECKING:
@@ -115,8 +116,9 @@ def run(
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
     missing = list(_missing(asked, answers, len(scene.t)))
     answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
-    judged = [judge(mechanism, problem, x, refused=refused, tolerance_of=scene.tolerance) for x in answers.values()]
-    judged += [judge_table(scene, problem, table, components) for table in own.values()]
+    judging = partial(judge, mechanism, problem, refused=refused, tolerance_of=scene.tolerance)
+    judged = {name: judging(answer) for name, answer in answers.items()}
+    judged |= {name: judge_table(scene, problem, table, components) for name, table in own.items()}
     answers |= own
     reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
     solutions, failed = answers, failures
@@ -124,7 +126,23 @@ def run(
         solutions, failed = observed(scene, lay, answers, wanted), {}
         reasons += ends(scene, wanted, answers, failures)
     given, solutions = solutions, in_one_chart(mechanism, solutions)
-    errors, pairs = compare(mechanism, problem, solutions, failed, counted, scene.tolerance, refused)
+    binding = scene.tolerances if scene.simulated else ()
+    comparing = partial(compare, mechanism, problem)
+    held = (failed, counted, scene.tolerance, refused, binding)
+    errors, pairs = comparing(solutions, *held)
+    unsure = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
+    if lay is not None and unsure:
+        with generated(scene) as folder:  # what integration leaves matters now: further runs, less exact
+            ask = partial(ask_engines, names=sorted(unsure), wanted=asked, folder=folder, progress=progress)
+            looser = [ask(each, expected=expected, limits=limits)[0] for each in loosened(scene)]
+        for name in unsure:
+            judged[name] = judging(answers[name], again=[runs[name] for runs in looser if name in runs])
+        seen = [observed(scene, lay, runs, wanted) for runs in looser]
+        for name in unsure:
+            runs = {f"{k}": run[name] for k, run in enumerate(seen) if name in run}
+            first, *again = in_one_chart(mechanism, {"": solutions[name], **runs}).values()
+            solutions[name] = with_estimate(first, again)
+        errors, pairs = comparing(solutions, *held)
     if lost := list(_lost(scene, reasons, solutions)):
         pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
     return Comparison(
@@ -133,7 +151,7 @@ def run(
         failures=failures,
         errors=errors,
         pairs=with_factors(pairs, own, given) if own else pairs,
-        judge=pd.concat(judged, ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
+        judge=pd.concat(judged.values(), ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
         mobility=facts(counted),
         environment=environment(),
         warnings=warnings,

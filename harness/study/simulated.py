@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from screwgauge.judging.conditioning import passed
+from screwgauge.judging.integration import LOOSER
 from screwgauge.quantities import SIMULATED
 from screwgauge.reference.pose import Layout
 from screwgauge.scene.observables import Known, known_values, observe
@@ -16,6 +18,8 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Failure, Solution
 
 MOTION = SIMULATED[:3]
+#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
+COARSEST = 0.1
 
 
 def asked_of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
@@ -33,6 +37,20 @@ def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted:
     if scene.known is not None and "observable" in wanted:
         found[REFERENCE] = _reference(scene, scene.known)
     return found
+
+
+def loosened(scene: Scene) -> list[Scene]:
+    """The scene with the tolerances of the further runs that show what integration leaves."""
+    steps = scene.start.integration
+    looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
+    return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
+
+
+def doubtful(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
+    """Engines of which a number is out of tolerance: what their integration leaves has to be known."""
+    bad = pairs[~pairs["ok"].astype(bool) & np.isfinite(pairs["max_scaled"].astype(float))]
+    energy = [one[(one["residual"] == "energy_balance") & ~one["ok"].astype(bool)] for one in judged if len(one)]
+    return {*bad["a"], *bad["b"], *(name for one in energy for name in one["engine"])}
 
 
 def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:

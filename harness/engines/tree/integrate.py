@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.methods import METHODS, MOST, SIZES, check_method, keep_passed
+from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.forces import Exerted, tree_forces
@@ -31,9 +31,8 @@ from screwgauge.solution import Cost, Solution, Stopwatch
 
 #: The largest of so many last steps leads over a pose of unsafe accelerations: before it, steps may have shrunk.
 RECENT = 10
-#: A step this much shorter than the longest follows noise: next to a singular pose the accelerations of some machines
-#: (seen with Pinocchio on 3ups-upu-s at b = 2.34) keep so few digits that no step is short enough, and none ends it.
-SHRUNK = 1e-6
+#: A step is of usual size if it is at least this share of the longest one.
+USUAL = 0.1
 #: Step of the differences by which implicit methods see the slope's derivative [rad, m and per s].
 DIFFERENCE = 1e-8
 
@@ -95,6 +94,11 @@ class _Run:
         self.drift = [max(self.drift[0], found.gap), max(self.drift[1], found.rate)]
         return np.concatenate([found.q, found.v, state[-1:]])
 
+    def forget(self, t: float) -> None:
+        """Forgets the states after a time [s]."""
+        self.path.cut(t)
+        del self.work[len(self.path.wanted) :]
+
     def keep(self, t: float, state: Array) -> None:
         """Keeps a wanted state, with its accelerations and work."""
         state = self.back(state)
@@ -146,12 +150,16 @@ class _Steps:
 
     def __init__(self, run: _Run, task: InitialValue, progress: Progress) -> None:
         self.run, self.times, self.progress, self.over = run, task.grid, progress, 0
-        self.method, self.cost = METHODS[task.integration.name], Cost(0.0, 0.0)
+        self.name, self.cost = task.integration.name, Cost(0.0, 0.0)
+        self.method = METHODS[self.name]
         self.options: dict[str, Any] = {"rtol": task.integration.rtol, "atol": task.integration.atol}
-        if task.integration.name != "DOP853":
+        if self.name != "DOP853":
             self.options["jac"] = run.jacobian
         # a multistep method remembers states that no correction reaches
-        self.back = run.closed and task.integration.name != "BDF"
+        self.back = run.closed and self.name != "BDF"
+
+    def _pace(self) -> Pace:
+        return Pace(self.name, min(self.options["rtol"], self.options["atol"]), float(self.times[-1]))
 
     def all(self, state: Array) -> str:
         """Keeps the motion at every wanted time; returns why it stopped."""
@@ -160,7 +168,8 @@ class _Steps:
         recent: deque[float] = deque(maxlen=RECENT)
         clock, message = Stopwatch(), ""
         longest, back = 0.0, 0
-        far: tuple[float, Array, int] | None = None  # the last state that a step of usual size has reached
+        far: tuple[float, Array] | None = None  # the last state that a step of usual size has reached
+        pace = self._pace()
         solver, size = self.method(run.slope, times[0], state, times[-1], **self.options), None
         safe = solver.t, solver.y
         while len(work) < len(times):
@@ -170,13 +179,13 @@ class _Steps:
                 message = solver.step()
                 if solver.status == "failed":
                     break
-                if solver.step_size < SHRUNK * longest and far and len(work) == far[2]:
-                    if back == len(SIZES) or self.over == MOST:
+                if pace.endless(solver.t) and solver.step_size < USUAL * longest:
+                    if far is None or back == len(SIZES) or self.over == MOST:
                         message = f"steps have shrunk to {solver.step_size:.1g} s, and none leads on"
                         break
-                    safe, size = far[:2], min(longest * SIZES[back], times[-1] - far[0])
+                    safe, size, pace = far, min(longest * SIZES[back], times[-1] - far[0]), self._pace()
                     back, self.over = back + 1, self.over + 1
-                    run.path.cut(far[0])
+                    run.forget(far[0])
                     continue
                 with clock.aside():
                     between = solver.dense_output() if times[len(work)] <= solver.t else None
@@ -199,8 +208,8 @@ class _Steps:
             taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
             recent.append(solver.step_size)
             longest = max(longest, solver.step_size)
-            if solver.step_size > 0.1 * longest:
-                back, far = back if far and solver.t <= far[0] + longest else 0, (solver.t, solver.y, len(work))
+            if solver.step_size >= USUAL * longest:
+                back, far = back if far and solver.t <= far[0] + longest else 0, (solver.t, solver.y)
             run.path.add(float(solver.t), solver.y[: run.n].copy(), solver.y[run.n : -1].copy())
             self.progress((solver.t - times[0]) / (times[-1] - times[0]))
         self.cost = clock.cost(steps=taken)

@@ -41,9 +41,11 @@ class Path:
         self.v.append(v)
 
     def cut(self, t: float) -> None:
-        """Forgets the states after a time, of which none may be wanted."""
+        """Forgets the states after a time."""
         n = sum(time <= t for time in self.t)
         del self.t[n:], self.q[n:], self.v[n:]
+        self.wanted = [i for i in self.wanted if i < n]
+        del self.a[len(self.wanted) :]
 
 
 def read_path(closed: ClosedTree, path: Path, start: Array) -> Reading:

@@ -155,7 +155,8 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
         stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
         soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
-        reason += f", {[*stated, soft][0]}"
+        grown = ["what integration leaves"] * any(quantity in one.integration for one in solutions)
+        reason += f", {[*stated, *grown, soft][0]}"
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
     for solution in solutions:
