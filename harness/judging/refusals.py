@@ -51,7 +51,8 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
         # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
         lost &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)[:, None]
         if lost.any():
-            part = () if lost.any(axis=0).all() else tuple(compress(solution.values[quantity].components, lost.any(0)))
+            some = [bool(column.any()) for column in lost.T]
+            part = () if all(some) else tuple(compress(solution.values[quantity].components, some))
             groups.setdefault((tuple(np.flatnonzero(lost.any(axis=1)).tolist()), part), []).append(quantity)
     refused = []
     for (rows, part), quantities in groups.items():
