@@ -168,8 +168,8 @@ def examined(
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
         clock.spent = spent
         for name, array in values.items():
-            # at a chart lock angles are arbitrary, but they close the loops; their rates are infinite
-            condition = trust.condition if name == "joint_position" else trust.of(name)
+            # at a chart lock angles are arbitrary, but they close the loops; rates of that joint alone are none
+            condition = trust.condition if name in _JOINTS else trust.of(name)
             bad = ~(condition <= linear.SINGULAR)
             if bad.any():
                 values[name] = np.where(bad[:, None], np.nan, array)

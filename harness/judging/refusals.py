@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -44,21 +45,23 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
     motion = problem.task
     if not isinstance(motion, GivenMotion):
         return ()
-    groups: dict[tuple[int, ...], list[str]] = {}
+    groups: dict[tuple[tuple[int, ...], tuple[str, ...]], list[str]] = {}
     for quantity in (name for name in QUANTITIES if name in solution.values):
-        missing = np.asarray(~np.isfinite(solution.values[quantity].array).all(axis=1))
+        lost = ~np.isfinite(solution.values[quantity].array)
         # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
-        missing &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)
-        if missing.any():
-            groups.setdefault(tuple(np.flatnonzero(missing).tolist()), []).append(quantity)
+        lost &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)[:, None]
+        if lost.any():
+            some = [bool(column.any()) for column in lost.T]
+            part = () if all(some) else tuple(compress(solution.values[quantity].components, some))
+            groups.setdefault((tuple(np.flatnonzero(lost.any(axis=1)).tolist()), part), []).append(quantity)
     refused = []
-    for rows, quantities in groups.items():
+    for (rows, part), quantities in groups.items():
         first = motion.y[rows[0]]
         what = _reason(mechanism, problem.rule, quantities, first)
         t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
         sentence = (
             f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
-            f"{', '.join(quantities)} not given there"
+            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} not given there"
         )
         refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))
     return tuple(refused)

@@ -75,7 +75,7 @@ class Work:
             with self.clock.stage("velocities"):
                 rate = velocities(lay, at, motion.yd)
             A, charts, system = rate.A, rate.orientation, rate.system
-            out["joint_velocity"] = rate.w
+            out["joint_velocity"] = self._unlocked(rate.w, charts)
             out["body_angular_velocity"] = rate.V[:, 1:, :3].reshape(len(motion), -1)
             # a cut joint's own rates are no summands of anything else
             speed = np.abs(rate.w / self.system.size)[:, self.system.unknown].max(axis=1)
@@ -92,13 +92,29 @@ class Work:
             trust = Trust(condition, amplified, worst, forces, speed, rush, load, stretch=stretch)
         return {name: array for name, array in out.items() if name in wanted}, trust, A
 
+    def _unlocked(self, rates: Array, charts: Array) -> Array:
+        """Rates of all joints without those of cut joints in gimbal lock, which are no numbers.
+
+        Args:
+            rates: Shape (n, n_q).
+            charts: Condition number of the chart of each cut joint. Shape (n, n_cut).
+        """
+        locked = ~(charts <= linear.SINGULAR)
+        if not locked.any():
+            return rates
+        out = rates.copy()
+        for joint, rows in zip(self.lay.tree.cuts, locked.T, strict=True):
+            out[np.ix_(rows, self.lay.columns[joint.name])] = np.nan
+        return out
+
     def _dynamics(
         self, rate: Velocities, given: GivenMotion, out: dict[str, Array], conditions: dict[str, Array]
     ) -> Array | float:
         """Accelerations and forces; the largest force on a body [N], shape (n,), if forces are wanted, else 0."""
         lay, problem, n, ydd = self.lay, self.problem, len(given), given.ydd
         with self.clock.stage("accelerations"):
-            out["joint_acceleration"], A = accelerations(lay, rate, ydd)
+            joints, A = accelerations(lay, rate, ydd)
+            out["joint_acceleration"] = self._unlocked(joints, rate.orientation)
             if problem.wanted <= _JOINTS:
                 return 0.0
             motion = dynamics.body_motion(lay, rate.pose, rate.V, A)

@@ -129,6 +129,14 @@ class _Work:
         return component_names(file.joints, file.bodies, file.independent, tree, actuators, self.reaction_names)
 
 
+def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
+    """Rates of cut joints, (n, m) each, without those in gimbal lock, which are no numbers."""
+    return {
+        name: np.where((charts[name].condition <= linear.SINGULAR)[:, None], rate, np.nan)
+        for name, rate in rates.items()
+    }
+
+
 class _Pass:
     """All that is wanted from closed poses, stage after stage.
 
@@ -178,7 +186,7 @@ class _Pass:
         self.V = poses.at.velocities(self.v)
         if self.acting or self.wanted & {"joint_velocity", *_MOVED}:
             self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
-            self.values["joint_velocity"] = self.closed.joints(self.v, self.cut_v)
+            self.values["joint_velocity"] = self.closed.joints(self.v, unlocked(poses.charts, self.cut_v))
         else:
             self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
@@ -205,7 +213,7 @@ class _Pass:
             self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
         A = bias + poses.at.velocities(self.a)
         cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
-        self.values["joint_acceleration"] = closed.joints(self.a, cut_a)
+        self.values["joint_acceleration"] = closed.joints(self.a, unlocked(poses.charts, cut_a))
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
         if "tree_force_soft" in self.wanted:
             self._measure(A)
@@ -250,7 +258,7 @@ class _Pass:
     def _forces(self) -> None:
         at, t, state = self.poses.at, self.poses.motion.t, None
         if self.acting:
-            state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.values["joint_velocity"])
+            state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.closed.joints(self.v, self.cut_v))
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.inverse, self.K), motion, state)
         self.values |= forces.values
