@@ -19,13 +19,14 @@ def chart() -> str:
     import vl_convert
 
     release = version("vl-convert-python")
-    kept, _ = cache.read("vega", release)  # whole, or computed anew
+    key = cache.digest("vega", release)
+    kept, _ = cache.read(key, release)  # whole and ours, or computed anew
     if kept is not None:
         return kept["script"].tobytes().decode()
     logging.getLogger("swc_ecma_transforms_optimization").setLevel(logging.CRITICAL)  # it calls its passes errors
     bundle: Any = vl_convert.javascript_bundle  # its types ask for what is optional
     script = str(bundle())
-    cache.write("vega", release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})
+    cache.write(key, release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})
     return script
 
 
