@@ -13,6 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge.report import libraries
+from screwgauge.report.figures.renderer import RENDERER
 from screwgauge.truth import cache
 
 ARRAYS = {"numbers": np.arange(3.0)}
@@ -148,7 +149,7 @@ def test_a_folder_of_another_user_is_not_used(folder, monkeypatch):
 
 
 def test_a_file_beside_it_puts_no_script_into_a_page(folder, monkeypatch):
-    monkeypatch.setattr("vl_convert.javascript_bundle", lambda: "vega();")
+    monkeypatch.setattr(RENDERER, "ask", lambda call: "vega();")
     assert libraries.chart() == "vega();"
     (file,) = entries(folder)
     for _ in range(2):

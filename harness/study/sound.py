@@ -146,8 +146,8 @@ def _timing(timing: object) -> Timing:
     if not isinstance(timing, Timing):
         raise TypeError(f"a timing is of type {type(timing).__name__}")
     engine, setting, stage, n, least, median, covers = astuple(timing)
-    texts = [shortened(text, LONG) for text in (engine, setting, stage, covers)]
-    return Timing(*texts[:3], int(n), float(least), float(median), texts[3])
+    engine, setting, stage, covers = (shortened(text, LONG) for text in (engine, setting, stage, covers))
+    return Timing(engine, setting, stage, int(n), float(least), float(median), covers)
 
 
 def _cost(cost: object) -> Cost:
