@@ -92,6 +92,8 @@ def _parser() -> argparse.ArgumentParser:
             run.__name__.removesuffix("_"), help=help, epilog=epilog, formatter_class=parser.formatter_class
         )
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
+        if run is not commands.list_:
+            added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")
         if out:
             added.add_argument("--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
         added.set_defaults(command=run)

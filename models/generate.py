@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.reference.rotations import Array
 
 
@@ -55,6 +56,30 @@ def _texts(mechanism: Mechanism, gravity: tuple[float, ...], include: frozenset[
     return model_texts(mechanism, gravity=gravity, include=include)
 
 
+def keep_models(
+    mechanism: Mechanism,
+    out: Path,
+    *,
+    inputs: Iterable[str | Path] = (),
+    force: bool = False,
+    gravity: Sequence[float] | Array = GRAVITY,
+    include: Set[str] = frozenset(),
+) -> list[Path]:
+    """Writes the model files for a user to keep, each with its digest.
+
+    Args:
+        inputs: What was read, which is not written over.
+        force: Files in the way are replaced, whoever wrote them.
+
+    Raises:
+        OutputError: The folder cannot be written, or holds another file of such a name.
+    """
+    texts, inputs = model_texts(mechanism, gravity=gravity, include=include), [*inputs]
+    for name in texts:
+        check_free(out / name, inputs, force=force)
+    return _write({name: stamped(text) for name, text in texts.items()}, out)
+
+
 def write_models(
     mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
@@ -63,7 +88,10 @@ def write_models(
     Raises:
         OutputError: The folder cannot be written.
     """
-    texts = _texts(mechanism, tuple(map(float, gravity)), frozenset(include))
+    return _write(_texts(mechanism, tuple(map(float, gravity)), frozenset(include)), out)
+
+
+def _write(texts: Mapping[str, str], out: Path) -> list[Path]:
     try:
         out.mkdir(parents=True, exist_ok=True)
         # Beside their destination, so that moving them is one rename each that cannot run out of space.

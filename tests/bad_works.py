@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import shutil
 import signal
 from functools import partial
 from pathlib import Path
@@ -65,3 +67,52 @@ def load(files, *, work) -> _Model:
 
 
 load_hang = partial(load, work=hang)
+
+
+def _begun(folder: Path) -> None:
+    (folder / f"{os.getpid()}.pid").touch()
+
+
+def spin_in_c(progress=None) -> None:
+    """A loop in C that never lets another thread of Python have its turn."""
+    ctypes.PyDLL(None).pause()
+
+
+def spins_in_c(progress, folder: Path) -> None:
+    _begun(folder)
+    spin_in_c()
+
+
+def spins(progress, folder: Path) -> None:
+    _begun(folder)
+    while True:
+        pass
+
+
+def waits(progress, folder: Path) -> None:
+    _begun(folder)
+    hang(progress)
+
+
+def campaign_hangs(item, folder: Path) -> None:
+    _begun(folder)
+    spin_in_c()
+
+
+def campaign_dies(item) -> dict[str, object]:
+    seed, family = item
+    if seed:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"family": family, "seed": seed}
+
+
+def timer(progress) -> float:
+    return signal.getitimer(signal.ITIMER_REAL)[0]
+
+
+def says_where_nothing_can_be_written(progress) -> str:
+    """Its folder goes away, as it would with a disk that is full."""
+    (file,) = progress.args
+    shutil.rmtree(file.parent)
+    progress(0.5)
+    return "done"

@@ -286,7 +286,7 @@ def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, 
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
     (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 2
-    assert "not as an import has written it" in capsys.readouterr().err
+    assert "not as screwgauge wrote it" in capsys.readouterr().err
     assert path.read_text(encoding="utf-8") == mine
 
 

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from screwgauge.commands.carrying import carry_out
 from screwgauge.models.importing import is_model
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.outputs import check_free
 from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:
+    from screwgauge.scene.scene import Scene
     from screwgauge.study.apart import Limits
 
 OUT = Path("screwgauge-out")
+#: What every command takes.
+ALWAYS = ("command", "debug", "force")
 
 
 def list_(options: argparse.Namespace) -> int:
@@ -30,8 +34,9 @@ def list_(options: argparse.Namespace) -> int:
 def models(options: argparse.Namespace) -> int:
     """Writes the model files of a mechanism, and compares what programs read, if asked to."""
     from screwgauge.models.catalog import load_mechanism
-    from screwgauge.models.generate import write_models
+    from screwgauge.models.generate import keep_models
     from screwgauge.models.mjcf import left_out
+    from screwgauge.models.readings.loops import loops_beside
     from screwgauge.reference.plausible import implausible
     from screwgauge.scene.default import gravity_of
     from screwgauge.scene.preflight import check_home
@@ -40,7 +45,10 @@ def models(options: argparse.Namespace) -> int:
     check_home(mechanism := load_mechanism(options.mechanism))
     out = options.out or OUT / mechanism.name / "models"
     said: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
-    paths = write_models(mechanism, out, include=frozenset(_names(options.include) or ()), **said)
+    included = frozenset(_names(options.include) or ())
+    own = Path(options.mechanism)
+    inputs = filter(None, [own, loops_beside(own) if own.suffix == ".urdf" else None])
+    paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **said)
     for line in (*map(str, paths), *left_out(mechanism), *implausible(mechanism)):
         say(line)
     if not options.check:
@@ -62,8 +70,10 @@ def import_(options: argparse.Namespace) -> int:
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, wanted)
+    out = options.out or Path(f"{options.file.stem}.toml")
+    check_free(out, filter(None, (options.file, options.loops)), force=options.force)
     found = import_apart(options.file, choice)
-    written = write_imported(found, options.out or Path(f"{options.file.stem}.toml"))
+    written = write_imported(found, out, force=options.force)
     for said in (*map(str, written), *notes(found), *indexed(options.file, found)):
         say(said)
     return 0
@@ -106,6 +116,8 @@ def run(options: argparse.Namespace) -> int:
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, **more),
         tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
+        inputs=_files(scene),
+        force=options.force,
         samples=options.samples,
         errata=options.errata,
         pdf=options.pdf,
@@ -113,6 +125,12 @@ def run(options: argparse.Namespace) -> int:
     for failure in results.failures.values() if options.debug else ():
         complain(failure.traceback)
     return int(results.exit_status)
+
+
+def _files(scene: Scene) -> list[Path]:
+    """The files that a scene is made of."""
+    tables = (table.file for table in scene.tables.values())
+    return [file for file in (scene.file, scene.mechanism_file, *scene.models.values(), *tables) if file]
 
 
 def bench(options: argparse.Namespace) -> int:
@@ -134,10 +152,12 @@ def bench(options: argparse.Namespace) -> int:
         plan = replace(plan, budget=given_run.check_budget(options.budget))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
     if scene.simulated:
-        carry_out(SIMULATION, out, lambda progress: forward_run.contest(scene, progress=progress, **more))
+        contest = forward_run.contest
+        carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
         return 0
     more["journal"] = out / NAME
-    carry_out(PAGE, out, lambda progress: given_run.bench(scene, progress=progress, **more), again=NAME)
+    asked = partial(given_run.bench, scene, **more)
+    carry_out(PAGE, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
     return 0
 
 
@@ -152,6 +172,7 @@ def _random(options: argparse.Namespace) -> int:
         out,
         lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
         again=page.NAME,
+        force=options.force,
     )
     return 0
 
@@ -166,7 +187,8 @@ def stress(options: argparse.Namespace) -> int:
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
     more = {"quick": options.quick, "severities": severities}
-    found = carry_out(page, out, lambda progress: stress(options.cases or None, progress=progress, **more))
+    asked = partial(stress, options.cases or None, **more)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), force=options.force)
     if found.broken:
         complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
@@ -179,7 +201,7 @@ def paper(options: argparse.Namespace) -> int:
     from screwgauge.study.paper.measure import measure
 
     out = options.out or OUT / "paper"
-    return 0 if carry_out(page, out, measure).complete else 1
+    return 0 if carry_out(page, out, measure, force=options.force).complete else 1
 
 
 def diagnose(options: argparse.Namespace) -> int:
@@ -200,17 +222,27 @@ def diagnose(options: argparse.Namespace) -> int:
         )
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
+    if options.fix is not None:
+        check_free(options.fix, _models(options), force=options.force)
     found = carry_out(
         page,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
         tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
+        inputs=_models(options),
+        force=options.force,
     )
     if options.fix is not None:
         say(f"fixed: {found.write_fix(options.fix)}")
         for sentence in found.not_fixed:
             say(f"not fixed: {sentence}")
     return int(found.exit_status)
+
+
+def _models(options: argparse.Namespace) -> list[Path]:
+    """The files that a diagnosis reads."""
+    named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, options.loops]
+    return [Path(name) for name in named if name]
 
 
 def _self_test(options: argparse.Namespace) -> int:
@@ -222,9 +254,8 @@ def _self_test(options: argparse.Namespace) -> int:
     check_taken(options, "a self-test", "diagnose --self-test", "self_test", "count", "quick", "seed", "out")
     out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
     file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
-    found = carry_out(
-        page, out, lambda progress: selftest(count, pairs, file, progress=progress, **more), again=page.NAME
-    )
+    asked = partial(selftest, count, pairs, file, **more)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
     return 0 if passed(found) else 1
 
 
@@ -242,50 +273,8 @@ def _case(options: argparse.Namespace) -> int:
 
 def check_taken(options: argparse.Namespace, what: str, where: str, *taken: str) -> None:
     """Refuses options that something does not take by a DescriptionError."""
-    if given := [name for name, value in vars(options).items() if value and name not in (*taken, "command", "debug")]:
+    if given := [name for name, value in vars(options).items() if value and name not in (*taken, *ALWAYS)]:
         raise DescriptionError(f"{what} takes no {', '.join(given)}", where, "leave that out")
-
-
-def carry_out(
-    page: Any,
-    out: Path,
-    work: Callable[[Any], Any],
-    *,
-    tell: Callable[[Any], str] | None = None,
-    again: str = "",
-    **writing: Any,
-) -> Any:
-    """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
-
-    Args:
-        work: Takes the progress.
-        tell: What to print of what was found; by default what the page has for a terminal.
-        again: File that the same command goes on from.
-        writing: What else the page is written with.
-
-    Returns:
-        What was found.
-    """
-    from screwgauge.report.folder import PAGES, SAMPLES, check_writable
-    from screwgauge.report.progress import Progress
-    from screwgauge.report.terminal import terminal
-
-    check_writable(out, [*page.DATA, *([again] if again else []), *([SAMPLES] if writing.get("samples") else [])])
-    lost: ScrewgaugeError | None = None
-    with Progress(sys.stderr) as progress:
-        try:
-            found = work(progress.show)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
-        progress.show("report", 0.0)
-        try:
-            page.write(found, out, **writing)
-        except ScrewgaugeError as error:  # what was found is told all the same
-            lost = error
-    say(tell(found) if tell else f"{terminal(page.terminal(found))}\n\nreport: {'none' if lost else out / PAGES[1]}")
-    if lost is not None:
-        raise lost
-    return found
 
 
 def limits(options: argparse.Namespace) -> Limits:

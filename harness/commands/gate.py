@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 from functools import partial
+from pathlib import Path
 
-from screwgauge.commands import OUT, carry_out, check_taken, limits
+from screwgauge.commands import OUT, check_taken, limits
+from screwgauge.commands.carrying import carry_out
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.console import say
 
@@ -35,6 +37,8 @@ def check(options: argparse.Namespace) -> int:
         lambda progress: check(*options.what, **more, limits=limits(options), progress=progress, journal=out / NAME),
         tell=(lambda found: found.json) if options.json else None,
         again=NAME,
+        inputs=map(Path, options.what),
+        force=options.force,
         junit=options.junit,
         baseline=options.baseline if options.update else None,
     )
@@ -48,12 +52,15 @@ def check(options: argparse.Namespace) -> int:
 def history(options: argparse.Namespace) -> int:
     """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
     from screwgauge.report.pages.history import PAGE as page
-    from screwgauge.study.gate.baseline import write_latest
+    from screwgauge.study.gate.baseline import check_baseline, write_latest
     from screwgauge.study.gate.store import check_store, history
 
     store = options.store or OUT / "history"
     check_store(store)
-    carry_out(page, options.out or OUT / "history-report", lambda progress: history(store, options.scene))
+    if options.baseline is not None:
+        check_baseline(options.baseline, force=options.force)
+    out = options.out or OUT / "history-report"
+    carry_out(page, out, lambda progress: history(store, options.scene), force=options.force)
     if options.baseline is not None:
         write_latest(options.baseline, store, options.smoke)
     return 0
@@ -69,7 +76,7 @@ def _self_test(options: argparse.Namespace) -> int:
     check_taken(options, "a self-test", "check --self-test", "self_test", "count", "jobs", "out")
     out = options.out or OUT / "check-self-test"
     asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
     return 0 if passed(found) else 1
 
 
@@ -81,9 +88,10 @@ def matrix(options: argparse.Namespace) -> int:
     from screwgauge.report.pages.matrix import PAGE as page
     from screwgauge.study.campaigns.matrix import check_versions, matrix
 
-    asked = {"pin": options.pin, "mujoco": options.mujoco}
-    versions = [check_versions((text or version(package)).split(","), package) for package, text in asked.items()]
+    named = {"pin": options.pin, "mujoco": options.mujoco}
+    versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]
     out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
-    found = carry_out(page, out, lambda progress: matrix(pairs, out / page.NAME, progress=progress), again=page.NAME)
+    asked = partial(matrix, pairs, out / page.NAME)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
     statuses = {*found["status"]}
     return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.files import why
+from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.report.console import complain, say, stopped
 
 if TYPE_CHECKING:
@@ -36,24 +37,24 @@ def view(options: argparse.Namespace) -> int:
     mechanism = what.mechanism if isinstance(what, Scene) else what
     if options.mujoco:
         return _mujoco(mechanism)
+    for file in filter(None, (options.out, options.png, options.video)):
+        check_free(file, filter(None, (options.what, options.other)), force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
     if options.png:
         _kind(options.png, "png", ".png")
-        from vl_convert import svg_to_png
-
         from screwgauge.models.shapes import differing
         from screwgauge.report.stage.drawing import drawing
 
-        _put(options.png, svg_to_png(drawing(mechanism, differing(mechanism, other) if other else ()), scale=2.0))
+        _put(options.png, _png(drawing(mechanism, differing(mechanism, other) if other else ()), scale=2.0))
         return 0
     if options.video:
         return _video(options.video, what, other)
-    text = _page(what, other).encode()
+    text = _page(what, other)
     if options.out:
-        _put(options.out, text)
+        _put(options.out, stamped(text).encode())
         return 0
-    return _serve(text, options.port or 0)
+    return _serve(text.encode(), options.port or 0)
 
 
 def _load(name: str) -> Scene | Mechanism:
@@ -136,18 +137,23 @@ def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
     if find_spec("PIL") is None:
         raise OutputError("--video needs pillow, which is not installed", "view", "run pip install 'screwgauge[video]'")
     from PIL import Image
-    from vl_convert import svg_to_png
 
     from screwgauge.report.stage.drawing import frames
     from screwgauge.study.motion import followed
 
     motion = followed(*_solved(what), frames=60)
-    first, *rest = (Image.open(BytesIO(svg_to_png(svg))).convert("RGB") for svg in frames(motion))
+    first, *rest = (Image.open(BytesIO(_png(svg))).convert("RGB") for svg in frames(motion))
     each = 1000.0 * min(max(motion.t[-1] - motion.t[0], 3.0), 12.0) / (1 + len(rest))
     written = BytesIO()
     first.save(written, kinds[file.suffix], save_all=True, append_images=rest, duration=round(each), loop=0)
     _put(file, written.getvalue())
     return 0
+
+
+def _png(svg: str, **more: float) -> bytes:
+    from screwgauge.report.figures.renderer import RENDERER
+
+    return bytes(RENDERER.ask("svg_to_png", svg, **more))
 
 
 def _serve(text: bytes, port: int) -> int:

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
@@ -16,6 +18,8 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError, chec
 from screwgauge.solution import Solution
 
 GROUP = "screwgauge.engines"
+TEXT = 1000  # characters of a text in the description of an engine
+CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",
     InitialValue: "integrate",
@@ -171,18 +175,37 @@ def not_loaded(names: Iterable[str]) -> dict[str, EntryPoint]:
 
 
 def load_entry(entry: EntryPoint) -> Engine | None:
-    """The engine of another package; None if it cannot be loaded."""
+    """The engine of another package; None if it cannot be loaded, or is not described as an engine is."""
     try:
-        return cast(Engine, entry.load())
+        with redirect_stdout(sys.stderr):
+            found = entry.load()
+        return _described(found)
     except (Exception, SystemExit):
         return None
+
+
+def _described(found: object) -> Engine:
+    """An engine whose description has what it must have, and texts that can be shown.
+
+    Raises:
+        TypeError, ValueError: It has not.
+    """
+    if not isinstance(found, Engine):
+        raise TypeError(f"{type(found).__name__} is no Engine")
+    texts = (found.name, found.meaning, found.source, found.package, found.reads, *found.lacks, *found.lacks.values())
+    if not all(isinstance(text, str) and len(text) <= TEXT for text in texts):
+        raise ValueError("a text of it is none, or too long")
+    if found.cut not in CUTS or not found.tasks <= _ALL:
+        raise ValueError("its cut, or a task, is none that there is")
+    return found
 
 
 def keep(entry: EntryPoint, engine: Engine | None) -> None:
     """Remembers an engine that was loaded; what could not be is loaded again, and fails, when it is asked."""
     package = entry.dist.name if entry.dist else entry.module
     broken = Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
-    _LOADED[entry] = broken if engine is None else engine
+    engine = engine or broken
+    _LOADED[entry] = engine if engine.name == entry.name else replace(engine, name=entry.name)
 
 
 def check_engines(

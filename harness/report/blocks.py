@@ -85,6 +85,7 @@ class Picture:
         name: File name without ending.
         chart: The same to zoom and ask, as JSON of Vega-Lite; empty if there is none.
         stage: The same in space, as JSON of what ``stage.js`` draws; empty if there is none.
+        lost: Why it could not be drawn; empty if it was.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Picture:
     svg: str
     chart: str = ""
     stage: str = ""
+    lost: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,13 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
         else change(block)
         for block in blocks
     ]
+
+
+def told(block: Block) -> Block:
+    """A block, or what is said in the place of a picture that could not be drawn."""
+    if isinstance(block, Picture) and block.lost:
+        return Paragraph(f"Not drawn: {block.title} ({block.lost}).")
+    return block
 
 
 def table(rows: Iterable[Any], columns: str) -> Table:

@@ -24,11 +24,12 @@ MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the
 WORKING = ("random.csv", "selftest.csv", "matrix.csv", "alarms.csv", "bench.partial.jsonl", "check.partial.jsonl")
 
 
-def check_writable(out: Path, names: Iterable[str] = ()) -> None:
+def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
     """Finds out before a long computation whether its report can be written; leaves nothing behind.
 
     Args:
         names: Of all files but those of the report's pages.
+        force: Files of these names may be anybody's; links and folders in their places are refused all the same.
 
     Raises:
         OutputError: The folder cannot be written, or holds something else of that name.
@@ -40,7 +41,7 @@ def check_writable(out: Path, names: Iterable[str] = ()) -> None:
     try:
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
         shutil.rmtree(_stage(out))
-        _check_own(out, names)
+        _check_own(out, names, force)
     except (OSError, ValueError) as error:  # a path with a null byte
         raise _cannot(out, error) from error
     finally:
@@ -49,20 +50,20 @@ def check_writable(out: Path, names: Iterable[str] = ()) -> None:
                 folder.rmdir()
 
 
-def _check_own(out: Path, names: Iterable[str]) -> None:
+def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     """Refuses to touch what no report wrote, and to follow links out of the folder."""
     ours = {*WORKING, MANIFEST}
     for name in (MANIFEST, "plots", *names):
-        path = out / name
-        odd = ""
+        path, odd, remedy = out / name, "", "move it, or choose another folder with --out"
         if path.is_symlink():
             odd = "is a link"
         elif path.exists() and path.is_dir() is not (name == "plots"):
             odd = "is a folder" if path.is_dir() else "is no folder"
-        elif name != "plots" and path.exists() and name not in ours | written(out):
+        elif not force and name != "plots" and path.exists() and name not in ours | written(out):
             odd = f"is there, and {MANIFEST} does not name it as one of an earlier report"
+            remedy = "move it, choose another folder with --out, or overwrite it by --force"
         if odd:
-            raise OutputError(f"{name} {odd}", str(out), "move it, or choose another folder with --out")
+            raise OutputError(f"{name} {odd}", str(out), remedy)
 
 
 def written(out: Path) -> set[str]:

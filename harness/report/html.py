@@ -94,7 +94,7 @@ def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> 
 
 def fragment(blocks: Iterable[Block]) -> str:
     """The blocks alone, to stand within a page."""
-    return "\n".join(map(_block, blocks))
+    return "\n".join(_block(b.told(block)) for block in blocks)
 
 
 def _block(block: Block) -> str:

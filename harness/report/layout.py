@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import environment
+from screwgauge.reference.errors import ReportError
 from screwgauge.report.blocks import (
     LONG,
     Appendix,
@@ -24,9 +26,12 @@ from screwgauge.report.blocks import (
     Paragraph,
     Picture,
     Table,
+    changed,
     facts,
     table,
+    told,
 )
+from screwgauge.report.figures.renderer import RENDERER, losses
 from screwgauge.report.markdown import markdown
 from screwgauge.report.write import write_report
 
@@ -85,15 +90,40 @@ class Report:
         """File of the table, or the first of several."""
         return next(iter(self.data))
 
-    def write(self, found: Any, out: Path, *, more: Mapping[str, Any] | None = None, pdf: bool = False) -> Path:
-        """Writes data, pages and pictures; `more`: further files."""
+    def write(
+        self,
+        found: Any,
+        out: Path,
+        *,
+        more: Mapping[str, Any] | None = None,
+        pdf: bool = False,
+        safe: Callable[[], None] = lambda: None,
+        force: bool = False,
+    ) -> Path:
+        """Writes data, pages and pictures.
+
+        Args:
+            more: Further files.
+            safe: Called when the data are on disk, before anything is drawn.
+            force: Files in the way are replaced, whoever wrote them.
+
+        Raises:
+            ReportError: The data are there; pages or some pictures are not.
+        """
+        with suppress(OSError):
+            RENDERER.start()  # it takes a moment, in which the data are written
         record = getattr(found, "environment", None) or environment()
         data = {**{name: make(found) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
         def tell() -> list[Block]:
             return self.blocks(found, self.draw(found), record)
 
-        return write_report(out, tell, data, self.figures, pdf=pdf)
+        with losses() as lost:
+            write_report(out, tell, data, self.figures, pdf=pdf, safe=safe, force=force)
+        if lost:
+            what = f"{len(lost)} of its drawings could not be made: {lost[0]}"
+            raise ReportError(what, str(out), "the rest of the report and all numbers are there")
+        return out
 
     def blocks(
         self, found: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
@@ -109,7 +139,7 @@ class Report:
         last = [block for title, text in appendix for block in filled.section(title, text)]
         words = _used(markdown([*blocks, *last]))
         last += [Heading("Words"), Glossary(words)] if words else []
-        return [*blocks, Appendix(tuple(last))]
+        return changed([*blocks, Appendix(tuple(last))], told)
 
     def terminal(self, found: Any) -> list[Block]:
         """What is printed: the section "On a terminal"."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from importlib.metadata import distribution, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from screwgauge.report.figures.renderer import RENDERER
 from screwgauge.truth import cache
 
 STAGE = Path(__file__).with_name("stage") / "stage.js"
@@ -16,16 +15,13 @@ STAGE = Path(__file__).with_name("stage") / "stage.js"
 
 def chart() -> str:
     """vega, vega-lite and vega-embed; making them takes seconds, so they are kept in the user's cache folder."""
-    import vl_convert
-
     release = version("vl-convert-python")
-    kept, _ = cache.read("vega", release)  # whole, or computed anew
+    key = cache.digest("vega", release)
+    kept, _ = cache.read(key, release)  # whole and ours, or computed anew
     if kept is not None:
         return kept["script"].tobytes().decode()
-    logging.getLogger("swc_ecma_transforms_optimization").setLevel(logging.CRITICAL)  # it calls its passes errors
-    bundle: Any = vl_convert.javascript_bundle  # its types ask for what is optional
-    script = str(bundle())
-    cache.write("vega", release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})
+    script = str(RENDERER.ask("javascript_bundle"))
+    cache.write(key, release, {"script": np.frombuffer(script.encode(), dtype=np.uint8)})
     return script
 
 

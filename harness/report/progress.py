@@ -38,8 +38,13 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
+    def wipe(self) -> None:
+        """Makes room for what is printed."""
+        if self.shown:
+            self._write("\r" + " " * len(self.shown) + "\r")
+            self.shown = ""
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self.shown:
-            self._write("\r" + " " * len(self.shown) + "\r")
+        self.wipe()

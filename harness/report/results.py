@@ -13,6 +13,7 @@ from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.report.blocks import Picture
 from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
+from screwgauge.report.lock import locked
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.terminal import terminal
 from screwgauge.scene.scene import Scene
@@ -30,7 +31,9 @@ class Results(Comparison):
 
     __slots__ = ()
 
-    def write(self, out: str | Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
+    def write(
+        self, out: str | Path, *, samples: bool = False, errata: bool = False, pdf: bool = False, force: bool = False
+    ) -> Path:
         """Writes tables and summary into a folder, then report and plots; those of the report before are replaced.
 
         Args:
@@ -38,6 +41,7 @@ class Results(Comparison):
             samples: Also every sample of every engine, as Parquet.
             errata: Also a section with the errata of the paper, whose scene it has to be.
             pdf: Also the page as PDF, printed by a Chromium.
+            force: Files in the way are replaced, whoever wrote them.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
@@ -46,7 +50,8 @@ class Results(Comparison):
         """
         if out == "":
             raise OutputError("is empty, which would be the current folder", "out", "name a folder")
-        return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf)
+        with locked(Path(out)):
+            return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf, force=force)
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""

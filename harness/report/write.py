@@ -26,6 +26,8 @@ def write_report(
     figures: int | None = None,
     *,
     pdf: bool = False,
+    safe: Callable[[], None] = lambda: None,
+    force: bool = False,
 ) -> Path:
     """Writes data files, and when these are safe ``report.md``, ``report.html`` and the plots in them.
 
@@ -35,13 +37,15 @@ def write_report(
         data: File name -> table for CSV and Parquet, anything else for JSON.
         figures: Significant figures of the numbers in CSV; every bit by default.
         pdf: Whether the page is printed to ``report.pdf``, too.
+        safe: Called when the data are safe.
+        force: Files in the way are replaced, whoever wrote them.
 
     Raises:
         OutputError: The data cannot be written; the folder is then as it was before.
         ReportError: The data are there, the report is not.
     """
     printed = [PDF] if pdf else []
-    check_writable(out, [*data, *printed])
+    check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
     put_files(out, numbers, before)
@@ -50,6 +54,7 @@ def write_report(
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}
         put_files(out, samples, {*numbers})
+        safe()
         blocks = _named(tell(), {path.stem for path in out.glob("plots/*")})
         drawn = {f"plots/{block.name}.svg": block.svg for block in walk(blocks) if isinstance(block, Picture)}
         pages = dict(zip(PAGES, (markdown(blocks), page(blocks)), strict=True))

@@ -10,8 +10,10 @@ import signal
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
@@ -24,6 +26,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.solution import Failure
+from screwgauge.study.lifeline import hold, lifeline
 from screwgauge.threads import ONE
 
 T = TypeVar("T")
@@ -31,6 +34,10 @@ T = TypeVar("T")
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
 TICK = 0.2  # s between looks at progress and clock
 IDLE = 60.0  # s after which a process that nobody asks again ends
+#: s after its limit at which a process ends itself, if the parent, who can say more, has not ended it.
+GRACE = 5.0
+LONGEST = 1e9  # s that a timer takes
+SAID = 200  # characters of what a work says that it is at
 #: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
 ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
@@ -102,18 +109,18 @@ def apart(
             while waiting and len(running) < most:
                 name = waiting.pop(0)
                 process = free.pop() if lanes else name
-                work = partial(_limited, name, works[name], limits, _file(folder, name))
+                own = min(limits.seconds + GRACE, LONGEST)
+                work = partial(_limited, name, works[name], limits, own, _file(folder, name))
                 running[_submit(process, work)] = name, process, monotonic()
             for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
                 name, process, _ = running.pop(future)
-                done(name, process, _result(name, future))
+                done(name, process, _result(name, future, limits))
             shares = {name: _share(_file(folder, name))[0] for name, _, _ in running.values()}
             for future, (name, process, begin) in [*running.items()]:
                 if monotonic() - begin > limits.seconds:
                     del running[future]
                     _stop(process)
-                    how_far = f"{limits.seconds:g} s, {shares[name]:.0%} of the way"
-                    done(name, process, Failure(name, f"stopped after {how_far}, the limit; --limit sets another"))
+                    done(name, process, _stopped(name, limits, f", {shares[name]:.0%} of the way"))
             if running:
                 report(", ".join(shares), (len(found) + sum(shares.values())) / len(works))
     finally:
@@ -137,10 +144,22 @@ def _unwatched(work: Callable[[], T], progress: Progress) -> T:
     return work()
 
 
-def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, file: Path) -> T | Failure:
-    """Does a work within its limit of memory. Its process is not interrupted from the keyboard: its parent is."""
+def _begin(line: Connection) -> None:
+    """What a process does first: it ends with its parent, and what is printed there stands in nobody's output."""
+    hold(line)
+    os.dup2(2, 1)
+
+
+def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, own: float, file: Path) -> T | Failure:
+    """Does a work within its limits. Its process is not interrupted from the keyboard: its parent is.
+
+    Args:
+        own: Time after which the process ends itself [s].
+    """
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is at
+    signal.setitimer(signal.ITIMER_REAL, own)
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     most = int(1e9 * limits.memory)
     resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
@@ -150,6 +169,8 @@ def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits,
             return work(partial(_say, file))
         except MemoryError:
             return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def _submit(name: str, work: Callable[[], T]) -> Future[T]:
@@ -157,7 +178,9 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
     try:
         future: Future[T] = _EXECUTORS[name].submit(work)
     except (KeyError, BrokenProcessPool):
-        _EXECUTORS[name] = ProcessPoolExecutor(max_workers=1, timeout=IDLE, env=ENVIRONMENT)
+        _EXECUTORS[name] = ProcessPoolExecutor(
+            max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
+        )
         future = _EXECUTORS[name].submit(work)
     return future
 
@@ -169,7 +192,11 @@ def _stop(name: str) -> None:
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
 
 
-def _result(name: str, future: Future[T | Failure]) -> T | Failure:
+def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:
+    return Failure(name, f"stopped after {limits.seconds:g} s{how_far}, the limit; --limit sets another")
+
+
+def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
     """What a work returned, or how its process ended."""
     error = future.exception()
     if error is None:
@@ -177,6 +204,8 @@ def _result(name: str, future: Future[T | Failure]) -> T | Failure:
     if isinstance(error, ScrewgaugeError):
         raise error
     if isinstance(error, BrokenProcessPool):
+        if signal.SIGALRM.name in str(error):
+            return _stopped(name, limits)
         return Failure(name, f"crashed: {_ending(str(error))}", str(error))
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 
@@ -195,13 +224,15 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def _say(file: Path, share: float, step: str = "") -> None:
-    file.write_text(f"{share:.4f} {step}", encoding="utf-8")
+    """Says how far a work is; where there is no room for that, it goes on."""
+    with suppress(OSError):
+        file.write_text(f"{share:.4f} {step[:SAID]}", encoding="utf-8")
 
 
 def _share(file: Path) -> tuple[float, str]:
-    """Share that was said last, and of what; 0 before anything was, or while it is being said."""
+    """Share that was said last, and of what; 0 before anything was, while it is being said, or if it is no share."""
     try:
         share, _, step = file.read_text(encoding="utf-8").partition(" ")
-        return float(share), step
+        return (float(share) if 0.0 <= float(share) <= 1.0 else 0.0), step
     except (OSError, ValueError):
         return 0.0, ""

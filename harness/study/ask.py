@@ -20,7 +20,8 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.method import Method
 from screwgauge.study.question import Question, failure
-from screwgauge.study.whole import Expected, check_components, check_whole, excepted, left_out, without
+from screwgauge.study.sound import sound
+from screwgauge.study.whole import Expected, check_components, check_units, check_whole, excepted, left_out, without
 
 if TYPE_CHECKING:
     from screwgauge.study.apart import Limits
@@ -107,7 +108,8 @@ def within(seconds: float) -> Progress:
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
     """Loads a model and puts a problem to it, which has to be answered in full; only being stopped is raised."""
     try:
-        return check_whole(method.engine, problem, method.load(files).solve(problem, progress))
+        answer = sound(method.load(files).solve(problem, progress), len(problem.task))
+        return check_whole(method.engine, problem, answer)
     except TooLongError:
         raise
     except (Exception, SystemExit) as error:
@@ -123,6 +125,7 @@ def ask_engines(
     progress: Report,
     expected: Expected | None = None,
     limits: Limits | None = None,
+    units: Mapping[str, Mapping[str, str]] | None = None,
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
     """Asks engines: one after the other in this process, or each in one of its own, at once as far as cores allow.
 
@@ -130,6 +133,7 @@ def ask_engines(
         folder: Where the generated models are.
         expected: What an answer must have.
         limits: What each may take in a process of its own; None for this one.
+        units: Quantity -> component -> unit.
 
     Returns:
         What each engine answered, and why the others did not.
@@ -157,6 +161,7 @@ def ask_engines(
             continue
         try:
             check_components(answer, len(scene.t), expected or {})
+            check_units(answer, units or {}, len(scene.mechanism.coordinates))
             answer = replace(answer, notes=(*answer.notes, *excepted(name, wanted)))
             solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
         except Exception as error:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,11 +14,13 @@ from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.sound import LONG, shortened, sound
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
 
+TRACE = 20_000  # characters of a traceback that are kept, the last ones
 DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
@@ -30,11 +34,15 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
     """What a method raised, in one line and without the folder of generated files, which goes with them."""
-    said = str(error) or "nothing more is said"  # as Python does of memory
-    reason = f"{type(error).__name__}: {' '.join(said.split()).replace(f'{folder}/', '')}"
+    try:
+        said = str(error) or "nothing more is said"  # as Python does of memory
+    except Exception:  # an error of another package, which may be wrong, too
+        said = "what it says cannot be read"
+    said = shortened(" ".join(said[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
+    reason = f"{type(error).__name__}: {said}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
-    return Failure(name, reason, "".join(traceback.format_exception(error)))
+    return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +71,10 @@ class Question:
             MemoryError: There is not enough memory.
         """
         try:
-            model = self.engine.load(self.files)
-            answer = replace(model.solve(self._ordered(model), progress), engine=self.engine.name)
+            with redirect_stdout(sys.stderr):  # what an engine prints is no part of what a command says
+                model = self.engine.load(self.files)
+                answer = model.solve(self._ordered(model), progress)
+            answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
             return answer if self.scene is None else self._told(answer, self.scene)
         except MemoryError:
             raise

@@ -107,7 +107,8 @@ def run(
     with generated(scene) as folder:
         asked = asked_of_engines(wanted) if scene.simulated else wanted
         expected = {name: found for name, (found, _) in components.items()}
-        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits)
+        units = {} if scene.simulated else {q: dict(zip(*found, strict=True)) for q, found in components.items()}
+        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits, units)
         files = {name: model_files(scene, name, folder).model for name in names}
         files |= {name: file for name in own if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)

@@ -61,3 +61,19 @@ def check_components(answer: Solution, n: int, expected: Expected) -> None:
                 f"model of {answer.engine}",
                 "describe the same joints, bodies and actuators in the model, its loops file and the description",
             )
+
+
+def check_units(answer: Solution, units: Mapping[str, Mapping[str, str]], coordinates: int) -> None:
+    """Refuses an answer in other units than those of the description, or with an assembly of another mechanism.
+
+    Args:
+        units: Quantity -> component -> unit.
+        coordinates: Of all joints.
+    """
+    for quantity in {*answer.values} & {*units}:
+        found = answer.values[quantity]
+        for name, unit in zip(found.components, found.units, strict=True):
+            if unit != (wanted := units[quantity].get(name, unit)):
+                raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted}'")
+    if answer.assembly is not None and answer.assembly.shape[1] != coordinates:
+        raise ValueError(f"its assembly has {answer.assembly.shape[1]} coordinates, not {coordinates}")

@@ -1,13 +1,21 @@
-"""Finished truths on disk, looked up by the content of what they were computed from."""
+"""What was computed once, on disk: looked up by what it was made of, and taken only if this user's program wrote it.
+
+Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
+beside it. So a file that was edited, or put in the place of another one, is not used but made anew, and machine code is
+run, and a script is put into a page, only as it was written here.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import hmac
 import io
 import json
 import os
-import tempfile
-from collections.abc import Mapping
+import secrets
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +26,34 @@ Arrays = Mapping[str, NDArray[Any]]
 
 VARIABLE = "SCREWGAUGE_CACHE"
 DAMAGED = "the cache file was damaged; computed anew"
-_MAGIC = b"screwgauge-truth"
+STALE = "the cache file was of another version; computed anew"
+#: The secret's file, and its length in bytes.
+SECRET, LENGTH = "secret-1", 32
+MOST = 2**28  # bytes of a file
+_FAMILY, _MAGIC = b"screwgauge-", b"screwgauge-cache-1"
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_CHANGEABLE = stat.S_IWGRP | stat.S_IWOTH
+
+
+class _UnsafeError(OSError):
+    """A file or folder that others could have written."""
 
 
 def folder() -> Path:
-    """Where truths are kept: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder."""
+    """Where files are kept: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
+
+    Raises:
+        OSError: There is no such place, as the user has no folder of his own.
+    """
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "screwgauge" / "truth"
+    place = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(place) and os.environ.get("HOME") != "":  # one that is not, the specification ignores
+        place = os.path.expanduser("~/.cache")
+    if not os.path.isabs(place):
+        raise OSError(f"there is no home folder; {VARIABLE} can name another one")
+    return Path(place) / "screwgauge" / "truth"
 
 
 def digest(*parts: Any) -> str:
@@ -39,30 +66,36 @@ def digest(*parts: Any) -> str:
 
 
 def code_version(*folders: Path, extra: str = "") -> str:
-    """Hash of the source files that a truth depends on: another version computes it anew."""
+    """Hash of the source files that a result depends on: another version computes it anew."""
     files = sorted(path for folder in folders for path in folder.glob("*.py"))
     return digest(extra, *(path.read_bytes() for path in files))
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """A truth and a sentence: what is wrong with the file, or nothing.
+    """What is kept under a key, and a sentence: what is wrong with the file, or nothing.
 
     Args:
-        key: Hash of the input.
+        key: Hash of all that it was made of.
         version: Of the code; a file of another version is stale.
     """
     try:
-        data = (folder() / key).read_bytes()
+        with _opened() as place:
+            data = _content(place, key)
+            secret = b"" if data is None else _secret(place)
     except FileNotFoundError:
         return None, ""
     except OSError as error:
         return None, f"the cache cannot be read ({_reason(error)}); computed anew"
+    if data is None:
+        return None, ""
     head, _, payload = data.partition(b"\n")
-    fields = head.split(b" ")
-    if len(fields) != 3 or fields[0] != _MAGIC or fields[2] != hashlib.sha256(payload).hexdigest().encode():
+    magic, said, code = (*head.split(b" ", 2), b"", b"")[:3]
+    if magic != _MAGIC:
+        return None, STALE if magic.startswith(_FAMILY) else DAMAGED
+    if said != version.encode():
+        return None, STALE
+    if not hmac.compare_digest(code, _code(secret, key, said, payload)):
         return None, DAMAGED
-    if fields[1] != version.encode():
-        return None, "the cache file was of another version; computed anew"
     try:
         with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}, ""
@@ -71,23 +104,101 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
 
 
 def write(key: str, version: str, arrays: Arrays) -> str:
-    """Keeps a truth; a sentence if that fails, which is no reason to lose it."""
+    """Keeps a result; a sentence if that fails, which is no reason to lose it."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    payload = buffer.getvalue()
-    head = b" ".join([_MAGIC, version.encode(), hashlib.sha256(payload).hexdigest().encode()])
-    name = None
+    payload, said = buffer.getvalue(), version.encode()
     try:
-        folder().mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder(), delete=False) as file:
-            name = file.name
-            file.write(head + b"\n" + payload)
-        os.replace(name, folder() / key)
+        folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+        with _opened() as place:
+            head = b" ".join([_MAGIC, said, _code(_secret(place), key, said, payload)])
+            _put(place, key, head + b"\n" + payload)
     except OSError as error:
-        if name is not None:
-            Path(name).unlink(missing_ok=True)
         return f"the cache cannot be written ({_reason(error)})"
     return ""
+
+
+def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
+    """Hexadecimal; lengths go in, so that nothing can pass from one part to the next."""
+    parts = (key.encode(), version, payload)
+    sizes = b"".join(len(part).to_bytes(8, "big") for part in parts)
+    return hmac.new(secret, sizes + b"".join(parts), hashlib.sha256).hexdigest().encode()
+
+
+@contextmanager
+def _opened() -> Iterator[int]:
+    """The folder, opened: what is checked is what is used, whatever is renamed meanwhile.
+
+    Raises:
+        OSError: There is none, or others could have written into it.
+    """
+    place = os.open(folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        _check_own(os.fstat(place), "folder")
+        yield place
+    finally:
+        os.close(place)
+
+
+def _check_own(found: os.stat_result, what: str) -> None:
+    if found.st_uid != os.geteuid():
+        raise _UnsafeError(f"the {what} belongs to another user")
+    if found.st_mode & _CHANGEABLE:
+        raise _UnsafeError(f"others can write the {what}; chmod go-w makes it yours alone")
+
+
+def _content(place: int, name: str) -> bytes | None:
+    """What a file of the folder holds; None if there is none.
+
+    Raises:
+        OSError: It is no regular file of this user's own, or a link to one.
+    """
+    try:
+        file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=place)
+    except FileNotFoundError:
+        return None
+    with open(file, "rb") as stream:
+        found = os.fstat(file)
+        # the secret has two names for a moment while it is made
+        if not stat.S_ISREG(found.st_mode) or found.st_size > MOST or (found.st_nlink > 1 and name != SECRET):
+            raise _UnsafeError("the file is a link, too large or no regular file")
+        _check_own(found, "file")
+        if name == SECRET and found.st_mode & _OTHERS:
+            raise _UnsafeError("others can read the secret")
+        return stream.read(MOST)
+
+
+def _secret(place: int) -> bytes:
+    """The secret of the folder, made when it is first asked for; one that is no secret any more is replaced."""
+    for replace in (False, True):
+        try:
+            found = _content(place, SECRET)
+        except OSError:
+            found = b""
+        if found is not None and len(found) == LENGTH:
+            return found
+        _put(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or found is not None)
+    found = _content(place, SECRET)
+    if found is None or len(found) != LENGTH:
+        raise _UnsafeError("there can be no secret")
+    return found
+
+
+def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
+    """Writes a file in whole or not at all; with `replace` off, only if there is none."""
+    fresh = f".new-{secrets.token_hex(8)}"
+    file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
+    try:
+        with open(file, "wb") as stream:
+            stream.write(data)
+        if not replace:
+            with suppress(OSError):  # another process was quicker, or the disk knows no second names
+                os.link(fresh, name, src_dir_fd=place, dst_dir_fd=place)
+        else:
+            os.replace(fresh, name, src_dir_fd=place, dst_dir_fd=place)
+    finally:
+        with suppress(FileNotFoundError):
+            os.unlink(fresh, dir_fd=place)
 
 
 def _reason(error: OSError) -> str:

@@ -60,8 +60,13 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
         if given is not None:
             raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
         return None
+    return given or loops_beside(path)
+
+
+def loops_beside(path: Path) -> Path | None:
+    """The file beside a URDF that says what closes its loops; None where there is none."""
     beside = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
-    return given or next((file for file in beside if is_file(file)), None)
+    return next((file for file in beside if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:

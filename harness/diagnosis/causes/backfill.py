@@ -21,6 +21,7 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
 from screwgauge.reference.files import read_file, replace_file
+from screwgauge.reference.outputs import stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
@@ -134,4 +135,4 @@ def write_fix(out: Path, text: str, b: Path) -> None:
         )
     with suppress(OSError):  # which `replace_file` then meets, too
         out.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(out, text)
+    replace_file(out, stamped(text))

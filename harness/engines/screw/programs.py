@@ -83,7 +83,7 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
     except ImportError:
         how = "NumPy" if plain is Lanes else "Python"
         return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
-    key = cache.digest("program", program.inputs, program.code, program.outputs, version)
+    key = cache.digest("program", program.inputs, program.code, program.outputs, program.checks, version)
     stored, said = cache.read(key, version)
     if stored is not None and "code" in stored:
         return native.Native(program, stored["code"].tobytes()), said

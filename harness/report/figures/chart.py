@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from screwgauge.environment import plain
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.looks import Look
+from screwgauge.report.figures.renderer import RENDERER, DrawingError
 from screwgauge.report.formatting import printable
 
 Spec = dict[str, Any]
@@ -122,23 +122,23 @@ def columns(panels: int) -> Spec:
 
 
 def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterable[str] = ()) -> Picture:
-    """Draws a specification.
+    """Draws a specification, or says why it cannot be drawn.
 
     Args:
         build: Specification without a title; ``True``: with more points than can be seen at once.
         notes: How to read it, and what it does not show.
     """
-    import vl_convert
-
-    logging.getLogger("vl_convert").setLevel(logging.ERROR)  # it warns of what has no number; notes tell of gaps
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (plain({**head, **build(moving)}, _printable) for moving in (False, True))
-    still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
-    if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
-        still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
-        draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
-    svg = draw(json.dumps(still))
+    still, draw = _still(still), "vegalite_to_svg"
+    try:
+        if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
+            still, live = (_labelled(RENDERER.ask("vegalite_to_vega", spec)) for spec in (still, live))
+            draw = "vega_to_svg"
+        svg: str = RENDERER.ask(draw, json.dumps(still))
+    except DrawingError as error:
+        return Picture(name, title, "", lost=error.what)
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.files import replace_file, why
+from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.report.gate import PAGE, Check
+from screwgauge.study.gate.baseline import check_baseline
 
 DATA, terminal = PAGE.DATA, PAGE.terminal
 
@@ -23,15 +26,27 @@ def check_files(options: Namespace) -> None:
         if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
             what = "is a folder" if path.is_dir() else "cannot be written (no such folder, or not allowed)"
             raise OutputError(what, str(path), "name another file")
+    read = [name for name in (*options.what, options.tolerances, options.baseline) if name is not None]
+    if options.junit is not None:
+        check_free(options.junit, read, force=options.force)
+    if options.update:
+        check_baseline(options.baseline, force=options.force)
 
 
-def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None) -> Path:
+def write(
+    found: Check,
+    out: Path,
+    *,
+    junit: Path | None = None,
+    baseline: Path | None = None,
+    **writing: Any,
+) -> Path:
     """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
 
     The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
     """
     if junit is not None:
-        replace_file(junit, found.junit())
+        replace_file(junit, stamped(found.junit()))
     if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
         try:
             with Path(summary).open("a", encoding="utf-8") as file:
@@ -39,7 +54,7 @@ def write(found: Check, out: Path, *, junit: Path | None = None, baseline: Path 
         except OSError as error:
             what = f"cannot be written ({why(error)})"
             raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
-    PAGE.write(found, out)
+    PAGE.write(found, out, **writing)
     if baseline is not None:
         found.write_baseline(baseline)
     return out

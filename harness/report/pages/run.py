@@ -258,11 +258,11 @@ def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
     return replace(RUN, values={**VALUES, **brief}).terminal(results)
 
 
-def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, pdf: bool = False) -> Path:
-    """Writes everything, see `screwgauge.report.results.Results.write`."""
+def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, **writing: Any) -> Path:
+    """Writes everything, see `screwgauge.report.results.Results.write`, and `Report.write` for the rest."""
     page = RUN
     if errata:
         from screwgauge.report.pages.paper import errata_values  # brings all that measures them
 
         page = replace(RUN, values={**VALUES, **errata_values(results.scene)})
-    return page.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, pdf=pdf)
+    return page.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, **writing)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -16,9 +17,10 @@ import pandas as pd
 from screwgauge.families.draw import families, random
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of, other_assemblies
-from screwgauge.reference.errors import ScrewgaugeError, check_choice
+from screwgauge.reference.errors import LoaderError, ScrewgaugeError, check_choice
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.lifeline import hold, lifeline
 from screwgauge.study.run import run
 from screwgauge.study.table import added_to, rows_in
 
@@ -55,15 +57,31 @@ def campaign(
 
     Returns:
         The table, sorted.
+
+    Raises:
+        LoaderError: A process was killed, or crashed; all rows that were finished are in the file.
     """
     names = families() if only is None else check_choice("family", only, families())
     items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
     done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms")}
     todo = [item for item in items if item not in done]
-    with added_to(file, columns) as add, ProcessPoolExecutor(workers) as pool:
-        for i, row in enumerate(pool.map(work or measured, todo)):
-            add(row)
-            progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
+    lost = None
+    with (
+        added_to(file, columns) as add,
+        ProcessPoolExecutor(workers, initializer=hold, initargs=(lifeline(),)) as pool,
+    ):
+        try:
+            for i, future in enumerate(as_completed([pool.submit(work or measured, item) for item in todo])):
+                if isinstance(future.exception(), BrokenProcessPool):  # others have finished all the same
+                    lost = future.exception()
+                    continue
+                add(row := future.result())
+                progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
+        finally:
+            pool.shutdown(cancel_futures=True)
+    if lost is not None:
+        what, remedy = "a process of the campaign was killed, or crashed", "run the same command again to go on"
+        raise LoaderError(what, str(file), remedy) from lost
     return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
 
 

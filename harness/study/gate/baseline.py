@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,6 +107,23 @@ def against(file: Path, rows: Sequence[Row], smoke: bool) -> Against:
         worse += [f"{row.scene}: {key} is no longer compared" for key in sorted(lost)]
     notes += [f"{name} is in the baseline and was not checked" for name in before if name not in now["scenes"]]
     return Against(str(file), list(dict.fromkeys(changed)), worse, improved, notes)
+
+
+def check_baseline(file: Path, *, force: bool = False) -> None:
+    """Refuses to make a known state of a file that is none.
+
+    Raises:
+        OutputError: It is something else.
+    """
+    if not os.path.lexists(file) or force:
+        return
+    try:
+        known = json.loads(read_file(file))
+        sound = isinstance(known, dict) and {"schema", "scenes", "environment"} <= known.keys()
+    except (ValueError, RecursionError, DescriptionError):
+        sound = False
+    if not sound:
+        raise OutputError("is there, and is no baseline", str(file), "name another file, or overwrite it by --force")
 
 
 def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:

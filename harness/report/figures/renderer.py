@@ -1,0 +1,142 @@
+"""Draws in a process of its own: V8, which draws charts, ends whoever runs it where memory is short."""
+
+from __future__ import annotations
+
+import atexit
+import base64
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Lock, Timer
+from typing import Any
+
+from screwgauge.reference.errors import ReportError
+from screwgauge.study.lifeline import lifeline
+
+LONGEST = 60.0  # s that one drawing may take
+
+
+class DrawingError(ReportError):
+    """Something that could not be drawn."""
+
+
+class Renderer:
+    """The process that draws, started when it is first wanted and again when it has crashed over one drawing.
+
+    Attributes:
+        lost: Why drawings could not be made.
+    """
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[bytes] | None = None
+        self.able = False  # whether the process has ever answered
+        self.lost: list[str] = []
+        self.lock = Lock()
+
+    def start(self) -> None:
+        """Starts the process, if it does not run; nothing waits for it."""
+        if self.process is not None and self.process.poll() is None:
+            return
+        self.end()
+        line = lifeline().fileno()
+        places = os.pathsep.join(os.path.abspath(place) for place in sys.path)
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "screwgauge.report.figures.v8", str(line)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            pass_fds=(line,),
+            env={**os.environ, "PYTHONPATH": places},
+        )
+        self.able = False
+
+    def ask(self, call: str, *arguments: Any, **named: Any) -> Any:
+        """What a function of vl_convert gives: a text, bytes, or plain data.
+
+        Raises:
+            DrawingError: It cannot; the message says why.
+        """
+        with self.lock:
+            try:
+                found = self._asked({"call": call, "arguments": arguments, "named": named})
+            except BaseException as error:
+                if not isinstance(error, DrawingError):
+                    self.end()  # an answer that nobody has read would be taken for the next
+                else:
+                    self.lost.append(error.what)
+                raise
+        return base64.b64decode(found["bytes"]) if "bytes" in found else found["text"]
+
+    def _asked(self, question: dict[str, Any]) -> dict[str, Any]:
+        if self.process is None or (self.able and self.process.poll() is not None):
+            self._begin()
+        process = self.process
+        assert process is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
+        timer = Timer(LONGEST, process.kill)
+        timer.start()
+        try:
+            process.stdin.write(json.dumps(question).encode() + b"\n")
+            process.stdin.flush()
+            line = process.stdout.readline()
+        except OSError:  # it has gone already
+            line = b""
+        finally:
+            timer.cancel()
+        if not line:
+            raise _error(_ending(process))
+        self.able = True
+        found: dict[str, Any] = json.loads(line)
+        if "error" in found:
+            raise _error(found["error"])
+        return found
+
+    def _begin(self) -> None:
+        try:
+            self.start()
+        except OSError as error:
+            raise _error(f"no process can be started ({error.strerror or error})") from None
+
+    def end(self) -> None:
+        """Ends the process."""
+        process, self.process = self.process, None
+        if process is not None:
+            with suppress(OSError):
+                process.kill()
+            process.communicate()
+
+
+def _error(why: str) -> DrawingError:
+    return DrawingError(why, "", "its numbers are there")
+
+
+def _ending(process: subprocess.Popen[bytes]) -> str:
+    """How the process ended, and what may have been the cause."""
+    status = process.wait()
+    if status == -signal.SIGKILL:
+        how = f"was killed, by whom it had not enough memory for, or after {LONGEST:g} s"
+    else:
+        how = f"got {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+    space, _ = resource.getrlimit(resource.RLIMIT_AS)
+    short = space != resource.RLIM_INFINITY
+    cause = f"; its address space is limited to {space / 1e9:.3g} GB (ulimit -v), and V8 reserves more" if short else ""
+    return f"the process that draws {how}{cause}"
+
+
+RENDERER = Renderer()
+atexit.register(RENDERER.end)
+os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a child has not started it
+
+
+@contextmanager
+def losses() -> Iterator[list[str]]:
+    """What could not be drawn meanwhile: why not, once for each drawing; complete when the context ends."""
+    found, before = list[str](), len(RENDERER.lost)
+    yield found
+    found += RENDERER.lost[before:]

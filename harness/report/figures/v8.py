@@ -1,0 +1,43 @@
+"""The process that draws: calls functions of vl_convert, which bring a browser's JavaScript engine, one a line.
+
+Run as a program: ``python -m screwgauge.report.figures.v8 FD``, the number of its lifeline.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+import os
+import signal
+import sys
+from multiprocessing.connection import Connection
+from typing import Any
+
+from screwgauge.study.lifeline import hold
+
+
+def main() -> None:
+    """Answers lines ``{"call", "arguments", "named"}`` with ``{"text"}``, ``{"bytes"}`` or ``{"error"}``."""
+    hold(Connection(int(sys.argv[1]), writable=False))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and then ends this one
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what a library prints is no answer
+    import vl_convert
+
+    for name in ("vl_convert", "swc_ecma_transforms_optimization"):  # one warns of what has no number, notes tell of
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # gaps; the other calls its passes errors
+    for line in sys.stdin.buffer:
+        print(json.dumps(_answer(vl_convert, json.loads(line))), file=answers, flush=True)
+
+
+def _answer(library: Any, asked: dict[str, Any]) -> dict[str, Any]:
+    try:
+        found = getattr(library, asked["call"])(*asked["arguments"], **asked["named"])
+    except Exception as error:  # of any kind: it is told where the picture would be
+        return {"error": f"{type(error).__name__}: {error}"[:1000]}
+    return {"bytes": base64.b64encode(found).decode()} if isinstance(found, bytes) else {"text": found}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""A lifeline: processes that this one starts end when it ends, however it ends, even by ``kill -9``.
+
+It is a pipe whose writing end this process alone holds; the kernel closes it with the process. Whoever holds the
+reading end is killed by the kernel then, so that a loop in C that never gives Python a turn ends, too. The parent's own
+death signal (``PR_SET_PDEATHSIG``) would not do: it comes when the *thread* ends that started the process.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+from contextlib import suppress
+from multiprocessing.connection import Connection, Pipe
+from threading import Lock, Thread
+
+_LOCK = Lock()
+_ends: tuple[Connection, Connection] | None = None  # for reading and for writing
+
+
+def lifeline() -> Connection:
+    """What a process that this one starts has to `hold`; it pickles on the way to a process that is being started."""
+    global _ends
+    with _LOCK:
+        _ends = _ends or Pipe(duplex=False)
+        return _ends[0]
+
+
+def _let_go() -> None:
+    """A fork would keep the writing end open."""
+    global _ends, _LOCK
+    _LOCK = Lock()
+    if _ends is not None:
+        _ends[1].close()
+        _ends = None
+
+
+os.register_at_fork(after_in_child=_let_go)
+
+
+def hold(line: Connection) -> None:
+    """Ends this process when the one that made the line has ended."""
+    with suppress(OSError, AttributeError):  # F_SETSIG and /proc are Linux's; elsewhere the thread has to do
+        # opened anew: who is told is a property of an open file, which processes share
+        own = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        fcntl.fcntl(own, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(own, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(own, fcntl.F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
+    Thread(target=_wait, args=(line,), daemon=True, name="lifeline").start()
+
+
+def _wait(line: Connection) -> None:
+    """Nothing is ever written: what can be read is the end."""
+    with suppress(OSError):
+        line.poll(None)
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -1,0 +1,111 @@
+"""Limits hold without the parent: a process whose parent is gone ends, and its own limit of time is kept by itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+
+import bad_works
+import pytest
+
+from screwgauge.families.draw import families
+from screwgauge.reference.errors import LoaderError
+from screwgauge.study import apart as processes
+from screwgauge.study.apart import Limits, apart
+from screwgauge.study.ask import silent
+from screwgauge.study.campaigns.campaign import campaign
+
+#: A program that puts work into processes and waits for it.
+PARENT = """
+import sys
+from functools import partial
+from pathlib import Path
+
+import bad_works
+
+kind, folder = sys.argv[1], Path(sys.argv[2])
+if kind == "campaign":
+    from screwgauge.study.campaigns.campaign import campaign
+
+    work = partial(bad_works.campaign_hangs, folder=folder)
+    campaign(2, folder / "rows.csv", work=work, columns=("family", "seed"))
+else:
+    from screwgauge.study.apart import Limits, apart
+
+    work = partial(getattr(bad_works, kind), folder=folder)
+    apart({"one": work, "two": work}, Limits(), lambda name, share: None)
+"""
+
+
+def until(true: Callable[[], bool], most: float = 30.0) -> bool:
+    """Whether something comes true within so many seconds; others get the processor meanwhile."""
+    end = monotonic() + most
+    while not (found := true()) and monotonic() < end:
+        os.sched_yield()
+    return found
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and that nobody asks about does not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state not in "ZX"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
+@pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "campaign"])
+def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, kind, str(tmp_path)], env=environment)
+    try:
+        assert until(lambda: len([*tmp_path.glob("*.pid")]) == 2, 60.0)
+        children = [int(file.stem) for file in tmp_path.glob("*.pid")]
+        assert all(map(alive, children))
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    try:
+        assert until(lambda: not any(map(alive, children)))
+    finally:
+        for child in filter(alive, children):
+            os.kill(child, signal.SIGKILL)
+
+
+def test_a_thread_that_has_ended_takes_no_process_with_it():
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(apart, {"thread": bad_works.fine}, Limits(), silent).result()
+    assert apart({"thread": bad_works.fine}, Limits(), silent) == first
+
+
+def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
+    monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
+    (found,) = apart({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
+    assert found.reason == "stopped after 60 s, the limit; --limit sets another"
+
+
+def test_the_limit_of_a_work_does_not_outlast_it():
+    works = {"early": bad_works.fine}
+    first = apart(works, Limits(seconds=1e300), silent)
+    assert apart(works, Limits(), silent) == first
+    assert apart({"early": bad_works.timer}, Limits(seconds=7.0), silent)["early"] > 7.0
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_progress_that_cannot_be_written_costs_no_result(monkeypatch):
+    assert apart({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}
+
+
+def test_a_campaign_whose_process_is_killed_says_so_and_keeps_its_rows(tmp_path):
+    file, columns, count = tmp_path / "rows.csv", ("family", "seed"), len(families())
+    with pytest.raises(LoaderError, match="run the same command again"):
+        campaign(count + 1, file, work=bad_works.campaign_dies, columns=columns, workers=1)
+    assert len(file.read_text(encoding="utf-8").splitlines()) == 1 + count

@@ -1,0 +1,195 @@
+"""No command overwrites what it reads, or a file that this program did not write, without ``--force``."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from gates import repository, scene
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.outputs import is_as_written, stamped
+from screwgauge.report.lock import locked
+
+MINE = "# mine\n"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch, no_progress):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def bars() -> None:
+    """A description and its models; the crank of one of them is heavier."""
+    repository(Path())
+    for path in Path().glob("four-bar*.*"):
+        if path.name != "four-bar.toml":
+            path.unlink()
+    assert main(["models", "four-bar.toml", "--out", "."]) == 0
+    text = Path("four-bar.xml").read_text(encoding="utf-8")
+    assert 'mass="0.5"' in text
+    Path("b.xml").write_text(text.replace('mass="0.5"', 'mass="0.6"'), encoding="utf-8")
+
+
+def refused(*arguments: str) -> str:
+    """Runs a command that has to refuse, and to leave all files as they are. Returns what it says."""
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    assert main([*arguments]) == 2
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+    return " ".join(arguments)
+
+
+WRITING = {
+    "view --out": (["view", "a01-pendulum", "--out", "mine.toml"], "mine.toml"),
+    "view --png": (["view", "a01-pendulum", "--png", "mine.png"], "mine.png"),
+    "view --video": (["view", "a01-pendulum", "--video", "mine.gif"], "mine.gif"),
+    "check --junit": (["check", "slider-crank", "--smoke", "--junit", "mine.xml"], "mine.xml"),
+    "check --update": (["check", "slider-crank", "--smoke", "--update", "--baseline", "mine.json"], "mine.json"),
+    "diagnose --fix": (["diagnose", "four-bar.xml", "b.xml", "--fix", "mine.xml"], "mine.xml"),
+    "import": (["import", "four-bar.urdf", "--out", "mine.toml"], "mine.toml"),
+    "import's scene": (["import", "four-bar.urdf", "--out", "mine.toml"], "mine.scene.toml"),
+    "models": (["models", "four-bar.toml", "--out", "out"], "out/four-bar.loops.toml"),
+}
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_a_file_of_one_s_own_is_overwritten_by_force_only(name, bars, capsys):
+    command, file = WRITING[name]
+    pytest.importorskip("PIL") if name == "view --video" else None
+    Path(file).parent.mkdir(exist_ok=True)
+    Path(file).write_text(MINE, encoding="utf-8")
+    refused(*command)
+    said = capsys.readouterr()
+    assert said.err.startswith(f"screwgauge: {file}: is there, and ")
+    assert said.err.endswith("or overwrite it by --force.\n")
+    if name != "view --video":  # takes long
+        assert main([*command, "--force"]) in (0, 1)
+        assert Path(file).read_bytes() != MINE.encode()
+
+
+READING = {
+    "view": ["view", "four-bar.toml", "--out", "four-bar.toml"],
+    "view two": ["view", "four-bar.toml", "b.xml", "--out", "b.xml"],
+    "check": ["check", "scene.toml", "--smoke", "--junit", "scene.toml"],
+    "check a model": ["check", "four-bar.xml", "b.xml", "--junit", "four-bar.xml"],
+    "diagnose A": ["diagnose", "four-bar.xml", "b.xml", "--fix", "four-bar.xml"],
+    "diagnose A by a library": ["diagnose", "four-bar.xml@mujoco", "b.xml", "--fix", "four-bar.xml"],
+    "models of a model": ["models", "four-bar.urdf", "--out", "."],
+    "import": ["import", "four-bar.urdf", "--loops", "four-bar.loops.toml", "--out", "four-bar.loops.toml"],
+}
+
+
+@pytest.mark.parametrize("name", READING)
+def test_what_a_command_reads_is_not_overwritten_even_if_it_was_written_here(name, bars, capsys):
+    Path("scene.toml").write_text(stamped(scene()), encoding="utf-8")
+    refused(*READING[name])
+    said = capsys.readouterr().err
+    assert "--force" in said or name.startswith("check")
+
+
+def test_the_second_model_is_never_overwritten(bars, capsys):
+    for force in ([], ["--force"]):
+        assert main(["diagnose", "four-bar.xml", "b.xml", "--fix", "b.xml", *force]) == 2
+    assert 'mass="0.6"' in Path("b.xml").read_text(encoding="utf-8")
+
+
+def test_what_was_written_here_is_written_again_and_what_was_changed_since_is_not(bars, capsys):
+    command = ["models", "four-bar.toml", "--out", "."]
+    assert main(command) == 0
+    for name in ("four-bar.urdf", "four-bar-full.xml", "four-bar.loops.toml"):
+        assert is_as_written(Path(name))
+        text = Path(name).read_text(encoding="utf-8")
+        Path(name).write_text(text.replace("crank", "handle", 1), encoding="utf-8")
+        refused(*command)
+        assert f"{name}: is there, and not as screwgauge wrote it" in capsys.readouterr().err
+        Path(name).unlink()
+        assert main(command) == 0
+
+
+def test_a_junit_file_of_the_last_check_is_replaced(capsys):
+    command = ["check", "slider-crank", "--smoke", "--junit", "junit.xml"]
+    assert main(command) == 0
+    first = Path("junit.xml").read_bytes()
+    assert main(command) == 0
+    assert Path("junit.xml").read_bytes() != b""
+    assert is_as_written(Path("junit.xml"))
+    assert first.startswith(b"<?xml")
+
+
+def test_a_history_makes_no_baseline_of_something_else(capsys):
+    pytest.importorskip("duckdb")
+    Path("mine.json").write_text('{"mine": 1}', encoding="utf-8")
+    assert main(["check", "slider-crank", "--smoke", "--store", "store"]) == 0
+    capsys.readouterr()
+    refused("history", "--store", "store", "--smoke", "--baseline", "mine.json")
+    assert "mine.json: is there, and is no baseline" in capsys.readouterr().err
+    assert main(["history", "--store", "store", "--smoke", "--baseline", "mine.json", "--force"]) == 0
+    assert main(["history", "--store", "store", "--smoke", "--baseline", "mine.json"]) == 0
+    assert "scenes" in json.loads(Path("mine.json").read_text(encoding="utf-8"))
+
+
+def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
+    asked = ["--engines", "screw,mine", "--quantities", "joint_position", "--samples", "--out", "out"]
+    found = screwgauge.run(screwgauge.load_scene("slider-crank"), ["screw"], ["joint_position"])
+    found.write("out", samples=True)
+    table = pd.read_parquet("out/samples.parquet").rename(columns=lambda name: name.removeprefix("screw/"))
+    table.to_parquet("out/samples.parquet")
+    text = (Path(screwgauge.__file__).parent / "scenes" / "slider-crank.toml").read_text(encoding="utf-8")
+    Path("mine.toml").write_text(f'tables.mine = "out/samples.parquet"\n{text}', encoding="utf-8")
+    refused("run", "mine.toml", *asked)
+    assert "the report's samples.parquet would overwrite what is read" in capsys.readouterr().err
+
+
+def test_a_report_takes_the_place_of_one_s_own_files_by_force_only(capsys):
+    Path("out").mkdir()
+    Path("out/errors.csv").write_text("mine", encoding="utf-8")
+    run = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position", "--out", "out"]
+    refused(*run)
+    assert capsys.readouterr().err.endswith("--force.\n")
+    assert main([*run, "--force"]) == 0
+    assert Path("out/errors.csv").read_text(encoding="utf-8").startswith("quantity,")
+
+
+def test_the_second_command_into_a_folder_is_refused(capsys):
+    run = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position", "--out", "out"]
+    with locked(Path("out")):
+        assert main(run) == 2
+        assert "out: another command is writing into the folder; wait for its end" in capsys.readouterr().err
+        with pytest.raises(OutputError, match="another command"):
+            screwgauge.run(screwgauge.load_scene("slider-crank"), ["screw"], ["joint_position"]).write("out")
+    assert not Path("out").exists()  # nothing was put there
+    assert main(run) == 0
+
+
+def test_a_folder_is_free_when_who_held_it_is_killed():
+    code = "from pathlib import Path; from screwgauge.report.lock import locked\n"
+    code += "with locked(Path('out')): print(flush=True); input()"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment, **pipes) as one:
+        one.stdout.readline()
+        with pytest.raises(OutputError, match="another command"), locked(Path("out")):
+            pass
+        one.kill()
+        one.wait()
+    with locked(Path("out")):
+        pass
+
+
+@pytest.mark.parametrize("text", ["", "<a/>", "a = 1\n", "<a>\n</a>\n\n"])
+def test_a_digest_tells_a_text_as_it_was_written(text, tmp_path):
+    file = tmp_path / "file"
+    file.write_text(stamped(text), encoding="utf-8")
+    assert is_as_written(file)
+    for other in (text, f"{stamped(text)}\n", f"x{stamped(text)}", stamped(text).removesuffix("\n")):
+        file.write_text(other, encoding="utf-8")
+        assert not is_as_written(file)
