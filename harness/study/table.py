@@ -6,13 +6,17 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from errno import ENOSPC
+from io import SEEK_END, StringIO
 from operator import attrgetter
+from os import strerror
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import why
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
@@ -52,15 +56,35 @@ def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str
 
 @contextmanager
 def added_to(file: Path, columns: Sequence[str]) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """What adds rows to a CSV file, begun if there is none; each is there as soon as it is added."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("a", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, columns, lineterminator="\n")
-        if not stream.tell():
-            writer.writeheader()
+    """What adds rows to a CSV file, begun if there is none; each is there, in whole, as soon as it is added.
+
+    Raises:
+        OutputError: There is no room, say; all rows before are there.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        stream = file.open("ab", buffering=0)
+    except OSError as error:
+        raise _full(file, error) from None
+    with stream:
 
         def add(row: Mapping[str, Any]) -> None:
+            text, size = StringIO(newline=""), stream.seek(0, SEEK_END)
+            writer = csv.DictWriter(text, columns, lineterminator="\n")
+            if not size:
+                writer.writeheader()
             writer.writerow(row)
-            stream.flush()
+            data = text.getvalue().encode()
+            try:
+                if stream.write(data) < len(data):
+                    raise OSError(ENOSPC, strerror(ENOSPC))
+            except OSError as error:
+                stream.truncate(size)
+                raise _full(file, error) from None
 
         yield add
+
+
+def _full(file: Path, error: OSError) -> OutputError:
+    remedy = "make room and run the same command again: it goes on from the rows that are there"
+    return OutputError(f"cannot be written ({why(error)})", str(file), remedy)

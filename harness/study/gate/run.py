@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.importing import is_model
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.errors import OutputError, ScrewgaugeError
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Failure
 from screwgauge.study import apart
@@ -53,7 +54,8 @@ def check_items(
             result = Row(name, "failed", f"{name}: {engine}{result.reason}")
         rows[name] = result
         if keys:
-            kept.keep(keys[name], asdict(result))
+            with suppress(OutputError):  # the row is told all the same; the report meets the full disk again
+                kept.keep(keys[name], asdict(result))
 
     if limits is None:
         for i, (name, work) in enumerate(works.items()):

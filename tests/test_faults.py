@@ -1,0 +1,78 @@
+"""What has been computed is not lost where the disk is full, a folder cannot be written or nobody has a home."""
+
+from __future__ import annotations
+
+import resource
+from contextlib import contextmanager
+
+import pandas as pd
+import pytest
+
+from screwgauge.cli import main
+from screwgauge.reference.errors import OutputError
+from screwgauge.report import write
+from screwgauge.report.folder import put_files
+from screwgauge.study.journal import Journal
+from screwgauge.study.table import added_to
+from screwgauge.truth import cache
+
+RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
+
+
+@contextmanager
+def files_of_at_most(size: int):
+    """A disk, as far as a file can tell, that is full when the file has so many bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_rows_before_the_disk_was_full_are_there_in_whole(tmp_path):
+    file = tmp_path / "rows.csv"
+    with added_to(file, ("a", "b")) as add:
+        add({"a": 1, "b": "first"})
+        size = file.stat().st_size
+        with (
+            files_of_at_most(size + 5),
+            pytest.raises(OutputError, match=r"rows\.csv: cannot be written \(.*run the s"),
+        ):
+            add({"a": 2, "b": "x" * 50})
+        assert file.stat().st_size == size
+        add({"a": 3, "b": "third"})
+    assert pd.read_csv(file)["b"].tolist() == ["first", "third"]
+
+
+def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, capfd, monkeypatch, no_progress):
+    def keep(self, key, result):
+        raise OutputError("cannot be written (no space left on device)", "check.partial.jsonl", "choose another --out")
+
+    monkeypatch.setattr(Journal, "keep", keep)
+    assert main(["check", "slider-crank", "--smoke", "--out", str(tmp_path / "out")]) == 0
+    assert "1 of 1 pass" in capfd.readouterr().out
+
+
+def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, capfd, monkeypatch, no_progress):
+    def put(*arguments):
+        with files_of_at_most(500):  # several of them are longer
+            put_files(*arguments)
+
+    monkeypatch.setattr(write, "put_files", put)
+    assert main([*RUN, "--out", str(tmp_path / "out")]) == 2
+    said = capfd.readouterr()
+    assert "Only screw ran" in said.out
+    assert said.out.endswith("report: none\n")
+    assert "the folder cannot be written (" in said.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("home", [None, "", "/dev/null/home"])
+def test_who_has_no_home_runs_all_the_same(home, tmp_path, monkeypatch, no_progress):
+    for name in (cache.VARIABLE, "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("os.path.expanduser", lambda path: path if home is None else path.replace("~", home))
+    if home is not None:
+        monkeypatch.setenv("HOME", home)
+    assert main([*RUN, "--out", str(tmp_path / "out")]) == 0
