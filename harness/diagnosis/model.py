@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
@@ -87,12 +88,12 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
         ScrewgaugeError: It cannot be read.
     """
     text, library = str(given), ""
-    if "@" in text and not Path(text).exists():
+    if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
         if library not in LIBRARIES:
             raise UnknownNameError("library", library, LIBRARIES, str(given))
     file = Path(text)
-    if not library and (file.suffix == ".toml" or (not file.suffix and not file.exists())):
+    if not library and (file.suffix == ".toml" or (not file.suffix and not os.path.exists(file))):
         return _described(text)
     library = library or libraries_for(file)[0]
     content = read_file(file)
@@ -105,8 +106,8 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
 
 def _described(name: str) -> Model:
     mechanism = load_mechanism(name)
-    file = Path(name) if Path(name).is_file() else None
-    sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
+    file = Path(name) if is_file(Path(name)) else None
+    sha256 = digest(file) if file else ""
     return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)
 
 

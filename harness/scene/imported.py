@@ -11,7 +11,8 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import notes
 from screwgauge.models.importing.write import description
-from screwgauge.reference.errors import OutputError
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.files import read_file
 from screwgauge.scene.default import SUFFIX, acting_on, default_scene
 
 #: How the last line begins, which tells a file as it was imported from one that somebody has worked on.
@@ -32,7 +33,7 @@ def write_imported(imported: Imported, file: Path) -> tuple[Path, Path]:
         raise OutputError("is no name of a description", str(file), "let it end in .toml")
     scene = file.with_name(f"{file.stem}{SUFFIX}")
     for path in (file, scene):
-        if path.exists() and not _as_imported(path):
+        if os.path.lexists(path) and not _as_imported(path):
             what = "is there, and not as an import has written it: by hand, or changed since"
             raise OutputError(what, str(path), "name another file by --out, or take this one away")
     try:
@@ -59,7 +60,7 @@ def _last(text: str) -> str:
 
 def _as_imported(path: Path) -> bool:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    except (OSError, UnicodeDecodeError):
+        lines = read_file(path).splitlines(keepends=True)
+    except DescriptionError:
         return False
     return bool(lines) and lines[-1] == _last("".join(lines[:-1]))

@@ -36,6 +36,7 @@ class Comparison:
         mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
+        unread: Those of them on files that the scene names and nobody read.
         refusals: Samples at which an engine gives no number, with the reason.
         cover: Looks at what the scene could have seen of mistakes: not everybody asks.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
@@ -51,6 +52,7 @@ class Comparison:
     mobility: Mapping[str, Any]
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
     cover: Callable[[], Coverage] = Coverage
     known: Sequence[str] = ()

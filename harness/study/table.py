@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
@@ -13,6 +14,7 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import read_file
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
@@ -40,14 +42,17 @@ def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str
     Raises:
         OutputError: Its columns are others.
     """
-    if not file.is_file():
+    if not os.path.lexists(file):
         return []
-    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.DictReader(stream)
-        if tuple(rows.fieldnames or columns) != tuple(columns):
-            said = f"is no table of {what}, or one of another version"
-            raise OutputError(said, str(file), "move it, or choose another --out")
-        return list(rows)
+    lines = csv.reader(read_file(file, "MB of CSV").splitlines(keepends=True), strict=True)
+    try:
+        head, *rows = list(lines) or [[*columns]]
+    except csv.Error:  # a field of a megabyte, quotes within quotes
+        head, rows = [], []
+    if tuple(head) != tuple(columns) or any(len(row) != len(columns) for row in rows):
+        said = f"is no table of {what}, or one of another version"
+        raise OutputError(said, str(file), "move it, or choose another --out")
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, cast
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from screwgauge.environment import plain
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import printable
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.looks import Look
-from screwgauge.report.formatting import printable
 
 Spec = dict[str, Any]
 Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
@@ -133,18 +133,13 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     logging.getLogger("vl_convert").setLevel(logging.ERROR)  # it warns of what has no number; notes tell of gaps
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
-    still, live = (plain({**head, **build(moving)}, _printable) for moving in (False, True))
+    still, live = (plain({**head, **build(moving)}, partial(printable, lines=True)) for moving in (False, True))
     still, draw = _still(still), cast(Callable[[str], str], vl_convert.vegalite_to_svg)
     if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
         still, live = (_labelled(vl_convert.vegalite_to_vega(spec)) for spec in (still, live))
         draw = cast(Callable[[str], str], vl_convert.vega_to_svg)
     svg = draw(json.dumps(still))
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
-
-
-def _printable(text: str) -> str:
-    """With what no SVG may contain as spaces; most of a chart are lines of numbers, which have none."""
-    return text if text.isascii() and text.replace("\n", "").isprintable() else printable(text, "\n")
 
 
 def _still(node: Any) -> Any:
