@@ -56,6 +56,7 @@ def write_report(
         put_files(out, {**drawn, **pages}, {*data, *printed})
         if pdf:
             print_page(out / PAGES[1], out / PDF)
+            put_files(out, {}, {*drawn, *pages, *data, *printed})
     except OutputError:  # says itself what is missing
         raise
     except KeyboardInterrupt:
