@@ -9,8 +9,9 @@ import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from screwgauge.reference.errors import DescriptionError, OutputError
 
@@ -111,7 +112,7 @@ _CHECK = "check the path"
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
+def _opened(path: Path) -> Iterator[BufferedReader]:
     """A regular file, open for reading; a DescriptionError if there is none."""
     try:
         # opening a FIFO would wait for somebody to write into it

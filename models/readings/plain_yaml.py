@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,8 +82,8 @@ class _Composer:
             return self.anchors[anchor]
         if event.tag is not None and event.tag != "!":
             raise self.refusal(event, f"the tag {event.tag}", "write the value without it")
-        make = {"ScalarEvent": self.scalar, "SequenceStartEvent": self.sequence}.get(kind, self.mapping)
-        value = make(event, depth)
+        makers: dict[str, Callable[..., Any]] = {"ScalarEvent": self.scalar, "SequenceStartEvent": self.sequence}
+        value = makers.get(kind, self.mapping)(event, depth)
         if anchor is not None:  # known when it is complete: nothing contains itself
             self.anchors[anchor] = value
         return value

@@ -70,12 +70,11 @@ def blind(results: Comparison) -> str:
     Returns:
         A sentence; empty if every planted difference is seen, and its size is right.
     """
-    planted = [*_planted(next(iter(results.solutions.values()), None), results.scene)]
-    for quantity, unit, first, second, size in planted:
-        both = {one.engine: one for one in (first, second)}
-        problem = results.scene.problem((quantity,))
-        of = results.scene.mechanism, problem, both, {}, _ALL_DETERMINED, results.scene.tolerance
-        found = [row for row in compare(*of)[1].to_dict("records") if row["unit"] == unit]
+    scene = results.scene
+    for quantity, unit, first, second, size in _planted(next(iter(results.solutions.values()), None), scene):
+        both, problem = {one.engine: one for one in (first, second)}, scene.problem((quantity,))
+        pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, scene.tolerance)[1]
+        found = [row for row in pairs.to_dict("records") if row["unit"] == unit]
         what = f"{quantity} [{unit}]: a planted difference of {size:.3g} scaled"
         if len(found) != 1:
             return f"{what} was not compared"
@@ -83,7 +82,7 @@ def blind(results: Comparison) -> str:
         if not abs(row["max_scaled"] - size) <= EXACTLY * size:
             return f"{what} was compared as {row['max_scaled']:.3g}"
         if row["ok"]:
-            return f"{what} passes a tolerance of {results.scene.tolerance(quantity):.3g}"
+            return f"{what} passes a tolerance of {scene.tolerance(quantity):.3g}"
     return ""
 
 
@@ -92,7 +91,9 @@ def _planted(solution: Solution | None, scene: Scene) -> Iterator[tuple[str, str
 
     What is zero throughout, or not a number, is no measure of anything and left out.
     """
-    for quantity, values in solution.values.items() if solution else ():
+    if solution is None:
+        return
+    for quantity, values in solution.values.items():
         for unit in dict.fromkeys(values.units):
             array, of = values.array.copy(), [i for i, one in enumerate(values.units) if one == unit]
             largest = float(np.abs(array[:, of]).max(initial=0.0))
@@ -102,6 +103,5 @@ def _planted(solution: Solution | None, scene: Scene) -> Iterator[tuple[str, str
             size = PLANTED * scene.tolerance(quantity)
             array[row, of[column]] -= np.sign(array[row, of[column]]) * size * largest
             other = Values(values.components, values.units, array)
-            alone = {"tolerances": {}, "stated": {}, "radius": {}, "estimate": {}}
-            first = replace(solution, values={quantity: values}, **alone)
+            first = replace(solution, values={quantity: values}, tolerances={}, stated={}, radius={}, estimate={})
             yield quantity, unit, first, replace(first, engine=TWIN, values={quantity: other}), size
