@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,13 +82,16 @@ class _Composer:
             return self.anchors[anchor]
         if event.tag is not None and event.tag != "!":
             raise self.refusal(event, f"the tag {event.tag}", "write the value without it")
-        makers: dict[str, Callable[..., Any]] = {"ScalarEvent": self.scalar, "SequenceStartEvent": self.sequence}
-        value = makers.get(kind, self.mapping)(event, depth)
+        value: Any
+        if kind == "ScalarEvent":
+            value = self.scalar(event)
+        else:
+            value = self.sequence(event, depth) if kind == "SequenceStartEvent" else self.mapping(event, depth)
         if anchor is not None:  # known when it is complete: nothing contains itself
             self.anchors[anchor] = value
         return value
 
-    def scalar(self, event: yaml.ScalarEvent, depth: int) -> Any:
+    def scalar(self, event: yaml.ScalarEvent) -> Any:
         """A text; unquoted, also a number or a word that JSON has."""
         text: str = event.value
         if event.style is not None or event.tag == "!":
