@@ -93,7 +93,9 @@ def read_parquet(path: Path) -> DataFrame:
     # a few bytes can stand for many equal numbers
     check_count(8e-6 * columns * rows, "MB of CSV", str(path))
     try:
-        data: DataFrame = file.read(use_threads=False).to_pandas(ignore_metadata=True)
+        table = file.read(use_threads=False)
+        table.validate(full=True)  # texts are looked at when they are used, or here
+        data: DataFrame = table.to_pandas(ignore_metadata=True)
     except Exception as error:
         raise _no_parquet(path, error) from None
     return data
