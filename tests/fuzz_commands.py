@@ -3,9 +3,9 @@
     python tests/fuzz_commands.py --count 500           # of each kind; seeds from the clock, printed
     python tests/fuzz_commands.py --kinds journal --count 1 --seed 17
 
-Looked for are: what nobody foresaw, more than 60 s, more than 4 GB, a process that dies, signs that steer a terminal, and
-anything written outside ``--out``. A process with all imports is forked for each case. Pictures are drawn in every tenth
-case; libraries read models in the same process, and only where one of them does not survive that in its own, as ever.
+Looked for are: what nobody foresaw, more than 60 s, more than 4 GB, a process that dies, signs that steer a terminal,
+and anything written outside ``--out``. A process with all imports is forked for each case. Pictures are drawn in every
+tenth case; libraries read models in the same process, and in one of their own only where they do not survive that.
 """
 
 from __future__ import annotations

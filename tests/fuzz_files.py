@@ -6,6 +6,7 @@ import copy
 import json
 import os
 import random
+import tomllib
 from collections.abc import Callable
 from functools import lru_cache
 from io import BytesIO
@@ -16,7 +17,6 @@ from typing import Any, NamedTuple
 import fuzz
 import numpy as np
 import pandas as pd
-import tomllib
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_path
@@ -31,6 +31,9 @@ from screwgauge.study.journal import Journal
 
 MECHANISMS = ("slider-crank", "five-bar", "bennett")
 JOURNAL = f"out/{gate.NAME}"
+#: What a check leaves.
+REPORT = tuple(f"out/{name}" for name in ("report.md", "report.html", "check.json", "environment.json", MANIFEST))
+REPORTS = Path(__file__).parents[1] / "reports"
 #: What no entry should be, beside what `fuzz` puts there.
 HOSTILE: tuple[Any, ...] = (
     *fuzz.BAD,
@@ -48,15 +51,29 @@ SPECIAL: dict[str, Callable[[Path], object]] = {
     "huge": lambda path: (path.touch(), os.truncate(path, 10**11)),
     "unreadable": lambda path: (path.write_bytes(b"x"), path.chmod(0)),
 }
+_LETTERS = b"abcdefghij"
 #: Whole texts that are bad in any format.
 TEXTS = (
-    *(b"", b"\0", b"[" * 100_000, b"{" * 100_000, b"<a>" * 100_000, b"9" * 5000, b"\xff\xfe", b"\xef\xbb\xbf"),
-    *(b"a." * 50_000 + b"a = 1", b"[" + b".".join([b"a"] * 2000) + b"]", b"{" + b'"a":{' * 5000, b"x = " + b"1" * 10**6),
-    *(b"- " * 5000, b"a: &a [x]\n" + b"b: *a\n" * 5, b"\n".join(b"%c: &%c [*%c, *%c]" % (c + 1, c + 1, c, c) for c in b"abcdefghij")),
-    b"".join(b"%c: &%c {<<: [%s]}\n" % (c + 1, c + 1, b", ".join([b"*%c" % c] * 10)) for c in b"abcdefghij"),
-    *(b"a: !!int ''", b"a: !!float ''", b"a: !!bool x", b"a: !!timestamp x", b"a: 59:59:59", b"PAR1" * 3, b"t,x\n" + b"," * 10**6),
+    b"",
+    b"\0",
+    b"\xff\xfe",
+    b"\xef\xbb\xbf",
+    b"9" * 5000,
+    b"x = " + b"1" * 10**6,
+    b"[" * 100_000,
+    b"{" * 100_000,
+    b"{" + b'"a":{' * 5000,
+    b"<a>" * 100_000,
+    b"a." * 50_000 + b"a = 1",
+    b"[" + b".".join([b"a"] * 2000) + b"]",
+    b"- " * 5000,
+    b"".join(b"%c: &%c [*%c, *%c]\n" % (c + 1, c + 1, c, c) for c in _LETTERS),
+    b"a: &a {x: y}\n" + b"".join(b"%c: &%c {<<: [%s]}\n" % (c + 1, c + 1, b"*%c, " % c * 10) for c in _LETTERS),
+    *(b"a: !!int ''", b"a: !!float ''", b"a: !!bool x", b"a: !!timestamp x", b"a: 59:59:59"),
+    b"PAR1" * 3,
+    b"t,x\n" + b"," * 10**6,
     b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>',
-)  # fmt: skip
+)
 
 
 class Kind(NamedTuple):
@@ -78,14 +95,26 @@ KINDS = {
     "import": Kind(
         ("import", "model.urdf", "--out", "out/x.toml"),
         ("model.urdf", "model.loops.toml"),
-        (("--floating",), ("--reader", "mujoco"), ("--reader", "yourdfpy"), ("--independent", "x"), ("--actuated", "x,y")),
+        (
+            ("--floating",),
+            ("--reader", "mujoco"),
+            ("--reader", "yourdfpy"),
+            ("--independent", "x"),
+            ("--actuated", "x,y"),
+        ),
     ),
     "import-mjcf": Kind(("import", "model.xml", "--out", "out/x.toml"), ("model.xml",), (("--reader", "pinocchio"),)),
     "robot-yaml": Kind(("import", "frames.urdf", "--loops", "robot.yaml", "--out", "out/x.toml"), ("robot.yaml",)),
     "diagnose": Kind(
         ("diagnose", "model.urdf", "model.xml", "--limit", "20", *OUT),
         ("model.urdf", "model.xml", "map.toml", "model.loops.toml"),
-        (("--json",), ("--map", "map.toml"), ("--loops", "model.loops.toml"), ("--fix", "out/fixed.xml"), ("--matrix",)),
+        (
+            ("--json",),
+            ("--map", "map.toml"),
+            ("--loops", "model.loops.toml"),
+            ("--fix", "out/fixed.xml"),
+            ("--matrix",),
+        ),
     ),
     "folder": Kind(
         ("check", ".", *OUT),
@@ -100,9 +129,14 @@ KINDS = {
         ("store/a.parquet", "store/b.parquet", "store/c.parquet"),
         (("scene",), ("--baseline", "out/known.json"), ("--smoke",)),
     ),
-    "tables": Kind(("run", "tables.toml", *OUT), ("mine.csv", "mine.parquet", "tables.toml"), (("--json",), ("--samples",))),
+    "tables": Kind(
+        ("run", "tables.toml", *OUT), ("mine.csv", "mine.parquet", "tables.toml"), (("--json",), ("--samples",))
+    ),
     "manifest": Kind(("check", "scene.toml", *OUT), (*[f"out/{MANIFEST}"] * 4, "out/report.md", "out/check.json")),
-}  # fmt: skip
+    "random": Kind(("bench", "--random", "6", *OUT), ("out/random.csv",)),
+    "alarms": Kind(("check", "--self-test", "--count", "6", *OUT), ("out/alarms.csv",)),
+    "self-test": Kind(("diagnose", "--self-test", "--count", "5", *OUT), ("out/selftest.csv",)),
+}
 
 
 @lru_cache
@@ -126,9 +160,20 @@ def whole(name: str) -> dict[str, bytes]:
             (Path(folder) / file).write_bytes(data)
         os.chdir(folder)
         try:
-            return files | _left()
+            return files | _left() | _campaigns()
         finally:
             os.chdir(before)
+
+
+def _campaigns() -> dict[str, bytes]:
+    """The first rows of campaigns: of all that is asked for in `KINDS`."""
+    found = {}
+    for file, column, most in (("random/random.csv", "seed", 1), ("check/alarms.csv", "seed", 1)):
+        table = pd.read_csv(REPORTS / file, dtype=str, keep_default_na=False)
+        found[file] = table[table[column].astype(int) < most]
+    table = pd.read_csv(REPORTS / "selftest/selftest.csv", dtype=str, keep_default_na=False)
+    found["selftest/selftest.csv"] = table[table["number"].astype(int) < 5]
+    return {f"out/{Path(file).name}": table.to_csv(index=False).encode() for file, table in found.items()}
 
 
 def _left() -> dict[str, bytes]:
@@ -177,13 +222,11 @@ class Case(NamedTuple):
     done: str
 
     def write(self, folder: Path) -> None:
-        """Puts all files there."""
-        left = () if self.kind in ("journal", "manifest") else ("out/",)
+        """Puts all files there; in ``out`` only those that the command finds of an earlier one."""
+        of_reports = self.kind == "manifest"
         for file, data in {**whole(self.mechanism), self.file: self.data}.items():
             path = folder / file
-            if file.startswith((*left, JOURNAL if self.kind != "journal" else "no/")):
-                continue
-            if self.kind == "journal" and file.startswith("out/") and file != JOURNAL:
+            if file.startswith("out/") and file != self.file and not (of_reports and file in REPORT):
                 continue
             path.parent.mkdir(exist_ok=True)
             if file == self.file and self.special:

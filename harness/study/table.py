@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from itertools import repeat
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -33,14 +36,18 @@ def columns_of(row: type[Any]) -> dict[str, str]:
     return {field.name: field.name for field in fields(row)}
 
 
-def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str]]:
+def rows_in(
+    file: Path, columns: Sequence[str], what: str, whole: Sequence[str] = (), sizes: Sequence[str] = ()
+) -> list[dict[str, str]]:
     """The rows that a CSV file has already; none where there is no file.
 
     Args:
         what: It is the table of, for the complaint.
+        whole: Columns of whole numbers.
+        sizes: Columns of numbers from 0 on, which may be empty.
 
     Raises:
-        OutputError: Its columns are others.
+        ScrewgaugeError: It cannot be read, its columns are others, or a number is none.
     """
     if not os.path.lexists(file):
         return []
@@ -52,7 +59,24 @@ def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str
     if tuple(head) != tuple(columns) or any(len(row) != len(columns) for row in rows):
         said = f"is no table of {what}, or one of another version"
         raise OutputError(said, str(file), "move it, or choose another --out")
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+    found = [dict(zip(columns, row, strict=True)) for row in rows]
+    for name, holds in [*zip(whole, repeat(_is_whole)), *zip(sizes, repeat(_is_size))]:
+        if odd := [row[name] for row in found if not holds(row[name])]:
+            raise OutputError(
+                f"is no table of {what}: {name} is {odd[0]!r:.60}", str(file), "move it, or choose another --out"
+            )
+    return found
+
+
+def _is_whole(text: str) -> bool:
+    return bool(re.fullmatch(r"[0-9]{1,9}", text))
+
+
+def _is_size(text: str) -> bool:
+    try:
+        return not text or 0.0 <= float(text) < inf
+    except ValueError:
+        return False
 
 
 @contextmanager

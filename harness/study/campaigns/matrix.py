@@ -97,7 +97,7 @@ def matrix(
     Returns:
         The table, columns `COLUMNS`.
     """
-    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions")}
+    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions", ["passing", "scenes"])}
     todo = [pair for pair in pairs if pair not in done]
     with added_to(file, COLUMNS) as add:
         for i, (pin, mujoco) in enumerate(todo):
