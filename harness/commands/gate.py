@@ -64,13 +64,11 @@ def _self_test(options: argparse.Namespace) -> int:
     from screwgauge.report.pages.alarms import PAGE as page
     from screwgauge.report.pages.alarms import passed
     from screwgauge.study.campaigns.campaign import campaign
-    from screwgauge.study.gate.alarms import COLUMNS, NAME, SIZES, measured
+    from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
 
     check_taken(options, "a self-test", "check --self-test", "self_test", "count", "jobs", "out")
     out = options.out or OUT / "check-self-test"
-    asked = partial(
-        campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS, sizes=SIZES
-    )
+    asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
     found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME)
     return 0 if passed(found) else 1
 

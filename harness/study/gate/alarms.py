@@ -20,7 +20,6 @@ from screwgauge.study.gate.measure import Settings, compared
 
 NAME = "alarms.csv"
 COLUMNS = ("family", "seed", "quiet", "parameter", "share", "caught", "error", "tolerance", "reason")
-SIZES = ("error", "tolerance")
 #: How much the dynamics are changed: the largest scaled change of a compared force.
 CHANGE = 1e-9
 #: Effect of a parameter that is wrong by its whole size, below which it is not among those that are changed.
