@@ -20,6 +20,7 @@ from screwgauge.reference.errors import DescriptionError, OutputError
 LIMITS = {
     "MB": 16,
     "MB of CSV": 256,
+    "MB of a report's file": 4000,
     "CSV columns": 1000,
     "samples": 10_000_000,
     "bodies": 500,
@@ -90,40 +91,43 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
     """What an input file holds, see `read_file`."""
-    limit = LIMITS[most] * 10**6
-    with _opened(path) as file:
-        data = file.read(limit + 1)
-    if len(data) > limit:
-        raise DescriptionError(f"cannot be read (it has more than {LIMITS[most]} {most})", str(path), _CHECK)
+    with _opened(path, most) as file:
+        data = file.read(LIMITS[most] * 10**6 + 1)
+    if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
+        raise _unread(path, _too_large(most))
     return data
 
 
-def digest(path: Path) -> str:
-    """SHA-256 of a regular file of any size.
-
-    Raises:
-        DescriptionError: There is no such file, or it cannot be read.
-    """
-    with _opened(path) as file:
+def digest(path: Path, most: str = "MB of CSV") -> str:
+    """SHA-256 of a file of such a size, see `read_file`. Not all of it is held at once."""
+    with _opened(path, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-_CHECK = "check the path"
-
-
 @contextmanager
-def _opened(path: Path) -> Iterator[BufferedReader]:
-    """A regular file, open for reading; a DescriptionError if there is none."""
+def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
+    """A regular file of such a size, open for reading; a DescriptionError if there is none."""
     try:
         # opening a FIFO would wait for somebody to write into it
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
                 raise ValueError("it is no regular file")
+            if found.st_size > LIMITS[most] * 10**6:
+                raise ValueError(_too_large(most))
             yield file
     except FileNotFoundError:
-        raise DescriptionError("cannot be read (it does not exist)", str(path), _CHECK) from None
+        raise _unread(path, "it does not exist") from None
     except (OSError, ValueError) as error:  # a path with a null byte
-        raise DescriptionError(f"cannot be read ({why(error)})", str(path), _CHECK) from None
+        raise _unread(path, str(error) if type(error) is ValueError else why(error)) from None
+
+
+def _too_large(most: str) -> str:
+    return f"it has more than {LIMITS[most]} {most}"
+
+
+def _unread(path: Path, reason: str) -> DescriptionError:
+    return DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
 
 
 def read_json(path: Path, what: str, remedy: str, most: str = "MB") -> dict[str, Any]:

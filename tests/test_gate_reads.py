@@ -83,6 +83,11 @@ def test_a_scene_that_misspells_its_mechanism_is_refused_and_not_passed_over(the
     assert found.exit_status == 2
 
 
+def test_a_model_file_of_a_hundred_gigabytes_is_refused_unread(theirs):
+    enormous("four-bar.xml")
+    assert main(["check", "turn.toml", "--out", "out"]) == 2
+
+
 def enormous(name: str) -> None:
     """Ten gigabytes that take no room."""
     with Path(name).open("wb") as file:

@@ -92,7 +92,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
             else:
                 content.to_parquet(path, index=False)
         if others is not None:
-            text = manifest(out, {name: digest(stage / name) for name in files}, others)
+            text = manifest(out, {name: digest(stage / name, "MB of a report's file") for name in files}, others)
             (stage / MANIFEST).write_text(text, encoding="utf-8")
         _move(stage, out)
     except (OSError, ValueError) as error:

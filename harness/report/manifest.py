@@ -75,6 +75,6 @@ def _digest(path: Path) -> str:
     if os.path.islink(path) or os.path.islink(path.parent):
         return ""
     try:
-        return digest(path)
+        return digest(path, "MB of a report's file")
     except DescriptionError:
         return ""
