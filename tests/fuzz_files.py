@@ -95,13 +95,7 @@ KINDS = {
     "import": Kind(
         ("import", "model.urdf", "--out", "out/x.toml"),
         ("model.urdf", "model.loops.toml"),
-        (
-            ("--floating",),
-            ("--reader", "mujoco"),
-            ("--reader", "yourdfpy"),
-            ("--independent", "x"),
-            ("--actuated", "x,y"),
-        ),
+        (("--floating",), ("--reader", "mujoco"), ("--reader", "yourdfpy")),
     ),
     "import-mjcf": Kind(("import", "model.xml", "--out", "out/x.toml"), ("model.xml",), (("--reader", "pinocchio"),)),
     "robot-yaml": Kind(("import", "frames.urdf", "--loops", "robot.yaml", "--out", "out/x.toml"), ("robot.yaml",)),
