@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -30,7 +31,7 @@ def _scenes(folder: Path) -> list[Path]:
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.study.gate.items import items
 
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise pytest.UsageError(f"--screwgauge: {folder} is no folder")
     try:
         return [Path(item.files[0]) for item in items([folder])]
@@ -62,12 +63,16 @@ class SceneItem(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
         """What differs, and why; no traceback of ours."""
+        from screwgauge.reference.wording import printable
+
         if excinfo.errisinstance(AssertionError):
-            return str(excinfo.value)
+            return printable(str(excinfo.value), lines=True)
         return str(super().repr_failure(excinfo))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        return self.path, 0, f"scene {self.path.stem}"
+        from screwgauge.reference.wording import printable
+
+        return self.path, 0, printable(f"scene {self.path.stem}")
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.models.importing import is_model
-from screwgauge.reference.description import read_mechanism, read_tables
+from screwgauge.reference.description import read_mechanism, read_tables, read_toml
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import beside, is_file, is_path
 from screwgauge.reference.mechanism import Mechanism
@@ -59,6 +59,14 @@ def _read(path: Path) -> Mechanism:
 
 #: What comes with the package does not change; what is worked out once a mechanism is kept with it.
 _built_in = cache(_read)
+
+
+def description_files(path: Path) -> list[Path]:
+    """A description that can be read, and those that it extends."""
+    found = [path]
+    while "extends" in (said := read_toml(found[-1])):
+        found.append(mechanism_path(said["extends"], found[-1].parent, str(found[-1])))
+    return found
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.placement import vector_text
 from screwgauge.models.urdf import WIDE
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 
 #: Ending of a model file -> its format in the table.
@@ -94,7 +94,7 @@ def _include(root: ET.Element, folder: Path) -> None:
     while waiting:
         element = waiting.pop()
         for i in reversed(range(len(element))):
-            if element[i].tag == "include" and (file := folder / element[i].get("file", "")).is_file():
+            if element[i].tag == "include" and is_file(file := folder / element[i].get("file", "")):
                 element[i : i + 1] = [*ET.fromstring(read_file(file))]
         waiting += element
 

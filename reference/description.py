@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
-from screwgauge.reference.files import check_count, read_file
+from screwgauge.reference.files import LIMITS, check_count, check_plain, read_file
 from screwgauge.reference.graph import check_connected
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -28,8 +28,8 @@ _COUPLING = ("coordinate", "of", "polynomial")
 WHOLE = ("inertia", "independent")
 #: Default of three axes.
 XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-#: All but line breaks and tabs.
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
+#: Of a line: texts, words, dots and whatever else is between spaces.
+_WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S""")
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -40,22 +40,28 @@ def read_toml(path: Path) -> dict[str, Any]:
         DescriptionError: The file cannot be read or is not TOML.
     """
     text = read_file(path)
+    _check_dots(text, str(path))
     try:
         data = tomllib.loads(text, parse_float=str)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
     except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
         raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
-    _check_text(data, str(path))
+    check_plain(data, str(path))
     return data
 
 
-def _check_text(value: Any, where: str) -> None:
-    """Refuses control characters, which terminals obey and pictures cannot hold, in any key or text."""
-    if isinstance(value, str) and (odd := _CONTROL.search(value)):
-        raise DescriptionError(f"{value!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
-    for item in (*value, *value.values()) if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _check_text(item, where)
+def _check_dots(text: str, where: str) -> None:
+    """Refuses keys of very many parts: the time that `tomllib` takes grows with the square of these."""
+    for line in text.splitlines():
+        parts, joined = 0, False
+        for word in _WORDS.finditer(line) if line.count(".") >= LIMITS["parts of a dotted key"] else ():
+            if word["part"]:
+                parts = parts + 1 if joined else 1
+                check_count(parts, "parts of a dotted key", where)
+            elif word[0] != ".":
+                parts = 0
+            joined = word[0] == "."
 
 
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:

@@ -7,6 +7,8 @@ from difflib import get_close_matches
 from numbers import Integral
 from typing import Any
 
+from screwgauge.reference.wording import printable
+
 
 class ScrewgaugeError(Exception):
     """Base of every error that a user can cause or mend.
@@ -35,7 +37,7 @@ def _again(kind: type[ScrewgaugeError], message: str) -> ScrewgaugeError:
 
 def _one_line(text: str, most: int) -> str:
     """Values are quoted in messages: however long they are and whatever they contain, it stays one line."""
-    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    text = " ".join(printable(text).split())
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 

@@ -1,11 +1,17 @@
-"""Every input file is opened here, and what inputs hold is limited here."""
+"""Every file is opened here, those that an earlier command wrote included, and what files hold is limited here."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
+from typing import Any
 
 from screwgauge.reference.errors import DescriptionError, OutputError
 
@@ -14,6 +20,7 @@ from screwgauge.reference.errors import DescriptionError, OutputError
 LIMITS = {
     "MB": 16,
     "MB of CSV": 256,
+    "MB of a report's file": 4000,
     "CSV columns": 1000,
     "samples": 10_000_000,
     "bodies": 500,
@@ -28,8 +35,15 @@ LIMITS = {
     "characters": 1000,
     "nested elements": 500,
     "characters of YAML": 50_000,
+    "nodes of YAML": 10_000,
     "nested brackets": 10,
+    "nested entries": 100,
+    "parts of a dotted key": 100,
 }
+#: All but line breaks and tabs; halves of a character, which no text has.
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+#: Digits of a whole number beyond which no double is near it, and Python would take long.
+_DIGITS = 300
 
 
 def check_count(count: float, what: str, where: str, remedy: str = "take fewer") -> None:
@@ -44,10 +58,7 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
 
 def is_file(path: Path) -> bool:
     """Whether there is such a file; what can be no path at all, being too long, is none."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
+    return os.path.isfile(path)
 
 
 def is_path(name: str) -> bool:
@@ -80,21 +91,95 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
     """What an input file holds, see `read_file`."""
-    limit = LIMITS[most] * 10**6
+    with _opened(path, most) as file:
+        data = file.read(LIMITS[most] * 10**6 + 1)
+    if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
+        raise _unread(path, _too_large(most))
+    return data
+
+
+def digest(path: Path, most: str = "MB of CSV") -> str:
+    """SHA-256 of a file of such a size, see `read_file`. Not all of it is held at once."""
+    with _opened(path, most) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
+    """A regular file of such a size, open for reading; a DescriptionError if there is none."""
     try:
         # opening a FIFO would wait for somebody to write into it
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-            reason = "" if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else "it is no regular file"
-            data = b"" if reason else file.read(limit + 1)
-        if len(data) > limit:
-            reason = f"it has more than {LIMITS[most]} {most}"
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                raise ValueError("it is no regular file")
+            if found.st_size > LIMITS[most] * 10**6:
+                raise ValueError(_too_large(most))
+            yield file
     except FileNotFoundError:
-        reason = "it does not exist"
+        raise _unread(path, "it does not exist") from None
     except (OSError, ValueError) as error:  # a path with a null byte
-        reason = why(error)
-    if reason:
-        raise DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
-    return data
+        raise _unread(path, str(error) if type(error) is ValueError else why(error)) from None
+
+
+def _too_large(most: str) -> str:
+    return f"it has more than {LIMITS[most]} {most}"
+
+
+def _unread(path: Path, reason: str) -> DescriptionError:
+    return DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
+
+
+def read_json(path: Path, what: str, remedy: str, most: str = "MB") -> dict[str, Any]:
+    """The entries of a JSON file.
+
+    Args:
+        what: It is, for the complaint.
+        remedy: What to do if it is none.
+        most: Its size in `LIMITS`.
+
+    Raises:
+        DescriptionError: It cannot be read, or is no JSON that a program of this package has written.
+    """
+    value = parse_json(read_file(path, most), what, str(path), remedy)
+    if not isinstance(value, dict):
+        raise DescriptionError(f"is no {what}", str(path), remedy)
+    return value
+
+
+def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
+    """The value of a text in JSON, of which nothing nests deep and no number or text is odd; see `read_json`."""
+    try:
+        value = json.loads(text, parse_int=_whole)
+    except (ValueError, RecursionError):
+        raise DescriptionError(f"is no {what}: it is not JSON, or no program can read it", where, remedy) from None
+    check_plain(value, where)
+    return value
+
+
+def _whole(text: str) -> int:
+    if len(text) > _DIGITS:
+        raise ValueError("too many digits")
+    return int(text)
+
+
+def check_plain(value: Any, where: str) -> None:
+    """Refuses entries in entries without end, and characters that terminals obey and pictures cannot hold.
+
+    Args:
+        value: What a reader of TOML or JSON gives.
+
+    Raises:
+        DescriptionError: It holds such.
+    """
+    left = [(value, 0)]
+    while left:
+        node, depth = left.pop()
+        check_count(depth, "nested entries", where, "write them flat")
+        if isinstance(node, str) and (odd := _CONTROL.search(node)):
+            raise DescriptionError(f"{node!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
+        inside = (*node, *node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
+        left += [(item, depth + 1) for item in inside]
 
 
 def why(error: OSError | ValueError) -> str:

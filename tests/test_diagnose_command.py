@@ -36,6 +36,10 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
         assert f"## {heading}" in report
     assert main(["diagnose", arms[0], str(fix), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["same"]
+    assert main(["diagnose", arms[0], str(other), "--json", "--fix", str(tmp_path / "again.xml")]) == 1
+    said = capsys.readouterr()
+    assert not json.loads(said.out)["same"]  # and nothing stands behind it
+    assert said.err.startswith("fixed: ")
 
 
 def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):

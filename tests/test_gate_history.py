@@ -93,7 +93,7 @@ def test_two_at_once_are_both_kept(store):
 BAD = {
     "no store": ("none", "has no history"),
     "a file": ("file", "is no folder"),
-    "something else": ("other", "is no history of checks"),
+    "something else": ("other", "cannot be read as Parquet"),
 }
 
 

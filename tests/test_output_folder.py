@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -102,9 +103,84 @@ def test_links_are_not_followed_out_of_the_folder(name, out, tmp_path, command, 
 def test_a_list_of_files_that_leads_elsewhere_removes_nothing(name, out, tmp_path):
     report(out)
     (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
-    (out / MANIFEST).write_text(json.dumps({"files": [name, "report.md", "report.html", *DATA]}), encoding="utf-8")
+    said = json.loads((out / MANIFEST).read_text(encoding="utf-8"))
+    said["files"][name] = [hashlib.sha256(b"mine").hexdigest()]
+    (out / MANIFEST).write_text(json.dumps(said), encoding="utf-8")
     report(out)
     assert (tmp_path / "mine.txt").is_file()
+
+
+@pytest.mark.parametrize("files_", [["notes.txt", "mine.csv"], {"notes.txt": [], "mine.csv": ["0" * 64]}])
+def test_a_list_that_somebody_else_wrote_removes_nothing(files_, out):
+    """A list from elsewhere once got the files deleted that it named."""
+    out.mkdir()
+    for name in ("notes.txt", "mine.csv"):
+        (out / name).write_text("mine", encoding="utf-8")
+    (out / MANIFEST).write_text(json.dumps({"files": files_}), encoding="utf-8")
+    report(out)
+    assert {"notes.txt", "mine.csv"} <= files(out)
+
+
+def test_a_file_that_was_changed_since_is_one_s_own(out):
+    report(out, data={**DATA, "old.json": {}})
+    (out / "old.json").write_text("worked on", encoding="utf-8")
+    report(out)
+    assert (out / "old.json").read_text(encoding="utf-8") == "worked on"
+    (out / "report.md").write_text("worked on", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"report\.md is there, and is not as an earlier report wrote it"):
+        report(out)
+
+
+def test_a_report_that_is_cut_off_at_any_file_is_taken_up_by_the_next(out, monkeypatch):
+    report(out, PICTURE)
+    for k in range(1, 8):
+        left = iter(range(k))
+
+        def replaced(a, b, left=left, replace=os.replace):
+            if next(left, None) is None:
+                raise OSError("killed")
+            replace(a, b)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", replaced)
+            with pytest.raises((OutputError, ReportError)):
+                report(out, PICTURE, Heading(f"{k}"), data={**DATA, "numbers.json": {"a": k}})
+    report(out)
+    assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"files": 1}',
+        '{"files": {"a\\u0000b.csv": []}}',
+        '{"files": {"\\ud800.csv": []}}',
+        '{"files": {"x": ' + "9" * 5000 + "}}",
+        "[]",
+    ],
+    ids=["brackets", "number", "null", "half", "digits", "list"],
+)
+def test_a_list_that_is_none_is_refused_in_a_sentence(text, out):
+    out.mkdir()
+    (out / MANIFEST).write_text(text, encoding="utf-8")
+    with pytest.raises(OutputError, match=r"report-files\.json is no list of a report's files; move it"):
+        report(out)
+
+
+@pytest.mark.parametrize("entry", [{"x" * 300 + ".csv": ["0"]}, {"report.md": 3}, {"report.md": [[1], {}, None]}])
+def test_entries_that_prove_nothing_are_passed_over(entry, out):
+    out.mkdir()
+    (out / MANIFEST).write_text(json.dumps({"files": entry}), encoding="utf-8")
+    report(out)
+    assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
+
+
+def test_no_manifest_is_waited_for(out):
+    out.mkdir()
+    os.mkfifo(out / MANIFEST)
+    with pytest.raises(OutputError, match="is no list"):
+        report(out)
 
 
 @pytest.mark.parametrize("broken", [ValueError("no such colour"), OSError(36, "File name too long"), RecursionError()])

@@ -233,9 +233,8 @@ def diagnose(options: argparse.Namespace) -> int:
         force=options.force,
     )
     if options.fix is not None:
-        say(f"fixed: {found.write_fix(options.fix)}")
-        for sentence in found.not_fixed:
-            say(f"not fixed: {sentence}")
+        said = [f"fixed: {found.write_fix(options.fix)}", *(f"not fixed: {text}" for text in found.not_fixed)]
+        (complain if options.json else say)("\n".join(said))  # beside JSON nothing is printed
     return int(found.exit_status)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
-from screwgauge.reference.files import read_file
+from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
@@ -138,7 +139,7 @@ def each_loops(loops: Loops, sides: tuple[str | Path, str | Path]) -> tuple[Path
 def _asked(given: str | Path) -> tuple[str, str]:
     """File or name of a side, and the library that is asked for; empty where none is."""
     text, library = str(given), ""
-    if "@" in text and not Path(text).exists():
+    if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
         if library not in LIBRARIES:
             raise UnknownNameError("library", library, LIBRARIES, str(given))
@@ -147,7 +148,7 @@ def _asked(given: str | Path) -> tuple[str, str]:
 
 def _is_description(text: str, library: str) -> bool:
     file = Path(text)
-    return not library and (file.suffix == ".toml" or (not file.suffix and not file.exists()))
+    return not library and (file.suffix == ".toml" or (not file.suffix and not os.path.exists(file)))
 
 
 def _is_urdf(given: str | Path) -> bool:
@@ -161,8 +162,8 @@ def _digest(text: str) -> str:
 
 def _described(name: str) -> Model:
     check_closed(mechanism := load_mechanism(name))
-    file = Path(name) if Path(name).is_file() else None
-    sha256 = hashlib.sha256(file.read_bytes()).hexdigest() if file else ""
+    file = Path(name) if is_file(Path(name)) else None
+    sha256 = digest(file) if file else ""
     return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)
 
 

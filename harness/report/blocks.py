@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.report.formatting import FORMS, missing, number, printable, words
+from screwgauge.reference.wording import printable
+from screwgauge.report.formatting import FORMS, missing, number, words
 
 Status = Literal["agree", "differ", "failed", "note"]
 LONG = 12  # rows of a table that are shown; further ones may be folded
@@ -94,6 +95,10 @@ class Picture:
     chart: str = ""
     stage: str = ""
     lost: str = ""
+
+    def __post_init__(self) -> None:
+        for part in ("svg", "chart", "stage"):
+            object.__setattr__(self, part, printable(getattr(self, part), lines=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from types import FrameType
 
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
 from screwgauge.reference.files import why
+from screwgauge.reference.wording import printable
 
 #: What a stream says that does not know a sign: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
@@ -73,7 +74,7 @@ def say(text: str, end: str = "\n") -> None:
     try:
         if sys.stdout is None:
             raise OSError(errno.EBADF, "it is closed")
-        print(text, end=end, flush=True)
+        print(printable(text, lines=True), end=end, flush=True)
     except OSError as error:
         if sys.stdout is not None:  # what is left is written once more when Python ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -85,7 +86,7 @@ def say(text: str, end: str = "\n") -> None:
 def complain(text: str) -> None:
     """Prints on standard error, if that takes anything."""
     with suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+        print(printable(text, lines=True), file=sys.stderr, flush=True)
 
 
 def ended(error: BaseException, *, debug: bool) -> int:

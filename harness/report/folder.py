@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from uuid import uuid4
 
 import pandas as pd
 
-from screwgauge.environment import json_text
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import read_file, why
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import digest, why
+from screwgauge.report.manifest import MANIFEST, manifest, written
 
 SAMPLES = "samples.parquet"
+_ELSEWHERE = "move it, or choose another folder with --out"
 PAGES = ("report.md", "report.html")
-MANIFEST = "report-files.json"  # names what a report wrote: nothing else in the folder is replaced or removed
 #: Grow before there is a report; who adds to them looks whose they are.
 WORKING = ("random.csv", "selftest.csv", "matrix.csv", "alarms.csv", "bench.partial.jsonl", "check.partial.jsonl")
 
@@ -52,44 +51,32 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
 def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     """Refuses to touch what no report wrote, and to follow links out of the folder."""
-    ours = {*WORKING, MANIFEST}
     for name in (MANIFEST, "plots", *names):
-        path, odd, remedy = out / name, "", "move it, or choose another folder with --out"
+        path, odd = out / name, ""
         if path.is_symlink():
             odd = "is a link"
         elif path.exists() and path.is_dir() is not (name == "plots"):
             odd = "is a folder" if path.is_dir() else "is no folder"
-        elif not force and name != "plots" and path.exists() and name not in ours | written(out):
-            odd = f"is there, and {MANIFEST} does not name it as one of an earlier report"
-            remedy = "move it, choose another folder with --out, or overwrite it by --force"
         if odd:
-            raise OutputError(f"{name} {odd}", str(out), remedy)
-
-
-def written(out: Path) -> set[str]:
-    """Names of the files that the report in a folder consists of; none if there is no report."""
-    if not os.path.lexists(out / MANIFEST):
-        return set()
-    try:
-        names = [PurePosixPath(name) for name in json.loads(read_file(out / MANIFEST))["files"]]
-    except (DescriptionError, ValueError, TypeError, KeyError):
-        raise OutputError(
-            f"{MANIFEST} is no list of a report's files", str(out), "move it, or choose another folder with --out"
-        ) from None
-    return {str(name) for name in names if str(name.parent) in (".", "plots") and name.name not in ("", "..", MANIFEST)}
+            raise OutputError(f"{name} {odd}", str(out), _ELSEWHERE)
+    ours = {*WORKING, MANIFEST, *written(out)}
+    for name in names:
+        if not force and name not in ours and (out / name).exists():
+            what = f"{name} is there, and is not as an earlier report wrote it ({MANIFEST} has the digests)"
+            raise OutputError(what, str(out), f"{_ELSEWHERE}, or overwrite it by --force")
 
 
 def put_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str]) -> None:
-    """Writes files of a report that has others, too."""
-    names = sorted({*files, *others})
-    write_files(out, {MANIFEST: json_text({"files": names}), **files})
+    """Writes files of a report that has others, too, and first the list of all of them."""
+    write_files(out, files, others)
 
 
-def write_files(out: Path, files: Mapping[str, str | pd.DataFrame]) -> Path:
+def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:
     """Writes files into a new folder beside their place, then moves them there.
 
     Args:
         files: Path below `out` -> text, or table for Parquet.
+        others: Further files of the report that these belong to; None if they belong to none.
 
     Raises:
         OutputError: The folder cannot be written; it is then as it was before.
@@ -105,6 +92,9 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame]) -> Path:
                 path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
             else:
                 content.to_parquet(path, index=False)
+        if others is not None:
+            text = manifest(out, {name: digest(stage / name, "MB of a report's file") for name in files}, others)
+            (stage / MANIFEST).write_text(text, encoding="utf-8")
         _move(stage, out)
     except (OSError, ValueError) as error:
         raise _cannot(out, error) from error

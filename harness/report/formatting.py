@@ -92,11 +92,6 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·").replace(",·", ", ")
 
 
-def printable(text: str, kept: str = "") -> str:
-    """A text with a space for what steers a terminal, or the direction of writing, and what XML cannot hold."""
-    return text if text.isprintable() else "".join(x if x.isprintable() or x in kept else " " for x in text)
-
-
 def words(name: str) -> str:
     """``loop_closure`` -> ``loop closure``."""
     return name.replace("_", " ")

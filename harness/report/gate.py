@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import json_text
+from screwgauge.reference.wording import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
-from screwgauge.report.formatting import beyond, digits_text, number, printable, size, unit_text
+from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
@@ -20,13 +21,16 @@ from screwgauge.report.verdict import verdict
 from screwgauge.study.apart import Limits
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
-from screwgauge.study.gate.items import items, read_tolerances
+from screwgauge.study.gate.items import items, read_tolerances, unread
 from screwgauge.study.gate.measure import Settings
 from screwgauge.study.gate.row import EXIT, JUDGE, Row
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
-WORDS = {"agree": "✓ ok", "differ": "✗ differ", "failed": "✗ failed", "refused": "✗ refused"}
+WORDS = {"agree": "✓ ok", "judged": "✓ judged", "unread": "✗ not read", "differ": "✗ differ"}
+WORDS |= {"failed": "✗ failed", "refused": "✗ refused"}
+#: Names of files that a verdict lists.
+SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -37,11 +41,13 @@ class Check:
         rows: One for each scene or pair of models.
         smoke: Whether a few samples were looked at only.
         against: What has become of a known state; None without a baseline.
+        unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
     """
 
     rows: Sequence[Row]
     smoke: bool = False
     against: Against | None = None
+    unread: Sequence[str] = ()
 
     @property
     def ok(self) -> bool:
@@ -92,7 +98,10 @@ class Check:
         """All of it, as plain data."""
         known = asdict(self.against) if self.against else None
         rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
-        return {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        for row in rows:  # names of files as they are given are in `files`; where those lie is this machine's own
+            del row["read"]
+        said = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        return {**said, "unread": [*self.unread]}
 
     @property
     def json(self) -> str:
@@ -111,21 +120,23 @@ class Check:
             suite.set(name, str(kinds[kind]))
         for name, seconds, status, said in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
-            if status != "agree":
+            if status in _KINDS:
                 ET.SubElement(case, _KINDS[status], message=printable(said))
+        if self.unread:
+            ET.SubElement(suite, "system-out").text = printable(_left_alone(self))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
         """Commands of GitHub that mark a line of a model or scene."""
         for row in self.rows:
             if not row.ok:
-                text = message(row).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+                text = printable(message(row)).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
                 place = row.file.replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
                 yield f"::error file={place},line={max(row.line, 1)}::{text}"
 
 
 #: Elements of JUnit by the status of what they are about.
-_KINDS = {"differ": "failure", "failed": "error", "refused": "error"}
+_KINDS = {"unread": "failure", "differ": "failure", "failed": "error", "refused": "error"}
 
 
 def _banners(found: Check) -> list[Banner]:
@@ -135,13 +146,25 @@ def _banners(found: Check) -> list[Banner]:
 
 
 def _banner(found: Check) -> Banner:
-    text = f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."
-    judged = {any(error.b == JUDGE for error in row.errors) for row in found.rows}  # of a pair of models nobody is
+    said = [f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."]
+    agree = [row for row in found.rows if row.status == "agree"]
+    alone = [row.scene for row in found.rows if row.status == "judged"]
+    judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # of a pair of models nobody is
     if found.ok and judged == {True}:
-        text += " In each of them all engines agree within tolerance, and the equations of mechanics hold."
-    elif found.ok:
-        text += f" Models {'and engines ' * (True in judged)}agree within tolerance."
-    return Banner.of(text, found.ok, "OK", "FAILED")
+        each = "In each of them" if not alone else "In the others" if len(agree) > 1 else f"In {agree[0].scene}"
+        said.append(f"{each} all engines agree within tolerance, and the equations of mechanics hold.")
+    elif found.ok and agree:
+        said.append(f"Models {'and engines ' * (True in judged)}agree within tolerance.")
+    if found.ok and alone:
+        named = first_few(alone, SHOWN)
+        said.append(f"Nothing was compared in {named}: one engine ran, for which the equations of mechanics hold.")
+    said += filter(None, [_left_alone(found)])
+    return Banner.of(" ".join(said), found.ok, "OK, but" if alone or found.unread else "OK", "FAILED")
+
+
+def _left_alone(found: Check) -> str:
+    """Which files of the folders were not read."""
+    return f"Not read, as no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
 
 
 def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -183,6 +206,7 @@ PAGE = Report(
         },
         "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
         "tolerances": _tolerances,
+        "unread": lambda found: [*found.unread],
         "tested": lambda found: [f"{row.scene}: {row.coverage or row.sentence}" for row in found.rows if row.ok],
     },
 )
@@ -190,15 +214,18 @@ PAGE = Report(
 
 def message(row: Row) -> str:
     """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
-    worst = row.worst
+    worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
-        return f"{row.scene}: {row.sentence}"
+        rest = "all else agrees" if row.status == "unread" else row.sentence
+        return f"{row.scene}:{unread} {rest}" if unread else f"{row.scene}: {rest}"
     at = f" at {worst.component}" if worst.component else ""
     when = f", t = {number(worst.t)} s" if math.isfinite(worst.t) else ""
     unit, pair = unit_text(worst.unit), zip((worst.a, worst.b), worst.values, strict=True)
     both = ", ".join(f"{name} {number(value, 10)} {unit}" for name, value in pair if math.isfinite(value))
     said = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
-    return f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {said}. {row.sentence}"
+    return (
+        f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {said}. {row.sentence}{unread}"
+    )
 
 
 def told(results: Comparison) -> str:
@@ -237,4 +264,7 @@ def check(
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in asked])
     rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
-    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke))
+    beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
+    read = [*(name for row in rows for name in row.read), *(name for item in asked for name in item.files)]
+    left = unread(what, [*read, *map(str, beside)])
+    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left)

@@ -8,6 +8,8 @@ from time import monotonic
 from types import TracebackType
 from typing import TextIO
 
+from screwgauge.reference.wording import printable
+
 QUIET = 10.0  # s without a word where the output is no terminal, and from one line to the next
 
 
@@ -22,13 +24,13 @@ class Progress:
     def show(self, step: str, share: float) -> None:
         """Takes the name of a step and its share done, 0 to 1."""
         if self.terminal:
-            text = f"{step:<16} {'#' * int(30 * share):<30} {share:4.0%}"
+            text = f"{printable(step):<16} {'#' * int(30 * share):<30} {share:4.0%}"
             if text != self.shown:
                 self._write(f"\r{text}")
                 self.shown = text
         elif (now := self.clock()) - self.said > QUIET:
             self.said = now
-            self._write(f"screwgauge: {step}, {share:.0%} done after {now - self.began:.0f} s\n")
+            self._write(f"screwgauge: {printable(step)}, {share:.0%} done after {now - self.began:.0f} s\n")
 
     def _write(self, text: str) -> None:
         with suppress(OSError):  # nobody looks any more, which is no reason to stop

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
@@ -75,7 +76,7 @@ class Results(Comparison):
         Raises:
             OutputError: The file cannot be written.
         """
-        if (path := Path(path)).is_dir():
+        if os.path.isdir(path := Path(path)):
             raise OutputError("is a folder", str(path), "name a file, such as report.html, or use `write`")
         write_files(path.parent, {path.name: page(run_page.report(self, self.plot()))})
         return path

@@ -12,9 +12,10 @@ import pandas as pd
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, written
+from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import page
+from screwgauge.report.manifest import written
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pdf import PDF, print_page
 
@@ -61,6 +62,7 @@ def write_report(
         put_files(out, {**drawn, **pages}, {*data, *printed})
         if pdf:
             print_page(out / PAGES[1], out / PDF)
+            put_files(out, {}, {*drawn, *pages, *data, *printed})
     except OutputError:  # says itself what is missing
         raise
     except KeyboardInterrupt:

@@ -27,7 +27,7 @@ def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> 
         wanted: Their names; all of them by default.
         why: What to say of a column that is missing.
     """
-    data = (_parquet if path.suffix == ".parquet" else _csv)(path)
+    data = (read_parquet if path.suffix == ".parquet" else _csv)(path)
     columns: dict[str, Array] = {}
     for column in [*data.columns] if wanted is None else wanted:
         if column not in data.columns:
@@ -73,22 +73,36 @@ def _csv(path: Path) -> DataFrame:
     return data
 
 
-def _parquet(path: Path) -> DataFrame:
+def read_parquet(path: Path) -> DataFrame:
+    """The table of a Parquet file.
+
+    Raises:
+        DescriptionError: It cannot be read, or is larger than `LIMITS` say.
+    """
     content = read_bytes(path, "MB of CSV")
     if find_spec("pyarrow") is None:
         raise DescriptionError("needs pyarrow, which is not installed", str(path), "run pip install pyarrow")
-    from pyarrow import ArrowException
     from pyarrow.parquet import ParquetFile
 
     try:
         file = ParquetFile(BytesIO(content))
-        check_count(file.metadata.num_columns, "CSV columns", str(path))
-        # a few bytes can stand for many equal numbers
-        check_count(8e-6 * file.metadata.num_columns * file.metadata.num_rows, "MB of CSV", str(path))
-        data: DataFrame = file.read().to_pandas(ignore_metadata=True)
-    except (ArrowException, OSError) as error:
-        raise DescriptionError(f"cannot be read as Parquet ({error})", str(path), "check the file") from None
+        columns, rows = file.metadata.num_columns, file.metadata.num_rows
+    except Exception as error:  # whatever a library makes of bytes that are none of its format
+        raise _no_parquet(path, error) from None
+    check_count(columns, "CSV columns", str(path))
+    # a few bytes can stand for many equal numbers
+    check_count(8e-6 * columns * rows, "MB of CSV", str(path))
+    try:
+        table = file.read(use_threads=False)
+        table.validate(full=True)  # texts are looked at when they are used, or here
+        data: DataFrame = table.to_pandas(ignore_metadata=True)
+    except Exception as error:
+        raise _no_parquet(path, error) from None
     return data
+
+
+def _no_parquet(path: Path, error: Exception) -> DescriptionError:
+    return DescriptionError(f"cannot be read as Parquet ({error or type(error).__name__})", str(path), "check the file")
 
 
 def same_times(t: Array, others: Array) -> tuple[Rows, Rows]:

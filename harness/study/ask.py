@@ -15,6 +15,7 @@ from screwgauge.engines.registry import engine_names, get_engine, keep, load_ent
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.write import description
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
+from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
@@ -87,7 +88,7 @@ def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
     base = stem(scene.mechanism.name, engine.cut)
     model = own or folder / f"{base}{engine.reads}"
     beside = model.with_suffix(".loops.toml")
-    return ModelFiles(model, beside if beside.is_file() else folder / f"{base}.loops.toml")
+    return ModelFiles(model, beside if is_file(beside) else folder / f"{base}.loops.toml")
 
 
 class TooLongError(Exception):

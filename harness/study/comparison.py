@@ -39,6 +39,7 @@ class Comparison:
         environment: Versions and machine, name -> value.
         warnings: Sentences about the scene itself.
         doubts: Those of them on numbers that no machine has: engines may agree on what nobody meant.
+        unread: Those of them on files that the scene names and nobody read.
         refusals: Samples at which an engine gives no number, with the reason.
         cover: Looks at what the scene could have seen of mistakes: not everybody asks.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
@@ -55,6 +56,7 @@ class Comparison:
     environment: Mapping[str, Any]
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
     refusals: Sequence[Refusal] = ()
     cover: Callable[[], Coverage] = Coverage
     known: Sequence[str] = ()

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
+from math import inf
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.errors import OutputError
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.files import parse_json, read_bytes
 
 
 class Journal:
@@ -19,12 +22,24 @@ class Journal:
         note: What was on disk, for the report; empty if nothing.
     """
 
-    def __init__(self, path: Path | None, stamp: str) -> None:
+    def __init__(
+        self, path: Path | None, stamp: str, fits: Callable[[dict[str, Any]], bool] = lambda result: True
+    ) -> None:
+        """Takes over what is on disk.
+
+        Args:
+            stamp: Of what the work depends on; pieces of another are not used.
+            fits: Whether a result is one of this work: one that is not is made anew.
+
+        Raises:
+            ScrewgaugeError: The file cannot be read, or is no journal.
+        """
         self.path, self.results, self.note = path, dict[str, Any](), ""
         self.times: dict[str, list[float]] = {}
         if path is None:
             return
-        text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+        # a line that was cut off may end within a character
+        text = read_bytes(path, "MB of CSV").decode(errors="replace") if os.path.lexists(path) else ""
         records = list(filter(None, map(_parse, text.splitlines())))
         if text.strip() and not (records and "stamp" in records[0]):
             raise OutputError("is no journal of interrupted work", str(path), "move it, or choose another --out")
@@ -34,10 +49,11 @@ class Journal:
             self._write("w", stamp=stamp)
             return
         for record in records[1:]:
-            if "result" in record:
-                self.results[record["key"]] = record["result"]
-            elif "time" in record:
-                self.times.setdefault(record["key"], []).append(float(record["time"]))
+            key, result, seconds = (record.get(name) for name in ("key", "result", "time"))
+            if isinstance(key, str) and isinstance(result, dict) and fits(result):
+                self.results[key] = result
+            elif isinstance(key, str) and isinstance(seconds, float) and 0.0 <= seconds < inf:
+                self.times.setdefault(key, []).append(seconds)
         taken = f"Resumed: {len(self.results)} results of interrupted work were taken over."
         self.note = taken if self.results else ""
 
@@ -72,7 +88,7 @@ class Journal:
 def _parse(line: str) -> dict[str, Any]:
     """The record of a line; empty if there is none."""
     try:
-        record = json.loads(line)
-    except ValueError:
+        record = parse_json(line, "line of a journal", "", "")
+    except DescriptionError:
         return {}
     return record if isinstance(record, dict) else {}

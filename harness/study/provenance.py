@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from screwgauge.models import catalog
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import digest
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
 
@@ -47,6 +48,6 @@ def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
     built_in = any(path.is_relative_to(folder) for folder in _BUILT_IN)
     name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in else str(path)
     try:
-        return {"file": name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
-    except OSError:
+        return {"file": name, "sha256": digest(path)}
+    except DescriptionError:
         return {"file": name, "sha256": None}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
@@ -89,16 +89,10 @@ def run(
     progress("preflight", 0.0)
     checked = _check_simulated if scene.simulated else _check_given
     counted, components, lay, wanted, warnings = checked(scene, wanted)
-    unread = [f"models.{name} is not read, as {name} does not run" for name in scene.models if name not in names]
-    unread += [
-        f"tables.{name} is not compared, as no engine of that name is asked for"
-        for name in scene.tables
-        if name not in names
-    ]
-    doubted = doubts(scene)
+    unread, doubted = tuple(_unread(scene, names)), doubts(scene)
     if scene.changed:
         whose = scene.mechanism_file.name
-        unread.append(f"the mechanism is not that of {whose}: it was changed, and is run as it is now")
+        warnings = (*warnings, f"the mechanism is not that of {whose}: it was changed, and is run as it is now")
     warnings = (*doubted, *warnings, *unread)
     for sentence in warnings:
         warn(sentence)
@@ -157,6 +151,7 @@ def run(
         environment=environment(),
         warnings=warnings,
         doubts=doubted,
+        unread=unread,
         refusals=(*refused, *missing),
         cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
         known=[*_known(pairs, solutions)],
@@ -195,6 +190,15 @@ def facts(counted: Mobility) -> dict[str, object]:
         "actuation redundancy": counted.actuation_redundancy,
         "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
     }
+
+
+def _unread(scene: Scene, names: Collection[str]) -> Iterator[str]:
+    """Sentences on files that a scene names and that these engines leave alone."""
+    for name in (name for name in scene.models if name not in names):
+        yield f"{scene.models[name]} (models.{name}) is not read, as {name} does not run"
+    for name in (name for name in scene.tables if name not in names):
+        file = scene.tables[name].file
+        yield f"{file or 'an array'} (tables.{name}) is not compared, as no engine of that name is asked for"
 
 
 def _asked(

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import csv
+import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from errno import ENOSPC
 from io import SEEK_END, StringIO
+from itertools import repeat
+from math import inf
 from operator import attrgetter
 from os import strerror
 from pathlib import Path
@@ -16,7 +20,7 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import why
+from screwgauge.reference.files import read_file, why
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
@@ -35,23 +39,47 @@ def columns_of(row: type[Any]) -> dict[str, str]:
     return {field.name: field.name for field in fields(row)}
 
 
-def rows_in(file: Path, columns: Sequence[str], what: str) -> list[dict[str, str]]:
+def rows_in(
+    file: Path, columns: Sequence[str], what: str, whole: Sequence[str] = (), sizes: Sequence[str] = ()
+) -> list[dict[str, str]]:
     """The rows that a CSV file has already; none where there is no file.
 
     Args:
         what: It is the table of, for the complaint.
+        whole: Columns of whole numbers.
+        sizes: Columns of numbers from 0 on, which may be empty.
 
     Raises:
-        OutputError: Its columns are others.
+        ScrewgaugeError: It cannot be read, its columns are others, or a number is none.
     """
-    if not file.is_file():
+    if not os.path.lexists(file):
         return []
-    with file.open(newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.DictReader(stream)
-        if tuple(rows.fieldnames or columns) != tuple(columns):
-            said = f"is no table of {what}, or one of another version"
-            raise OutputError(said, str(file), "move it, or choose another --out")
-        return list(rows)
+    lines = csv.reader(read_file(file, "MB of CSV").splitlines(keepends=True), strict=True)
+    try:
+        head, *rows = list(lines) or [[*columns]]
+    except csv.Error:  # a field of a megabyte, quotes within quotes
+        head, rows = [], []
+    if tuple(head) != tuple(columns) or any(len(row) != len(columns) for row in rows):
+        said = f"is no table of {what}, or one of another version"
+        raise OutputError(said, str(file), "move it, or choose another --out")
+    found = [dict(zip(columns, row, strict=True)) for row in rows]
+    for name, holds in [*zip(whole, repeat(_is_whole)), *zip(sizes, repeat(_is_size))]:
+        if odd := [row[name] for row in found if not holds(row[name])]:
+            raise OutputError(
+                f"is no table of {what}: {name} is {odd[0]!r:.60}", str(file), "move it, or choose another --out"
+            )
+    return found
+
+
+def _is_whole(text: str) -> bool:
+    return bool(re.fullmatch(r"[0-9]{1,9}", text))
+
+
+def _is_size(text: str) -> bool:
+    try:
+        return not text or 0.0 <= float(text) < inf
+    except ValueError:
+        return False
 
 
 @contextmanager

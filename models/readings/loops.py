@@ -5,7 +5,6 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,11 @@ from screwgauge.models.content import Content
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.plain_yaml import read_yaml
 from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading, couplings_of
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.files import check_count, is_file, read_file
+from screwgauge.reference.files import is_file
 from screwgauge.reference.rotations import Array
 
 #: How the name of a loops file of our own ends.
@@ -111,17 +111,7 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
     Raises:
         ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
     """
-    import yaml
-
-    where, text = str(path), read_file(path)
-    check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds for them
-    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of those
-    try:
-        data = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
-    if not isinstance(data, Mapping):
-        raise ModelFileError("has no entries", where, f"write {', '.join(_KEYS[:3])}")
+    where, data = str(path), read_yaml(path, _KEYS[:3])
     loops = data.get("closed_loop") or []
     if not isinstance(loops, list):
         raise ModelFileError(
@@ -151,12 +141,6 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
             *(f"type {k} of joint {n}" for n, k in zip(joints, turned, strict=True) if k.lower() != "spherical"),
         ),
     )
-
-
-def _nesting(text: str) -> int:
-    """How deep brackets nest in it."""
-    steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
-    return max(accumulate(steps), default=0)
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from screwgauge.models.elements import FORMATS
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
-from screwgauge.reference.files import read_file, replace_file
+from screwgauge.reference.files import is_file, read_file, replace_file
 from screwgauge.reference.outputs import stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
@@ -111,7 +111,7 @@ def _bring(source: Path, folder: Path, text: str) -> None:
         name = waiting.pop()
         origin, copy = (source / name).resolve(), (folder / name).resolve()
         inside = origin.is_relative_to(source.resolve()) and copy.is_relative_to(folder.resolve())
-        if name in seen or not inside or not origin.is_file():
+        if name in seen or not inside or not is_file(origin):
             continue
         seen.add(name)
         copy.parent.mkdir(parents=True, exist_ok=True)
@@ -125,9 +125,9 @@ def write_fix(out: Path, text: str, b: Path) -> None:
     Raises:
         OutputError: It is B's own, has the ending of another format, or cannot be written.
     """
-    if out.exists() and os.path.samefile(out, b):
+    if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
-    if out.is_dir():
+    if os.path.isdir(out):
         raise OutputError("is a folder", str(out), "name a file")
     if out.suffix in FORMATS and out.suffix != b.suffix and (form := prepare(b).form) != FORMATS[out.suffix]:
         raise OutputError(

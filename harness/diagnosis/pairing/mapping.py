@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +13,8 @@ from screwgauge.diagnosis.differences.change import outwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting, size
 from screwgauge.models.kinematics.home import moved, rehomed
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.description import read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
@@ -66,12 +65,7 @@ def read_map(path: Path) -> dict[str, str]:
     Raises:
         DescriptionError: It is no table of names.
     """
-    try:
-        given = tomllib.loads(read_file(path))
-    except tomllib.TOMLDecodeError as error:
-        raise DescriptionError(
-            f"is no TOML ({error})", str(path), 'write lines such as "joint of A" = "joint of B"'
-        ) from None
+    given = read_toml(path)
     for name, other in given.items():
         if not isinstance(other, str):
             raise DescriptionError(f"'{name}' is no name", str(path), 'write lines such as "joint of A" = "joint of B"')

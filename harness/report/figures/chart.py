@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from screwgauge.environment import plain
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import printable
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.looks import Look
 from screwgauge.report.figures.renderer import RENDERER, DrawingError
-from screwgauge.report.formatting import printable
 
 Spec = dict[str, Any]
 Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
@@ -130,7 +130,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
-    still, live = (plain({**head, **build(moving)}, _printable) for moving in (False, True))
+    still, live = (plain({**head, **build(moving)}, partial(printable, lines=True)) for moving in (False, True))
     still, draw = _still(still), "vegalite_to_svg"
     try:
         if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
@@ -140,11 +140,6 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     except DrawingError as error:
         return Picture(name, title, "", lost=error.what)
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
-
-
-def _printable(text: str) -> str:
-    """With what no SVG may contain as spaces; most of a chart are lines of numbers, which have none."""
-    return text if text.isascii() and text.replace("\n", "").isprintable() else printable(text, "\n")
 
 
 def _still(node: Any) -> Any:

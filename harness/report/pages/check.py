@@ -23,8 +23,8 @@ def check_files(options: Namespace) -> None:
         OutputError: One of them cannot.
     """
     for path in (options.junit, options.baseline if options.update else None):
-        if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
-            what = "is a folder" if path.is_dir() else "cannot be written (no such folder, or not allowed)"
+        if path is not None and (os.path.isdir(path) or not os.access(path.parent, os.W_OK)):
+            what = "is a folder" if os.path.isdir(path) else "cannot be written (no such folder, or not allowed)"
             raise OutputError(what, str(path), "name another file")
     read = [name for name in (*options.what, options.tolerances, options.baseline) if name is not None]
     if options.junit is not None:

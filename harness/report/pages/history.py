@@ -12,6 +12,9 @@ from screwgauge.report.blocks import Banner, Block, Heading, table
 from screwgauge.report.figures.history import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, rows
 from screwgauge.report.study import study
+from screwgauge.study.gate.row import EXIT
+
+PASSED = [status for status, ends in EXIT.items() if not ends]
 
 
 def _scenes(found: pd.DataFrame) -> Iterator[Block]:
@@ -39,9 +42,9 @@ def _new(row: Mapping[str, Any], before: Mapping[str, Any], key: str) -> dict[st
 
 def _banner(found: pd.DataFrame) -> Banner:
     last = found.drop_duplicates("scene", keep="last")
-    good, bad = int((last["status"] == "agree").sum()), [str(x) for x in last[last["status"] != "agree"]["scene"]]
+    good, bad = int(last["status"].isin(PASSED).sum()), [str(x) for x in last[~last["status"].isin(PASSED)]["scene"]]
     lost = f" Not: {', '.join(bad)}." if bad else ""
-    text = f"{len(found)} checks of {len(last)} scenes were kept; {good} agreed when last checked.{lost}"
+    text = f"{len(found)} checks of {len(last)} scenes were kept; {good} passed when last checked.{lost}"
     return Banner.of(text, not bad)
 
 

@@ -33,6 +33,9 @@ COLUMNS = (
     *("max_scaled", "tolerance", "quantity", "pair", "component", "estimate", "judge", "branch", "reason"),
     *("truth", "cpu_s", *(f"{engine}_s" for engine in ENGINES)),
 )
+#: Columns of any campaign that hold numbers from 0 on.
+SIZES = {"bodies", "joints", "freedoms", "loops", "redrawn", "max_scaled", "tolerance", "estimate", "error", "cpu_s"}
+SIZES |= {f"{engine}_s" for engine in ENGINES}
 
 
 def campaign(
@@ -63,7 +66,8 @@ def campaign(
     """
     names = families() if only is None else check_choice("family", only, families())
     items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
-    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms")}
+    sizes = [name for name in columns if name in SIZES]
+    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms", ["seed"], sizes)}
     todo = [item for item in items if item not in done]
     lost = None
     with (

@@ -202,7 +202,8 @@ def main() -> None:
     parser.add_argument("--random", type=int, default=len(families()))
     parser.add_argument("--backends", default="numpy,llvm")
     asked = parser.parse_args()
-    done = {(row["case"], int(row["seed"]), row["backend"]) for row in rows_in(asked.out, COLUMNS, "programs")}
+    before = rows_in(asked.out, COLUMNS, "programs", ["seed"])
+    done = {(row["case"], int(row["seed"]), row["backend"]) for row in before}
     with added_to(asked.out, COLUMNS) as add:
         for case, seed in cases(asked.states, asked.random):
             left = [backend for backend in asked.backends.split(",") if (case, seed, backend) not in done]

@@ -27,7 +27,7 @@ import screwgauge
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.gate.row import JUDGE
+from screwgauge.study.gate.row import EXIT, JUDGE
 from screwgauge.study.table import added_to, columns_of, rows_in
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
@@ -97,7 +97,7 @@ def matrix(
     Returns:
         The table, columns `COLUMNS`.
     """
-    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions")}
+    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions", ["passing", "scenes"])}
     todo = [pair for pair in pairs if pair not in done]
     with added_to(file, COLUMNS) as add:
         for i, (pin, mujoco) in enumerate(todo):
@@ -204,7 +204,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         rows = json.loads(text)["rows"]
     except (ValueError, KeyError, TypeError):
         raise CannotError("the check printed no JSON") from None
-    bad = [row for row in rows if row["status"] != "agree"]
+    bad = [row for row in rows if EXIT[row["status"]]]
     pairs = [
         (digits(error["error"]), f"{row['scene']}: {error['quantity']}")
         for row in rows

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import environment, json_text
 from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import read_file, replace_file
+from screwgauge.reference.files import read_json, replace_file
 from screwgauge.study.gate.row import Error, Row
 from screwgauge.study.gate.store import FIRST, latest
 
 SCHEMA = 1
+#: What to do where there is none.
+UPDATE = "make one by --update"
 #: An error has grown when it is so many times what it was, or what rounding makes of it on another machine, whichever
 #: is more: one digit, and a hundredth of the tolerance of what is solved.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
@@ -118,9 +120,8 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     if not os.path.lexists(file) or force:
         return
     try:
-        known = json.loads(read_file(file))
-        sound = isinstance(known, dict) and {"schema", "scenes", "environment"} <= known.keys()
-    except (ValueError, RecursionError, DescriptionError):
+        sound = _sound(read_json(file, "baseline", UPDATE))
+    except DescriptionError:
         sound = False
     if not sound:
         raise OutputError("is there, and is no baseline", str(file), "name another file, or overwrite it by --force")
@@ -132,24 +133,41 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     Raises:
         DescriptionError: It is none, or of another schema, or of other scenes, or not as asked for.
     """
-    try:
-        known = json.loads(read_file(file))
-        schema, before, packages = known["schema"], known["scenes"], known["environment"]
-        sound = all(isinstance(part, dict) for part in (before, packages)) and all(
-            isinstance(entry[key], dict) for entry in before.values() for key in ("versions", "files", "errors")
-        )
-    except (ValueError, TypeError, KeyError):
-        sound, schema = False, SCHEMA
-    if not sound or schema != SCHEMA:
-        what = f"has schema {schema!r}, not {SCHEMA}" if schema != SCHEMA else "is no baseline"
-        raise DescriptionError(what, str(file), "make one by --update")
+    known = read_json(file, "baseline", UPDATE)
+    if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
+        raise DescriptionError(f"has schema {known['schema']!r:.60}, not {SCHEMA}", str(file), UPDATE)
+    if not _sound(known):
+        raise DescriptionError("is no baseline", str(file), UPDATE)
+    before = known["scenes"]
     if known.get("smoke") is not smoke:
         made = "with" if known.get("smoke") else "without"
         raise DescriptionError(f"was made {made} --smoke", str(file), "check likewise, or make another by --update")
     if not before.keys() & {*scenes}:
         what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(scenes)}"
         raise DescriptionError(what, str(file), "name another file, or make one by --update")
-    return dict(known)
+    return known
+
+
+def _sound(known: Mapping[str, Any]) -> bool:
+    """Whether all entries are what `state` makes them."""
+    scenes = known.get("scenes")
+    return _texts(known.get("environment")) and isinstance(scenes, dict) and all(map(_sound_scene, scenes.values()))
+
+
+def _sound_scene(entry: object) -> bool:
+    if not isinstance(entry, dict) or not all(_texts(entry.get(key)) for key in ("versions", "files")):
+        return False
+    errors = entry.get("errors")
+    return isinstance(errors, dict) and all(map(_is_size, errors.values()))
+
+
+def _texts(table: object) -> bool:
+    return isinstance(table, dict) and all(isinstance(value, str) for value in table.values())
+
+
+def _is_size(value: object) -> bool:
+    """Whether it is the size of an error; null stands for what is no number."""
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < inf)
 
 
 def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import tomllib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from screwgauge.models.importing import is_model
+from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.description import check_keys, read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.files import is_file, is_path
+from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.entries import positive
 from screwgauge.scene.read import scene_names
+
+#: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
+_OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,8 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     else:
         pairs = zip(models[::2], models[1::2], strict=True)
         found += [Item(f"{Path(a).name} - {Path(b).name}", (a, b)) for a, b in pairs]
-    for name in (file for item in found for file in item.files):
-        if name not in scene_names() and not is_file(Path(name)):
+    for name in given:
+        if name not in scene_names() and not is_file(Path(name)) and not _is_folder(name):
             if not is_path(name) and not is_model(name):
                 raise UnknownNameError("scene", name, [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
             raise DescriptionError("does not exist, or is no regular file", name, "check the path")
@@ -64,24 +67,58 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     return found
 
 
+def _is_folder(name: str) -> bool:
+    return name not in scene_names() and os.path.isdir(name)
+
+
 def _scenes(names: Iterable[str]) -> Iterator[str]:
     for name in names:
-        if not Path(name).is_dir() or name in scene_names():
+        if not _is_folder(name):
             yield name
             continue
-        inside = [str(path) for path in sorted(Path(name).glob("*.toml")) if _is_scene(path)]
+        inside = [str(path) for path in _files_in(name, ".toml") if _is_scene(path)]
         if not inside:
             raise DescriptionError("has no scene", name, "name a folder of TOML files with the key 'mechanism'")
         yield from inside
 
 
+def _files_in(folder: str, *endings: str) -> list[Path]:
+    """What stands in a folder and ends so.
+
+    Raises:
+        DescriptionError: The folder cannot be read.
+    """
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError as error:
+        raise DescriptionError(f"cannot be read ({why(error)})", folder, "check the path") from None
+    return [Path(folder) / name for name in names if name.lower().endswith(endings)]
+
+
+def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
+    """Descriptions, scenes and models in the folders among the arguments that are none of the files that were read.
+
+    Args:
+        what: As `items` takes it.
+        read: Paths.
+    """
+    known = {os.path.realpath(name) for name in read}
+    found = [
+        str(path)
+        for folder in filter(_is_folder, map(str, what))
+        for path in _files_in(folder, ".toml", *SUFFIXES)
+        if os.path.realpath(path) not in known and not path.name.endswith(LOOPS)
+    ]
+    return list(dict.fromkeys(found))
+
+
 def _is_scene(path: Path) -> bool:
-    """Whether it is, or cannot even be read, which is for whoever checks it to say."""
+    """Whether it is one, if only by half, or cannot even be read, which is for whoever checks it to say."""
     if path.name.endswith(LOOPS):
         return False
     try:
-        return "mechanism" in tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return not _OF_SCENES.isdisjoint(read_toml(path))
+    except DescriptionError:
         return True
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -19,24 +19,19 @@ from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.conditioning import LIMIT
+from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
-from screwgauge.scene.columns import same_times
-from screwgauge.scene.exciting import exciting
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import Item
 from screwgauge.study.gate.row import JUDGE, Error, Row, Status
+from screwgauge.study.gate.smoke import OF_FULL_CUTS, blind, full_cuts, smoked
 from screwgauge.study.otherwise import physical
 from screwgauge.study.run import run
 
-#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
-#: takes time is the way there.
-SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
-#: Share of its duration that a smoke test integrates of a simulation.
-BEGINNING = 1e-2
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
 
@@ -58,19 +53,36 @@ class Settings:
 def measured(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
     """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
     try:
-        if len(item.files) == 2:
-            return _pair(item, settings)
-        return _scene(item, settings, progress)
+        row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:
-        return Row(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
+        row = Row(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
+    return replace(row, read=(*row.read, *item.files))
 
 
 def _scene(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
-    scene, note = load_scene(item.files[0]), ""
-    if settings.smoke:
-        scene, note = smoked(scene)
-    row = compared(scene, settings, progress)[0]
-    return replace(row, scene=item.name, coverage=f"{note}{row.coverage}", file=row.file or item.files[0])
+    scene = load_scene(item.files[0])
+    row = _smoke(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
+    return replace(row, scene=item.name, file=row.file or item.files[0])
+
+
+def _smoke(scene: Scene, settings: Settings, progress: Callable[..., None]) -> Row:
+    """Little of a scene; once that passes, whether anything else would have been seen, and the full cuts."""
+    scene, note = smoked(scene)
+    row, results = compared(scene, settings, progress)
+    row = replace(row, coverage=f"{note}{row.coverage}")
+    if not row.ok:
+        return row
+    if said := blind(results):
+        return replace(row, status="failed", sentence=f"the comparison would see no difference: {said}")
+    if (cut := full_cuts(scene)) is None:
+        return row
+    full, beside = compared(cut, settings, progress)
+    errors, versions = (*row.errors, *full.errors), {**row.versions, **full.versions}
+    coverage = f"{row.coverage} Full cuts: {OF_FULL_CUTS} of {', '.join(beside.scene.engines)}."
+    row = replace(row, errors=errors, versions=versions, coverage=coverage)
+    if full.ok:
+        return row
+    return replace(row, status=full.status, sentence=f"of the full cuts: {full.sentence}")
 
 
 def compared(
@@ -84,6 +96,10 @@ def compared(
     errors = tuple(_errors(results, given))
     agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
     status: Status = "agree" if agree else "failed" if results.failures else "differ"
+    if agree and all(one.b == JUDGE for one in errors):
+        agree, status = len(results.solutions) == 1, "judged" if len(results.solutions) == 1 else "differ"
+    if agree and results.unread:
+        status = "unread"
     sentence = settings.tell(results)
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
@@ -97,27 +113,20 @@ def compared(
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
     versions = {name: solution.version for name, solution in results.solutions.items()}
     row = Row(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
-    row = replace(row, doubts=results.doubts)
-    return row, results
+    read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
+    return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
 
 
-def smoked(scene: Scene) -> tuple[Scene, str]:
-    """A scene of which little is looked at, and what that is.
+def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
+    """Files that a scene is made of, those that its description extends included.
 
-    A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
+    Args:
+        engines: Those that ran: models and tables of others count only without.
     """
-    if scene.simulated:
-        since = scene.start.since
-        end = since + BEGINNING * (float(scene.t[-1]) - since)
-        return scene.at([since, end]), f"The first {end - since:.3g} s. "
-    try:
-        moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
-        return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
-    except DescriptionError as error:
-        # of the times that each table has
-        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
-        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
-        return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
+    own = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
+    used = [file for name, file in own.items() if engines is None or name in engines]
+    described = description_files(scene.mechanism_file)
+    return [file for file in (scene.file, *described, *used) if file is not None]
 
 
 def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:

@@ -14,12 +14,13 @@ from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.importing import is_model
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
+from screwgauge.reference.files import digest
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Failure
 from screwgauge.study import apart
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings, measured
+from screwgauge.study.gate.measure import Settings, files_of, measured
 from screwgauge.study.gate.row import Row, row_from
 from screwgauge.study.journal import Journal
 
@@ -43,7 +44,7 @@ def check_items(
         journal: File of rows that an interrupted gate goes on from; it goes away when all are there.
     """
     record = [environment(), settings.smoke, settings.tolerances]
-    kept = Journal(journal, hashlib.sha256(json_text(record).encode()).hexdigest())
+    kept = Journal(journal, hashlib.sha256(json_text(record).encode()).hexdigest(), _is_row)
     keys = {item.name: fingerprint(item) for item in items} if journal else {}
     rows = {name: row_from(kept.results[key]) for name, key in keys.items() if key in kept.results}
     works = {item.name: partial(_timed, item, settings) for item in items if item.name not in rows}
@@ -69,6 +70,13 @@ def check_items(
     return [rows[item.name] for item in items]
 
 
+def _is_row(record: object) -> bool:
+    try:
+        return bool(row_from(record))
+    except ValueError:
+        return False
+
+
 def _timed(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
     begin = perf_counter()
     row = measured(item, settings, progress)
@@ -86,11 +94,11 @@ def fingerprint(item: Item) -> str:
             said.update(str(error).encode())
         else:
             said.update(json_text([mechanism_tables(scene.mechanism_file), scene.text]).encode())
-            own = [scene.file, *scene.models.values(), *(table.file for table in scene.tables.values())]
-            files = [file for file in own if file]
+            files = files_of(scene)
             if isinstance(scene.task, GivenMotion):
                 for array in (scene.task.t, scene.task.y, scene.task.yd, scene.task.ydd):
                     said.update(array.tobytes())
     for file in files:
-        said.update(file.read_bytes() if file.is_file() else b"")
+        with suppress(DescriptionError):
+            said.update(digest(file).encode())
     return said.hexdigest()

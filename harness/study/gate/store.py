@@ -3,28 +3,74 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from importlib.util import find_spec
 from io import BytesIO
 from math import nan
+from numbers import Real
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
-from screwgauge.reference.files import replace_file
-from screwgauge.study.gate.row import Row
+from screwgauge.reference.files import parse_json, replace_file, why
+from screwgauge.scene.columns import read_parquet
+from screwgauge.study.gate.row import EXIT, Row
 
 #: Of the columns.
 SCHEMA = 1
 #: What to do where there is none.
 FIRST = "run screwgauge check --store with this folder first"
-_ERRORS = "read_parquet($files, union_by_name = true)"
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_number(value: object) -> bool:
+    """Whether it is a size; NaN stands for none."""
+    return isinstance(value, Real) and not isinstance(value, bool) and not float(value) < 0.0
+
+
+def _is_date(value: object) -> bool:
+    try:
+        return isinstance(value, str) and datetime.fromisoformat(value).tzinfo is not None
+    except ValueError:
+        return False
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, str) and _is_table_of_texts(value)
+
+
+@lru_cache(maxsize=1000)
+def _is_table_of_texts(text: str) -> bool:
+    """Whether it is JSON of texts by name."""
+    try:
+        found = parse_json(text, "table", "", "")
+    except DescriptionError:
+        return False
+    return isinstance(found, dict) and all(map(_is_text, found.values()))
+
+
+#: Columns -> whether a value belongs in them.
+_COLUMNS: Mapping[str, Callable[[object], bool]] = {
+    "schema": lambda value: value == SCHEMA,
+    "smoke": lambda value: isinstance(value, bool | np.bool_),
+    "date": _is_date,
+    "status": lambda value: _is_text(value) and value in EXIT,
+    **dict.fromkeys(("run", "scene", "key", "cpu", "platform"), _is_text),
+    **dict.fromkeys(("versions", "files", "packages"), _is_table),
+    **dict.fromkeys(("seconds", "error", "tolerance"), _is_number),
+}
 
 
 def check_store(store: Path) -> None:
@@ -36,7 +82,7 @@ def check_store(store: Path) -> None:
     if missing := [name for name in ("duckdb", "pyarrow") if find_spec(name) is None]:
         what = f"a history needs {' and '.join(missing)}, which is not installed"
         raise OutputError(what, "", "run pip install 'screwgauge[history]'")
-    if store.exists() and not store.is_dir():
+    if os.path.lexists(store) and not os.path.isdir(store):
         raise OutputError("is no folder", str(store), "name another folder by --store")
 
 
@@ -83,15 +129,33 @@ def asked(store: Path, query: str, **values: Any) -> pd.DataFrame:
     """
     import duckdb
 
-    files = sorted(map(str, store.glob("*.parquet")))
+    try:
+        files = sorted(path for path in store.iterdir() if path.name.endswith(".parquet"))
+    except OSError as error:
+        what, remedy = f"has no history ({why(error)})", FIRST
+        raise DescriptionError(what, str(store), remedy) from None
     if not files:
         raise DescriptionError("has no history", str(store), FIRST)
-    with duckdb.connect() as database:
-        try:
-            return database.execute(query.replace("ERRORS", _ERRORS), {"files": files, **values}).df()
-        except duckdb.Error as error:
-            what = f"is no history of checks: {str(error).splitlines()[0]}"
-            raise DescriptionError(what, str(store), "remove the file that does not belong there") from None
+    errors = pd.concat(map(_kept, files), ignore_index=True)
+    with duckdb.connect(config={"enable_external_access": False}) as database:
+        database.register("errors", errors)
+        return database.execute(query.replace("ERRORS", "errors"), values or None).df()
+
+
+def _kept(file: Path) -> pd.DataFrame:
+    """The rows that one check has left.
+
+    Raises:
+        DescriptionError: The file is of something else.
+    """
+    found, remedy = read_parquet(file), "remove the file, which does not belong there"
+    for name, holds in _COLUMNS.items():
+        if name not in found:
+            raise DescriptionError(f"is no history of checks (column '{name}' is missing)", str(file), remedy)
+        for value in found[name]:
+            if not holds(value):
+                raise DescriptionError(f"is no history of checks ({name} is {value!r:.60})", str(file), remedy)
+    return found[[*_COLUMNS]].astype({"error": float, "tolerance": float, "seconds": float})
 
 
 def history(store: Path, scene: str | None = None) -> pd.DataFrame:
@@ -121,7 +185,7 @@ def latest(store: Path, smoke: bool) -> Mapping[str, Any]:
     found = asked(
         store,
         """select scene, versions, files, packages, platform, cpu, key, error from ERRORS
-        where status = 'agree' and smoke = $smoke
+        where status in ('agree', 'judged') and smoke = $smoke
         qualify dense_rank() over (partition by scene order by date desc, run) = 1 order by date, scene, key""",
         smoke=smoke,
     )

@@ -32,6 +32,8 @@ COLUMNS = (
     *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
     *("left", "backfill", "cpu_s", "verdict", "first"),
 )
+#: Of these, numbers from 0 on.
+SIZES = ("size", "effect", "error", "left", "cpu_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ def selftest(
     Returns:
         The table, sorted, columns `COLUMNS`.
     """
-    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test")}
+    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test", ["number"], SIZES)}
     todo = [item for item in items(count, pairs) if (item.group, item.number) not in done]
     with TemporaryDirectory(prefix="screwgauge-") as folder, added_to(file, COLUMNS) as add:
         models = pools(Path(folder), quick)

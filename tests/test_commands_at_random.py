@@ -1,0 +1,25 @@
+"""Whatever becomes of a file that a command reads, it answers or refuses in one sentence: see ``fuzz_commands.py``."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fuzz_files import KINDS
+
+SCRIPT = Path(__file__).with_name("fuzz_commands.py")
+
+
+def test_commands_on_broken_files_answer_or_refuse():
+    """A process of its own forks one for each case: this one has threads."""
+    for package in ("duckdb", "pyarrow"):
+        pytest.importorskip(package, reason=f"{package} is not installed")
+    command = [sys.executable, str(SCRIPT), "--count", "3", "--seed", "7"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "WRONG" not in done.stdout
+    ended = [line.split("\t") for line in done.stdout.splitlines() if "\t" in line]
+    assert sum(int(count) for *_, count in ended) == 3 * len(KINDS)
+    assert {kind for kind, *_ in ended} == {*KINDS}

@@ -1,0 +1,181 @@
+"""A gate says which files it did not read and what it did not compare, and a smoke test shows that it can fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from gates import repository, scene
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.engines.tree.closure import Loops
+from screwgauge.judging import compare as comparing
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    return repository(tmp_path_factory.mktemp("theirs"))
+
+
+@pytest.fixture
+def theirs(made, tmp_path, monkeypatch) -> Path:
+    """A copy of the repository, and the working folder."""
+    folder = tmp_path / "theirs"
+    shutil.copytree(made, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, capsys):
+    text = scene('models.mujoco = "edited.xml"').replace('engines = ["screw", "mujoco"]', 'engines = ["screw"]')
+    Path("turn.toml").write_text(text.replace('["screw"]', '["screw", "pinocchio"]'), encoding="utf-8")
+    shutil.copy("four-bar.xml", "edited.xml")
+    assert main(["check", "turn.toml", "--junit", "junit.xml"]) == 1
+    said = capsys.readouterr().out
+    assert "FAILED: 0 of 1 pass." in said
+    assert "turn: edited.xml (models.mujoco) is not read, as mujoco does not run. all else agrees" in said
+    assert "all engines agree" not in said
+    assert "edited.xml" in Path("junit.xml").read_text(encoding="utf-8")
+    row = screwgauge.check("turn.toml").rows[0]
+    assert row.status == "unread"
+    assert all(error.ok for error in row.errors)
+
+
+def test_one_engine_alone_agrees_with_nobody(theirs, capsys):
+    Path("turn.toml").write_text(scene().replace('["screw", "mujoco"]', '["screw"]'), encoding="utf-8")
+    assert main(["check", "turn.toml"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "agree" not in said.partition("report:")[0]
+    assert "OK, but: 1 of 1 pass. Nothing was compared in turn: one engine ran" in said
+    assert screwgauge.check("turn.toml").rows[0].status == "judged"
+
+
+def test_files_of_a_folder_that_no_scene_names_are_named(theirs, capsys):
+    shutil.copy("four-bar.xml", "forgotten.xml")
+    Path("tolerances.toml").write_text("actuator_force = 1e-6\n", encoding="utf-8")
+    Path("other.toml").write_text('extends = "four-bar.toml"\nname = "other"\n', encoding="utf-8")
+    found = screwgauge.check(".")
+    left = {"forgotten.xml", "four-bar.urdf", "four-bar-full.urdf", "four-bar-full.xml", "other.toml"}
+    assert {*found.unread} == {*left, "tolerances.toml"}
+    assert found.ok
+    assert "OK, but: 1 of 1 pass." in str(found)
+    assert all(name in " ".join(found.markdown().split()) for name in left)
+    assert {*json.loads(found.json)["unread"]} == {*found.unread}
+    assert "forgotten.xml" in found.junit()
+    assert "tolerances.toml" not in screwgauge.check(".", tolerances="tolerances.toml").unread
+
+
+def test_a_description_that_a_scene_s_own_extends_was_read(theirs):
+    Path("more.toml").write_text('extends = "four-bar.toml"\nname = "more"\n', encoding="utf-8")
+    Path("turn.toml").write_text(scene().replace("four-bar.toml", "more.toml"), encoding="utf-8")
+    assert not any(name.endswith(".toml") for name in screwgauge.check(".").unread)
+
+
+def test_a_scene_that_misspells_its_mechanism_is_refused_and_not_passed_over(theirs):
+    Path("typo.toml").write_text(scene().replace("mechanism", "mechansim"), encoding="utf-8")
+    found = screwgauge.check(".")
+    assert {row.scene: row.status for row in found.rows} == {"turn": "agree", "typo": "refused"}
+    assert found.exit_status == 2
+
+
+def test_a_model_file_of_a_hundred_gigabytes_is_refused_unread(theirs):
+    enormous("four-bar.xml")
+    assert main(["check", "turn.toml", "--out", "out"]) == 2
+
+
+def enormous(name: str) -> None:
+    """Ten gigabytes that take no room."""
+    with Path(name).open("wb") as file:
+        file.truncate(10**10)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        os.mkfifo,
+        lambda path: os.symlink("/dev/zero", path),
+        os.mkdir,
+        lambda path: os.symlink(path, path),
+        lambda path: Path(path).write_text("[" * 1_000_000),
+        lambda path: Path(path).write_text("a." * 50_000 + "b = 1"),
+        lambda path: Path(path).write_text("[" + ".".join("a" * 2000) + "]"),
+        lambda path: Path(path).write_text(f"mechanism = {'9' * 5000}"),
+        enormous,
+    ],
+    ids=["fifo", "endless", "folder", "circle", "brackets", "dots", "tables", "digits", "huge"],
+)
+def test_a_folder_may_hold_anything(make, theirs):
+    """Each is a row that says what it is; a FIFO once stopped the gate for ever, an endless file took all memory."""
+    make("x.toml")
+    found = {row.scene: row for row in screwgauge.check(".").rows}
+    assert found["turn"].ok
+    assert found["x"].status == "refused"
+    assert re.search(r"x\.toml.*: .*; .*\.$", found["x"].sentence)
+
+
+def turned(self: Loops, at, V, A):
+    """`Loops.bias` with the sign of the parent's angular part changed."""
+    out = right(self, at, V, A).reshape(len(V), -1, 3).copy()
+    for k, anchor in enumerate(self.anchors):
+        if anchor.angular:
+            out[:, k] = A[:, anchor.child, :3] + A[:, anchor.parent, :3]
+    return out.reshape(len(out), -1)
+
+
+right = Loops.bias
+
+
+def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
+    found = screwgauge.check("bennett", smoke=True).rows[0]
+    assert found.ok
+    assert {"mujoco-full", "pinocchio-full"} <= found.versions.keys()
+    assert found.coverage.endswith("Full cuts: joint_acceleration of screw, pinocchio-full, mujoco-full.")
+    monkeypatch.setattr(Loops, "bias", turned)
+    assert screwgauge.check("bennett").ok  # no default engine welds copies of moving bodies here
+    found = screwgauge.check("bennett", smoke=True).rows[0]
+    assert found.status == "differ"
+    assert found.sentence.startswith("of the full cuts: ")
+
+
+def scaled(by: float):
+    def components(*arguments):
+        for row in each(*arguments):
+            yield {**row, "max_abs": by * row["max_abs"], "max_scaled": by * row["max_scaled"]}
+
+    return components
+
+
+each = comparing._components
+
+
+@pytest.mark.parametrize(
+    ("name", "instead", "said"),
+    [
+        ("_components", scaled(1e-3), "was compared as"),
+        ("_limit", lambda *arguments: (1e-3, ""), "passes a tolerance of"),
+        (
+            "_held",
+            lambda row, rules, limit: {**row, "rule": "", "unique": True, "tolerance": limit, "ok": True},
+            "pass",
+        ),
+    ],
+)
+def test_a_smoke_test_notices_that_the_comparison_is_blind(name, instead, said, monkeypatch):
+    assert screwgauge.check("slider-crank", smoke=True).ok
+    monkeypatch.setattr(comparing, name, instead)
+    (row,) = screwgauge.check("slider-crank", smoke=True).rows
+    assert row.status == "failed"
+    assert row.sentence.startswith("the comparison would see no difference: ")
+    assert said in row.sentence
+
+
+def test_engines_that_share_no_quantity_are_no_agreement(monkeypatch):
+    monkeypatch.setattr(comparing, "combinations", lambda *arguments: [])
+    (row,) = screwgauge.check("slider-crank").rows
+    assert row.status == "differ"
+    assert "nothing was compared" in row.sentence

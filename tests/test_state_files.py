@@ -1,0 +1,259 @@
+"""What earlier commands left on disk is read as carefully as anybody's files: in bounds, or refused in one sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
+from screwgauge.reference.files import LIMITS, digest, read_json
+from screwgauge.reference.wording import printable
+from screwgauge.scene.columns import read_columns
+from screwgauge.study.gate.baseline import against, write_baseline
+from screwgauge.study.gate.row import Error, Row, row_from
+from screwgauge.study.gate.store import history, keep
+from screwgauge.study.journal import Journal
+from screwgauge.study.table import rows_in
+
+ERROR = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
+ROW = Row("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "0" * 64}, unread=("x",), read=("y",))
+BRACKETS = "[" * 100_000
+
+
+def special(make):
+    """Puts something in the place of a file that is none."""
+    return lambda path: (path.unlink(missing_ok=True), make(path))
+
+
+SPECIAL = {
+    "fifo": special(os.mkfifo),
+    "endless": special(lambda path: path.symlink_to("/dev/zero")),
+    "folder": special(os.mkdir),
+    "huge": special(lambda path: (path.touch(), os.truncate(path, 10**12))),
+}
+
+
+@pytest.fixture
+def known(tmp_path) -> Path:
+    file = tmp_path / "baseline.json"
+    write_baseline(file, [ROW], smoke=False)
+    return file
+
+
+@pytest.mark.parametrize("kind", SPECIAL)
+def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known, tmp_path):
+    store = tmp_path / "store"
+    files = [known, keep(store, [ROW], smoke=False), tmp_path / "journal", tmp_path / "rows.csv"]
+    for file in files:
+        SPECIAL[kind](file)
+    said = r": cannot be read \((it is no regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
+    for read in (
+        lambda: against(known, [ROW], smoke=False),
+        lambda: history(store),
+        lambda: Journal(files[2], "stamp"),
+        lambda: rows_in(files[3], ["a"], "rows"),
+    ):
+        with pytest.raises(DescriptionError, match=said):
+            read()
+
+
+def changed(**entries: object):
+    """Replaces entries of the only scene of a baseline."""
+
+    def change(record):
+        record["scenes"]["a"] |= entries
+
+    return change
+
+
+def of_error(value: object):
+    return changed(errors={"reaction [N] screw - mujoco": value})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        of_error("text"),
+        of_error([]),
+        of_error(True),
+        of_error(-1.0),
+        of_error({}),
+        changed(errors=[]),
+        changed(versions={"mujoco": 3}),
+        changed(files=None),
+        lambda record: record.update(environment={"cpu": []}),
+        lambda record: record.update(scenes={"a": None}),
+    ],
+)
+def test_a_baseline_with_an_odd_entry_is_none(change, known):
+    record = json.loads(known.read_text())
+    change(record)
+    known.write_text(json.dumps(record))
+    with pytest.raises(DescriptionError, match="is no baseline; make one by --update"):
+        against(known, [ROW], smoke=False)
+
+
+@pytest.mark.parametrize("text", [BRACKETS, "9" * 5000, "[]", "", "\x00", '{"a": "\\ud800"}', '{"a": ' * 200 + "1"])
+def test_a_baseline_of_odd_text_is_none(text, known):
+    known.write_text(text)
+    with pytest.raises(DescriptionError, match=r"is no baseline|control character") as caught:
+        against(known, [ROW], smoke=False)
+    assert str(caught.value).count("\n") == 0
+
+
+def test_an_error_of_400_digits_is_none(known):
+    known.write_text(known.read_text().replace("2e-14", "9" * 400))
+    with pytest.raises(DescriptionError, match="is no baseline"):
+        against(known, [ROW], smoke=False)
+
+
+def test_nesting_in_json_is_bounded(tmp_path):
+    file, deep = tmp_path / "x.json", LIMITS["nested entries"]
+    file.write_text('{"a": ' + "[" * (deep - 2) + "1" + "]" * (deep - 2) + "}")
+    assert read_json(file, "thing", "mend it")
+    file.write_text('{"a": ' + "[" * deep + "1" + "]" * deep + "}")
+    with pytest.raises(DescriptionError, match="nested entries, more than 100"):
+        read_json(file, "thing", "mend it")
+
+
+def test_a_row_comes_back_from_json():
+    assert repr(row_from(json.loads(json.dumps(asdict(ROW))))) == repr(replace(ROW, unread=["x"], read=["y"]))
+
+
+ODD = {"scene": 3, "status": "green", "errors": [{}], "versions": {"a": 1}, "unread": [3], "seconds": "1", "more": 1}
+
+
+@pytest.mark.parametrize("key", ODD)
+def test_a_journal_s_odd_row_is_made_anew(key, tmp_path):
+    record = {**json.loads(json.dumps(asdict(ROW))), key: ODD[key]}
+    with pytest.raises(ValueError, match="is no"):
+        row_from(record)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"key": [], "result": {}}',
+        '{"key": "a", "result": []}',
+        '{"key": "a", "time": "x"}',
+        '{"key": "a", "time": NaN}',
+        '{"result": {}}',
+        '{"key": "a", "result": ' + BRACKETS,
+        "[" * 500 + "]" * 500,
+        '{"key": "a", "time": ' + "9" * 5000 + "}",
+    ],
+)
+def test_odd_lines_of_a_journal_are_dropped(line, tmp_path):
+    path = tmp_path / "journal"
+    path.write_text(f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
+    found = Journal(path, "x")
+    assert found.results == {}
+    assert found.times == {"b": [0.5]}
+
+
+def test_results_that_do_not_fit_are_not_taken_over(tmp_path):
+    Journal(tmp_path / "journal", "x").keep("a", {"status": 3})
+    assert Journal(tmp_path / "journal", "x", lambda result: isinstance(result["status"], str)).results == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["a,b\n1,2,3\n", 'a,b\n"x', "b,a\n", "a,b\n1\n", "\x00", "a,b\n" + "x" * 200_000 + ",1"]
+)
+def test_an_odd_table_of_rows_is_refused(text, tmp_path):
+    (tmp_path / "rows.csv").write_text(text)
+    with pytest.raises(OutputError, match="is no table of rows"):
+        rows_in(tmp_path / "rows.csv", ["a", "b"], "rows")
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("versions", "{"),
+        ("versions", "[]"),
+        ("files", '{"a": 1}'),
+        ("packages", BRACKETS),
+        ("date", "yesterday"),
+        ("error", "1"),
+        ("error", -1.0),
+        ("status", "green"),
+        ("schema", 2),
+        ("scene", None),
+        ("smoke", 1),
+        ("seconds", [1.0]),
+        ("cpu", None),
+    ],
+)
+def test_a_history_with_an_odd_value_is_refused_and_its_file_named(column, value, tmp_path):
+    pytest.importorskip("duckdb", reason="duckdb is not installed")
+    file = keep(tmp_path, [ROW], smoke=False)
+    table = pd.read_parquet(file).astype(object)
+    table.at[0, column] = value
+    pd.DataFrame(table.to_dict("records")).to_parquet(file, index=False)
+    with pytest.raises(DescriptionError, match=rf"\.parquet: is no history of checks \({column} is"):
+        history(tmp_path)
+
+
+def test_a_history_without_a_column_or_that_is_cut_is_refused(tmp_path):
+    pytest.importorskip("duckdb", reason="duckdb is not installed")
+    file = keep(tmp_path, [ROW], smoke=False)
+    table, data = pd.read_parquet(file), file.read_bytes()
+    table.drop(columns="run").to_parquet(file, index=False)
+    with pytest.raises(DescriptionError, match="column 'run' is missing"):
+        history(tmp_path)
+    for odd in (data[:-20], data[20:], b"", data[:50] + bytes([data[50] ^ 0xFF]) + data[51:-30] + b"\xff" * 30):
+        file.write_bytes(odd)
+        with pytest.raises(DescriptionError, match="cannot be read as Parquet"):
+            history(tmp_path)
+
+
+def test_a_table_of_which_a_byte_is_other_is_read_or_refused(tmp_path):
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    file, rng = tmp_path / "x.parquet", np.random.default_rng(0)
+    pd.DataFrame({"t": [0.0, 1.0], "x": ["a", "b"]}).to_parquet(file)
+    data = file.read_bytes()
+    for i in rng.integers(len(data), size=100):
+        file.write_bytes(data[:i] + bytes([rng.integers(256)]) + data[i + 1 :])
+        with suppress(ScrewgaugeError):
+            read_columns(file, ["t"])
+
+
+def test_a_digest_is_that_of_a_regular_file(tmp_path):
+    (tmp_path / "x").write_text("")
+    assert digest(tmp_path / "x").startswith("e3b0c442")
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(DescriptionError, match="no regular file"):
+        digest(tmp_path / "fifo")
+
+
+HIDDEN = ("\u202e", "\u2066", "\u200b", "\u200d", "\ufeff", "\ufe0f", "\u3164", "\x1b", "\x07", "\udcff", "\U000e0041")
+
+
+@pytest.mark.parametrize("sign", HIDDEN)
+def test_what_steers_a_terminal_or_is_not_seen_becomes_a_space(sign):
+    assert printable(f"a{sign}b") == "a b"
+    assert printable(f"a{sign}\nb", lines=True) == "a \nb"
+
+
+def test_names_of_files_reach_the_terminal_as_printable_text(tmp_path, monkeypatch, capfd):
+    """U+202E turns what follows it around: a file can look like another one."""
+    monkeypatch.chdir(tmp_path)
+    name = "turn\u202elmot.\u200b.toml"
+    Path(name).write_text('mechanism = "slider-crank"\nmotion = 3\n', encoding="utf-8")
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    assert main(["check", name, "--junit", "junit.xml"]) == 2
+    assert main(["run", name]) == 2
+    said = "".join(capfd.readouterr())
+    assert "lmot" in said
+    written = [path.read_text(encoding="utf-8") for path in Path("screwgauge-out").rglob("report.*")]
+    assert len(written) == 2
+    for text in (said, *written, Path("junit.xml").read_text(encoding="utf-8"), repr(screwgauge.check(name))):
+        assert all(sign.isprintable() or sign == "\n" for sign in text)
