@@ -8,6 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.errors import OutputError
+from screwgauge.study.bench.run import fits
 from screwgauge.study.bench.stamp import stamp
 from screwgauge.study.journal import Journal
 
@@ -93,3 +94,25 @@ def test_the_stamp_knows_scene_environment_and_extent():
     ]
     assert len(set(stamps)) == len(stamps)
     assert stamp(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), {}, False, 5) == stamps[0]
+
+
+SCORED = {"status": "ok", "n_sample": 3, "first": 0.5, "scores": {"reaction": [1e-12, float("nan"), ""]}}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"status": "green"},
+        {"n_sample": "3"},
+        {"first": None},
+        {"first": float("nan")},
+        {"scores": []},
+        {"scores": {"reaction": [1.0]}},
+        {"scores": {"reaction": ["1", "2", ""]}},
+        {"status": "failed", "reason": 3},
+    ],
+)
+def test_results_of_a_bench_with_an_odd_entry_are_made_anew(change):
+    assert fits(SCORED)
+    assert fits({"status": "failed", "reason": "it crashed"})
+    assert not fits(SCORED | change)

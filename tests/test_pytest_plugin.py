@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -157,3 +158,14 @@ def test_the_plugin_is_an_entry_point():
     project = Path(__file__).parents[1] / "pyproject.toml"
     points = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["entry-points"]
     assert points == {"pytest11": {"screwgauge": "screwgauge.pytest_plugin"}}
+
+
+def test_what_lies_in_a_folder_of_scenes_does_not_stop_the_collection(repository):
+    """A FIFO once was waited for without end, and a link to an endless file took all memory."""
+    from screwgauge.pytest_plugin import _scenes
+
+    os.mkfifo(repository / "scenes" / "x.toml")
+    (repository / "scenes" / "y.toml").symlink_to("/dev/zero")
+    assert [path.name for path in _scenes(repository / "scenes")] == ["robot.toml", "x.toml", "y.toml"]
+    with pytest.raises(AssertionError, match=r"x\.toml: cannot be read \(it is no regular file\)"):
+        screwgauge.check(repository / "scenes").assert_ok()

@@ -144,7 +144,7 @@ def bench(
         )
     chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
-    kept = Journal(journal, stamp(scene, record, plan.quick, plan.samples))
+    kept = Journal(journal, stamp(scene, record, plan.quick, plan.samples), fits)
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
@@ -249,6 +249,23 @@ class _Work:
 
 def _group(contestant: Contestant) -> tuple[str, str]:
     return contestant.name, contestant.method.engine
+
+
+def fits(result: Mapping[str, Any]) -> bool:
+    """Whether what a journal has of a contestant is what `_Work` keeps: a failure with its reason, or numbers."""
+    if result.get("status") == FAILED:
+        return isinstance(result.get("reason"), str)
+    n, first, scores = (result.get(key) for key in ("n_sample", "first", "scores"))
+    numbers = isinstance(n, int) and isinstance(first, float) and 0.0 <= first < np.inf
+    return result.get("status") == OK and numbers and isinstance(scores, dict) and all(map(_is_score, scores.values()))
+
+
+def _is_score(score: object) -> bool:
+    """Largest and RMS error, and why there is none."""
+    match score:
+        case [int() | float(), int() | float(), str()]:
+            return True
+    return False
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
