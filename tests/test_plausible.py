@@ -141,7 +141,8 @@ def test_a_run_agrees_but_says_what_no_machine_has(scene) -> None:
     assert {*results.doubts} <= {*results.warnings}
 
 
-def test_a_check_passes_and_says_it(scene, capsys) -> None:
+def test_a_check_passes_and_says_it(scene, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
     file = scene(inertia=WIDE).file
     assert main(["check", str(file), "--smoke"]) == 0
     assert "1500 kg m^2 on 0.3 kg" in " ".join(capsys.readouterr().out.split())

@@ -240,7 +240,8 @@ def diagnose(options: argparse.Namespace) -> int:
 
 def _models(options: argparse.Namespace) -> list[Path]:
     """The files that a diagnosis reads."""
-    named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, options.loops]
+    loops = options.loops if isinstance(options.loops, list) else [options.loops]
+    named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, *loops]
     return [Path(name) for name in named if name]
 
 
