@@ -1,0 +1,95 @@
+"""Random mechanisms in motions larger than those that they are drawn with, and what truth says of each difference.
+
+    python tests/campaigns/larger_motions.py --out reports/larger-motions
+
+Amplitudes are taken three times, else twice, else one and a half times: the largest that no engine refuses. Where the
+default engines do not agree, the scene is run again with the engine ``truth``: a difference is confirmed where one of
+the two engines is off from the truth, too. Rows that are there are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+import tomli_w
+
+import screwgauge
+
+FACTORS = (3.0, 2.0, 1.5)
+FIRST, COUNT = 1000, 300
+COLUMNS = ["seed", "family", "factor", "verdict", "confirmed", "reason"]
+
+
+def larger(file: Path, factor: float) -> screwgauge.Scene:
+    """The scene of a file with larger amplitudes, over a second."""
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    for motion in tables["motion"].values():
+        motion["harmonics"] = [[omega, factor * c, factor * s] for omega, c, s in motion["harmonics"]]
+    tables["time"] = {"duration": 1, "step": 0.025}
+    path = file.with_name(f"larger-{file.name}")
+    path.write_text(tomli_w.dumps(tables), encoding="utf-8")
+    return screwgauge.load_scene(path)
+
+
+def confirmed(scene: screwgauge.Scene, bad: pd.DataFrame) -> bool:
+    """Whether the truth differs from one of the two engines in each quantity in which these differ."""
+    judged = screwgauge.run(scene, [*scene.engines, "truth"]).pairs
+    off = judged[~judged["ok"].astype(bool) & ((judged["a"] == "truth") | (judged["b"] == "truth"))]
+    seen = {(row.quantity, engine) for row in off.itertuples() for engine in (row.a, row.b)}
+    return all({(row.quantity, row.a), (row.quantity, row.b)} & seen for row in bad.itertuples())
+
+
+def row(seed: int, folder: Path) -> dict[str, object]:
+    """What becomes of one random mechanism."""
+    drawn = screwgauge.random(seed, folder=folder)
+    found: dict[str, object] = {"seed": seed, "family": drawn.mechanism.name.rpartition("-")[0]}
+    for factor in FACTORS:
+        try:
+            scene = larger(drawn.file, factor)
+            results = screwgauge.run(scene)
+        except screwgauge.ScrewgaugeError as error:
+            found |= {"verdict": "refused", "reason": error.what}
+            continue
+        found |= {"factor": factor, "verdict": "agree", "reason": ""}
+        if results.failures:
+            said = "; ".join(f"{name}: {failure.reason}" for name, failure in results.failures.items())
+            return found | {"verdict": "failed", "reason": said}
+        if not results.ok:
+            bad = results.pairs[~results.pairs["ok"].astype(bool)]
+            worst = bad.loc[(bad["max_scaled"] / bad["tolerance"]).idxmax()]
+            size = f"{worst['max_scaled']:.2g} of {worst['tolerance']:.2g}"
+            said = f"{worst['quantity']}: {worst['a']} - {worst['b']} {size}"
+            return found | {"verdict": "differ", "confirmed": confirmed(scene, bad), "reason": said}
+        return found
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Random mechanisms in larger motions.")
+    parser.add_argument("--first", type=int, default=FIRST, help="first seed")
+    parser.add_argument("--count", type=int, default=COUNT, help="mechanisms that are not refused")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    file = options.out / "larger-motions.csv"
+    table = pd.read_csv(file).to_dict("records") if file.exists() else []
+    seed = max((int(one["seed"]) + 1 for one in table), default=options.first)
+    with TemporaryDirectory() as folder:
+        while sum(one["verdict"] != "refused" for one in table) < options.count:
+            table.append(row(seed, Path(folder)))
+            pd.DataFrame(table, columns=COLUMNS).to_csv(file, index=False)
+            print(f"{seed} {table[-1]['verdict']}", file=sys.stderr)
+            seed += 1
+    found = pd.DataFrame(table, columns=COLUMNS)
+    false = found[(found["verdict"] == "differ") & ~found["confirmed"].astype("boolean").fillna(False)]
+    print(f"{found['verdict'].value_counts().to_dict()}; differences that truth does not confirm: {len(false)}")
+    return int(len(false) > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
