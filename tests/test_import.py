@@ -348,6 +348,21 @@ def planar(folder: Path, right_angle: str) -> Path:
     return robot(folder, *parts, name="planar.urdf")
 
 
+def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, capsys):
+    path = planar(tmp_path, "1.5707963267948966")
+    text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
+    text = text.replace('LOWER="-3" UPPER="3"', 'lower="-3" upper="3"', 2)  # of ja and jb
+    text = text.replace('LOWER="-3" UPPER="3"', 'lower="-1e-5" upper="2e-5"')  # of jc
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for command in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
+        assert "it would leave the limits of 'jc' ([-1e-05, 2e-05] rad); widen the limits" in said
+        assert "tmp" not in said.rpartition("no motion")[2]
+
+
 def test_redundant_loops_move(tmp_path):
     mechanism = import_model(planar(tmp_path, "1.5707963267948966")).mechanism
     assert [joint.name for joint in mechanism.actuators] == [*mechanism.independent] == ["ja"]

@@ -62,7 +62,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
             f"{library} cannot be loaded ({error})", str(path), "install it, or take another"
         ) from None
     _check(reading, str(path))
-    return replace(reading, ignored=unread(source, reading))
+    return replace(reading, ignored=unread(source, reading), frames=source.fixed_joints)
 
 
 def _check(reading: Reading, where: str) -> None:

@@ -8,7 +8,16 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.readings.checks import MAKERS, check_names, check_numbers, check_tree, number, root_link, world
+from screwgauge.models.readings.checks import (
+    MAKERS,
+    carried_link,
+    check_names,
+    check_numbers,
+    check_tree,
+    number,
+    root_link,
+    world,
+)
 from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import without_meshes
 from screwgauge.models.readings.naming import joints_in, name_all
@@ -67,6 +76,12 @@ class Source:
                     CouplingReading(name, leads, ratio) if leads in moving else CouplingReading(name, "", ratio[:1])
                 )
         return found
+
+    @property
+    def fixed_joints(self) -> dict[str, str]:
+        """Fixed joint of a URDF -> link that it carries; none of an MJCF."""
+        joints = self.root.iterfind("joint[@type='fixed']") if self.form == "urdf" else ()
+        return {joint.get("name", ""): carried_link(joint) for joint in joints}
 
     def names(self, what: str) -> list[str]:
         """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made."""
