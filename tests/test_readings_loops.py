@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 import pytest
 
+import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
 from screwgauge.models.kinematics.tree import States, move, plant
@@ -197,8 +198,8 @@ BAD = {
     "joint_name: [tip]\njoint_type: [SPHERICAL]": "unknown joint 'tip'",
     "joint_name: [knee]": "1 joint names, 0 joint types",
     "joint_name: [knee, knee]\njoint_type: [FIXED, FIXED]": "names joint 'knee' twice",
-    "joint_name: [knee]\njoint_type: [HINGED]": "unknown type of joint 'knee', 'HINGED'; choose one of: SPHERICAL, FIXED, "
-    "UJOINT_XY, UJOINT_XZ",
+    "joint_name: [knee]\njoint_type: [HINGED]": "unknown type of joint 'knee', 'HINGED'; choose one of: SPHERICAL, "
+    "FIXED, UJOINT_XY, UJOINT_XZ",
     "joint_name: [knee]\njoint_type: [UJOINT_ZZ]": "'UJOINT_ZZ'; did you mean 'UJOINT_",
     "a: !!python/object/apply:os.getcwd []": "is no YAML (",
     "[" * 1000: "1000 nested brackets, more than 10",
@@ -237,3 +238,13 @@ def test_a_loops_file_of_our_own_says_what_the_mjcf_says(name, tmp_path: Path):
             assert said.kind == want.kind
             np.testing.assert_allclose(frames[want.first], want.first_frame, rtol=0, atol=1e-14)
             np.testing.assert_allclose(frames[want.second], want.second_frame, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["SPHERICAL", "UJOINT_ZY", "FIXED"])
+def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write):
+    """Its own inverse dynamics know nothing of the types in a file beside the URDF."""
+    urdf, loops = write("robot.urdf", TURNED), write("robot.yaml", LOOP.format("elbow", kind))
+    found = screwgauge.diagnose(urdf, urdf, loops=loops)
+    assert [(each.failed, each.agrees) for each in found.witnesses] == [("", True)] * 2
+    assert found.exit_status == 0
+    assert len(found.a.reading.joints) == {"SPHERICAL": 3, "UJOINT_ZY": 4, "FIXED": 2}[kind]

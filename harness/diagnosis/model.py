@@ -40,7 +40,8 @@ class Model:
         sha256: Of the file; empty without one.
         loops: File beside a URDF that says what closes its loops.
         parts: Bodies that are taken for parts of others, as the other model has them.
-        as_read: The reading before that; None where there are none.
+        as_read: What the library itself has of the file, without these and without joints of which a file beside it
+            changes the types; None where that is the reading.
     """
 
     label: str
@@ -69,7 +70,7 @@ class Model:
         given = tuple(parts)
         if not given:
             return self
-        return replace(self, parts=given, as_read=self.reading, reading=united(self.reading, given))
+        return replace(self, parts=given, as_read=self.as_read or self.reading, reading=united(self.reading, given))
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:
@@ -100,7 +101,13 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
     model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
     if loops is None or model.says_closures:
         return model
-    return replace(model, loops=loops, reading=with_loops(model.reading, loops))
+    reading = with_loops(model.reading, loops)
+    as_read = None if _kinds(reading) == _kinds(model.reading) else model.reading
+    return replace(model, loops=loops, reading=reading, as_read=as_read)
+
+
+def _kinds(reading: Reading) -> dict[str, str]:
+    return {name: joint.kind for name, joint in reading.joints.items()}
 
 
 def _described(name: str) -> Model:

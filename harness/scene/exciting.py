@@ -45,7 +45,7 @@ def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
 
 
 def obstacle(lay: Layout, motion: GivenMotion, part: int = 3) -> str:
-    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if nothing does.
+    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
         part: So many are followed before they are looked at: to find where a way ends takes long.
