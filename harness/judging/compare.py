@@ -10,6 +10,7 @@ import pandas as pd
 
 from screwgauge.judging.answer import Row, largest, timed
 from screwgauge.judging.assembly import other_assemblies
+from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
@@ -79,11 +80,15 @@ def compare(
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
-                rows = [_held(row, rules, limit) for row in _components(quantity, unit, a, b, t, scale)]
+                explained = _conditioned(quantity, (a, b), tolerance_of(quantity), len(t))
+                found = _components(quantity, unit, a, b, t, scale, np.maximum(limit, explained))
+                rows = [_held(row, rules, limit) for row in found]
                 errors += rows
                 if compared := [row for row in rows if row["rule"] != UNDETERMINED]:
                     row = _pair(compared)
-                    if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
+                    if row["ok"] and row["max_scaled"] > limit:
+                        row["reason"] = f"within {row['tolerance']:.2g}, rounding times the condition there"
+                    elif row["ok"] and row["max_scaled"] > tolerance_of(quantity):
                         row["reason"] = why or row["reason"]
                     pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
@@ -118,15 +123,35 @@ def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: flo
     return max(asked, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
 
 
+def _conditioned(quantity: str, pair: tuple[Solution, Solution], asked: float, n: int) -> Array:
+    """Scaled error that the condition of what two solutions were solved from explains, by their own estimates. (n,)
+
+    Of a sample that is flagged, or of a scene that asks for more than is usual, it explains none.
+    """
+    usual = QUANTITIES[quantity].tolerance
+    estimates = [one.estimate.get(quantity, np.zeros(n)) for one in pair]
+    known = np.all([each <= LIMIT for each in estimates], axis=0) & (asked <= usual)
+    return np.where(known, asked / usual * np.sum(estimates, axis=0), 0.0)
+
+
 def _held(row: Row, rules: Mapping[str, tuple[str, bool]], limit: float) -> Row:
-    """A component's errors with the rule that fixes it, held against a scaled error."""
+    """A component's errors with the rule that fixes it, held against a scaled error, or else its own limit."""
+    own = row.pop("limit")
+    limit = limit if row["max_scaled"] <= limit else max(limit, own)
     rule, unique = rules.get(row["component"], rules[""])
     ok = rule == UNDETERMINED or row["max_scaled"] <= limit
     return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
 
 
-def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float) -> Iterator[Row]:
-    """Errors of each component of a unit that both have, over the samples that both have solved."""
+def _components(
+    quantity: str, unit: str, a: Solution, b: Solution, t: Array, scale: float, limits: Array
+) -> Iterator[Row]:
+    """Errors of each component of a unit that both have, over the samples that both have solved.
+
+    Args:
+        limits: Scaled error up to which the two agree at each time, shape (n,). That at the largest error of a row is
+            its `limit` if all samples are within theirs.
+    """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
@@ -137,28 +162,31 @@ def _components(quantity: str, unit: str, a: Solution, b: Solution, t: Array, sc
     known = np.isfinite(difference)  # what is not a number is worse than anything
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
     turned, rms = np.any(difference < apart, axis=0), np.sqrt(np.mean(difference**2, axis=0))
+    within = np.all(difference <= scale * limits[rows, None], axis=0)
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
-        yield {**about, **size, "worst_t": float(t[rows[i]]), "turned": bool(turned[k])}
+        limit = float(limits[rows[i]]) if within[k] else 0.0
+        yield {**about, **size, "worst_t": float(t[rows[i]]), "turned": bool(turned[k]), "limit": limit}
 
 
 def _pair(rows: Sequence[Row]) -> Row:
-    """Sums up the components of one quantity and unit."""
+    """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
+    every, rows = rows, [row for row in rows if not row["ok"]] or rows
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
     worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
-    turned = ", ".join(row["component"] for row in rows if row["turned"])
+    turned = ", ".join(row["component"] for row in every if row["turned"])
     reason = f"whole turns of {turned} do not count" if turned else ""
     if not np.isfinite(worst["max_scaled"]):
         reason = f"not a number at t = {worst['worst_t']:g} s"
     return {
         **worst,
-        "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
+        "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in every]))),
         "worst_component": worst["component"],
-        "unique": all(row["unique"] for row in rows),
-        "ok": all(row["ok"] for row in rows),
+        "unique": all(row["unique"] for row in every),
+        "ok": all(row["ok"] for row in every),
         "reason": reason,
     }
 

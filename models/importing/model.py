@@ -48,7 +48,8 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     options = options or Options()
     library, loops = options.library or libraries_for(path)[0], options.loops or loops_beside(path)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
-    reading = read(path, library, home=_home(path, own), floating=options.floating)
+    keyframes = _keyframes(path) if own is None else {HOME: _home(own)}
+    reading = read(path, library, home=keyframes.pop(HOME, None), floating=options.floating)
     if loops is not None:
         if path.suffix != URDF:
             raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
@@ -56,22 +57,28 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
-    imported = describe(reading, str(path), wanted, given)
+    imported = describe(reading, str(path), wanted, given, keyframes)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
     return replace(imported, remarks=(said, *imported.remarks))
 
 
-def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
-    """Coordinates at home as files say them [rad or m]: of an MJCF in its keyframe ``home``, if it has one."""
-    if own is not None:
-        return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+def _home(own: LoopsFile) -> dict[str, float]:
+    """Coordinates at home [rad or m]."""
+    return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
+
+
+def _keyframes(path: Path) -> dict[str, dict[str, float]]:
+    """Coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; those without a name are numbered."""
     source = prepare(path)
-    if source.form != "mjcf" or source.root.find(f"keyframe/key[@name='{HOME}']") is None:
+    if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
     with warned():
         model = loaded(source)
-    qpos = model.key(HOME).qpos
-    return {model.joint(i).name: float(qpos[model.jnt_qposadr[i]]) for i in range(model.njnt) if is_single(model, i)}
+    single = {model.joint(i).name: model.jnt_qposadr[i] for i in range(model.njnt) if is_single(model, i)}
+    return {
+        model.key(k).name or str(k + 1): {name: float(model.key_qpos[k][at]) for name, at in single.items()}
+        for k in range(model.nkey)
+    }
 
 
 def loops_beside(path: Path) -> Path | None:
