@@ -120,6 +120,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
     add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")
     add("--floating", action="store_true", help="the base of a URDF moves freely")
+    meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
+    add("--meshes", action="store_true", help=meshes)
     add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
 
     add = command(
@@ -180,6 +182,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add("--loops", type=_path, metavar="FILE", help="what closes the loops of a URDF: robot.yaml or .loops.toml")
+    add("--meshes", action="store_true", help=meshes)
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")

@@ -27,6 +27,9 @@ LIMITS = {
     "panels": 24,
     "characters": 1000,
     "nested elements": 500,
+    "nested models": 10,
+    "MB of a mesh": 64,
+    "MB of meshes": 256,
     "characters of YAML": 50_000,
     "nested brackets": 10,
 }

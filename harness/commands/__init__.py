@@ -60,7 +60,7 @@ def import_(options: argparse.Namespace) -> int:
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
-    choice = Options(options.loops, options.reader or "", options.floating, wanted)
+    choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     found = import_apart(options.file, choice)
     for path in write_imported(found, options.out or Path(f"{options.file.stem}.toml")):
         say(str(path))
@@ -189,6 +189,7 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.self_test:
         return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
+    from screwgauge.diagnosis.model import weighed
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
@@ -200,10 +201,11 @@ def diagnose(options: argparse.Namespace) -> int:
         )
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
+    a, b = (weighed(each) if options.meshes else each for each in (options.a, options.b))
     found = carry_out(
         page,
         options.out or OUT / "diagnosis",
-        lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
+        lambda progress: diagnose(a, b, load=read_apart, **more),
         tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
     )
     if options.fix is not None:

@@ -13,9 +13,12 @@ from screwgauge.diagnosis.pairing.cuts import Copy, copies, united
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
+from screwgauge.models.importing import is_model
+from screwgauge.models.importing.model import scratch_folder
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.source import weighed_copy
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import Mechanism
@@ -40,6 +43,7 @@ class Model:
         sha256: Of the file; empty without one.
         loops: File beside a URDF that says what closes its loops.
         parts: Bodies that are taken for parts of others, as the other model has them.
+        own: The user's file, where `file` is a copy of it that says mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
     """
@@ -54,6 +58,7 @@ class Model:
     loops: Path | None = None
     parts: tuple[Copy, ...] = ()
     as_read: Reading | None = None
+    own: Path | None = None
 
     @property
     def says_closures(self) -> bool:
@@ -73,12 +78,38 @@ class Model:
         return replace(self, parts=given, as_read=self.as_read or self.reading, reading=united(self.reading, given))
 
 
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """An MJCF beside a copy of it that says mass and inertia of its meshes.
+
+    Attributes:
+        given: What the user gave.
+    """
+
+    given: str
+    copy: Path
+
+    def __str__(self) -> str:
+        return self.given
+
+
+def weighed(given: str | Path) -> str | Path | Weighed:
+    """A side of a diagnosis with mass and inertia from meshes; itself, where none come from there.
+
+    Raises:
+        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+    """
+    file, _ = _split(str(given))
+    copy = weighed_copy(file, scratch_folder()) if is_model(file) else None
+    return Weighed(str(given), copy) if copy else given
+
+
 def in_process(file: Path, library: str, floating: bool) -> Reading:
     """Reads in this process."""
     return read(file, library, floating=floating)
 
 
-def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None) -> Model:
+def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | None = None) -> Model:
     """Loads one side: a file, ``FILE@library``, or a description.
 
     Args:
@@ -87,18 +118,15 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
     Raises:
         ScrewgaugeError: It cannot be read.
     """
-    text, library = str(given), ""
-    if "@" in text and not Path(text).exists():
-        text, _, library = text.rpartition("@")
-        if library not in LIBRARIES:
-            raise UnknownNameError("library", library, LIBRARIES, str(given))
-    file = Path(text)
-    if not library and (file.suffix == ".toml" or (not file.suffix and not file.exists())):
-        return _described(text)
+    own, library = _split(str(given))
+    if not library and (own.suffix == ".toml" or (not own.suffix and not own.exists())):
+        return _described(str(own))
+    file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
-    content = read_file(file)
+    content = read_file(own)
     sha256 = hashlib.sha256(content.encode()).hexdigest()
     model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), sha256)
+    model = replace(model, own=own) if file != own else model
     if loops is None or model.says_closures:
         return model
     reading = with_loops(model.reading, loops)
@@ -108,6 +136,16 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
 
 def _kinds(reading: Reading) -> dict[str, str]:
     return {name: joint.kind for name, joint in reading.joints.items()}
+
+
+def _split(given: str) -> tuple[Path, str]:
+    """A file, and the library that is to read it; empty where none is named."""
+    if "@" not in given or Path(given).exists():
+        return Path(given), ""
+    text, _, library = given.rpartition("@")
+    if library not in LIBRARIES:
+        raise UnknownNameError("library", library, LIBRARIES, given)
+    return Path(text), library
 
 
 def _described(name: str) -> Model:

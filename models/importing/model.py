@@ -11,10 +11,12 @@ from screwgauge.models.importing import URDF
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
+from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import OWN, with_loops
-from screwgauge.models.readings.mujoco import is_single, loaded, warned
-from screwgauge.models.readings.read import libraries_for, read
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.mujoco import is_single, loaded
+from screwgauge.models.readings.read import libraries_of, read_source
+from screwgauge.models.readings.source import Source, prepare
+from screwgauge.models.readings.unread import dropped
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import is_file
 
@@ -30,12 +32,14 @@ class Options:
         loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
         library: Who reads it; by default that of its format.
         floating: The base of a URDF moves freely.
+        meshes: Mass and inertia are computed from meshes in the folder of an MJCF where they come from these.
         wanted: What the user chose to be independent and actuated.
     """
 
     loops: Path | None = None
     library: str = ""
     floating: bool = False
+    meshes: bool = False
     wanted: Wanted = field(default_factory=Wanted)
 
 
@@ -46,10 +50,13 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
     options = options or Options()
-    library, loops = options.library or libraries_for(path)[0], options.loops or loops_beside(path)
+    source = prepare(path, floating=options.floating, meshes=options.meshes)
+    library, loops = options.library or libraries_of(source.form)[0], options.loops or loops_beside(path)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
-    keyframes = _keyframes(path) if own is None else {HOME: _home(own)}
-    reading = read(path, library, home=keyframes.pop(HOME, None), floating=options.floating)
+    keyframes = _keyframes(source) if own is None else {HOME: _home(own)}
+    reading = read_source(source, library, home=keyframes.pop(HOME, None))
+    if lost := dropped(source, reading):
+        raise ModelFileError("; ".join(lost), str(path), "let another library read it")
     if loops is not None:
         if path.suffix != URDF:
             raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
@@ -59,7 +66,7 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
     imported = describe(reading, str(path), wanted, given, keyframes)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
-    return replace(imported, remarks=(said, *imported.remarks))
+    return replace(imported, remarks=(said, *source.resolved, *imported.remarks))
 
 
 def _home(own: LoopsFile) -> dict[str, float]:
@@ -67,9 +74,8 @@ def _home(own: LoopsFile) -> dict[str, float]:
     return {name: float(q) for joint in own.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
 
 
-def _keyframes(path: Path) -> dict[str, dict[str, float]]:
+def _keyframes(source: Source) -> dict[str, dict[str, float]]:
     """Coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; those without a name are numbered."""
-    source = prepare(path)
     if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
     with warned():

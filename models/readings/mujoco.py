@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 
 from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
+from screwgauge.models.readings.compiled import compiled, heard
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.models.readings.tendons import coupling_of, pulling, tendon_equality
@@ -23,13 +22,6 @@ from screwgauge.reference.rotations import Array
 #: In the order of MuJoCo's numbers.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
-#: What MuJoCo says of a file that others may take -> what to do.
-_REMEDIES = {
-    "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
-    "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
-    "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
-    "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",
-}
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
@@ -42,6 +34,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
     with heard() as ignored:
         model = loaded(source)
+        _check_named(model, str(source.path))
         data = mujoco.MjData(model)
         for i in range(model.njnt):
             at = model.jnt_qposadr[i]
@@ -74,39 +67,16 @@ def loaded(source: Source) -> Any:
     Raises:
         ModelFileError: MuJoCo refuses it.
     """
-    import mujoco
-
-    try:
-        spec = mujoco.MjSpec.from_string(source.text)
-        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        said = " ".join(str(error).removeprefix("Error: ").split())
-        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
-        raise ModelFileError(f"MuJoCo refuses it ({said})", str(source.path), remedy) from None
+    return compiled(source.text, str(source.path), source.models)
 
 
-@contextmanager
-def warned() -> Iterator[list[str]]:
-    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
-    import mujoco
-
-    said: list[str] = []
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        yield said
-    finally:
-        mujoco.set_mju_user_warning(None)
-
-
-@contextmanager
-def heard() -> Iterator[list[str]]:
-    """What MuJoCo and its Python package warn of, as phrases, known after it."""
-    phrases: list[str] = []
-    with warned() as said, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        yield phrases
-    phrases += [f"what MuJoCo warns of: {text}" for text in (*said, *(warning.message for warning in caught))]
+def _check_named(model: Any, where: str) -> None:
+    """Refuses a model some bodies or joints of which have no name: they could not be told from each other."""
+    for what, count in (("body", model.nbody), ("joint", model.njnt)):
+        unnamed = sum(not getattr(model, what)(i).name for i in range(count))
+        if unnamed:
+            said = f"MuJoCo makes {unnamed} of its {count} {'bodies' if what == 'body' else 'joints'} without a name"
+            raise ModelFileError(said, where, "leave out what is made so (flexcomp, composite)")
 
 
 def _disabled(model: Any, flag: str) -> bool:

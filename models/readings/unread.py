@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 from screwgauge.models.elements import beyond_reading
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
@@ -16,13 +18,14 @@ def unread(source: Source, reading: Reading) -> tuple[str, ...]:
     found: dict[str, list[str]] = {}
     equal = [row for row in source.root.iterfind("equality/tendon") if row.get("name") in reading.couplings]
     coupling = {row.get(side) for row in equal for side in ("tendon1", "tendon2")}
-    for extra in beyond_reading(source.root, source.form, reading.library):
+    extras = (beyond_reading(root, source.form, reading.library) for root in (source.root, *source.attached.values()))
+    for extra in chain.from_iterable(extras):
         if extra.what != "fixed tendon" or extra.whose.strip() not in coupling:
             found.setdefault(extra.what, []).append(extra.whose)
     said = [f"{what}{_whose(owners)}" for what, owners in found.items()]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         said.append("contacts of geoms")
-    return (*_dropped(source, reading), *source.ignored, *reading.ignored, *said)
+    return (*dropped(source, reading), *source.ignored, *reading.ignored, *said)
 
 
 def _whose(owners: list[str]) -> str:
@@ -32,11 +35,13 @@ def _whose(owners: list[str]) -> str:
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
 
 
-def _dropped(source: Source, reading: Reading) -> list[str]:
-    """Links and moving joints of the file that the library has not made anything of."""
+def dropped(source: Source, reading: Reading) -> list[str]:
+    """Links, moving joints and attached models of the file that the library has not made anything of."""
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
-    said = []
+    said = (
+        [f"attached models, which {reading.library} drops"] if source.attached and reading.library != "mujoco" else []
+    )
     for what, known in (
         ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
         ("joint", joints),
