@@ -189,11 +189,10 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.self_test:
         return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
-    from screwgauge.diagnosis.model import weighed
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.campaigns.loading import read_apart
+    from screwgauge.study.campaigns.loading import read_apart, sides
 
     if options.b is None:
         raise DescriptionError(
@@ -201,11 +200,10 @@ def diagnose(options: argparse.Namespace) -> int:
         )
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
-    a, b = (weighed(each) if options.meshes else each for each in (options.a, options.b))
     found = carry_out(
         page,
         options.out or OUT / "diagnosis",
-        lambda progress: diagnose(a, b, load=read_apart, **more),
+        lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_apart, **more),
         tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
     )
     if options.fix is not None:

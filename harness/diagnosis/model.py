@@ -14,7 +14,6 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.importing import is_model
-from screwgauge.models.importing.model import scratch_folder
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
@@ -93,14 +92,17 @@ class Weighed:
         return self.given
 
 
-def weighed(given: str | Path) -> str | Path | Weighed:
+def weighed(given: str | Path, folder: Path) -> str | Path | Weighed:
     """A side of a diagnosis with mass and inertia from meshes; itself, where none come from there.
+
+    Args:
+        folder: Of the copy.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
     """
     file, _ = _split(str(given))
-    copy = weighed_copy(file, scratch_folder()) if is_model(file) else None
+    copy = weighed_copy(file, folder) if is_model(file) else None
     return Weighed(str(given), copy) if copy else given
 
 

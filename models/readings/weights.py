@@ -60,7 +60,7 @@ def _inertial(model: Any, name: str, path: Path) -> ET.Element:
         raise ModelFileError(what, str(path), "give the body an <inertial>") from None
     values = {"pos": model.body_ipos, "quat": model.body_iquat, "diaginertia": model.body_inertia}
     texts = {key: vector_text(array[i]) for key, array in values.items()}
-    return ET.Element("inertial", mass=repr(float(model.body_mass[i])), **texts)
+    return ET.Element("inertial", {"mass": repr(float(model.body_mass[i])), **texts})
 
 
 def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
