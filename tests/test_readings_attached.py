@@ -258,7 +258,7 @@ def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, caps
     other.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
-    assert "or have meshes read (--meshes)" in capsys.readouterr().err
+    assert "or have meshes read (--meshes of import and diagnose)" in capsys.readouterr().err
     assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(fixed)]) == 1
     told = capsys.readouterr().out
     assert "a: mass" in told

@@ -55,7 +55,7 @@ def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[str]:
     for shape in weighs(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
         if shape.moves or shape.body.tag in moving:
-            remedy = "give the body an <inertial>, or have meshes read (--meshes)"
+            remedy = "give the body an <inertial>, or have meshes read (--meshes of import and diagnose)"
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
             said.append(f"{what}, which is fixed and has it from meshes")

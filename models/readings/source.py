@@ -28,11 +28,14 @@ from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.models.readings.weights import weigh
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count
+from screwgauge.reference.wording import first_few
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 #: Name of the joint of a base that floats, as Pinocchio calls its own.
 FLOATING = "root_joint"
+#: Bodies that a sentence names.
+_NAMED = 6
 #: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
 _MIMIC = (("offset", 0.0), ("multiplier", 1.0))
 
@@ -161,7 +164,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
         check_numbers(part.root, where)
         name_all(part.root, taken)
         if meshes and (weighed := weigh(part.root, part.path, path.parent.resolve())):
-            names = ", ".join(weighed)
+            names = first_few(weighed, _NAMED)
             resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
         moving = () if own else ("body", "worldbody") if whole else ("body",)
         said += without_meshes(part.root, "mjcf", where, moving=moving)

@@ -6,7 +6,7 @@ Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an M
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,8 @@ from screwgauge.reference.errors import LoaderError, ModelFileError, ScrewgaugeE
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits, unwatched_apart
 
+#: Weighs the meshes of a side of a diagnosis.
+Work = Callable[[], str | Path | Weighed | Failure]
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
 
@@ -99,12 +101,15 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Path | Weighed, str | Pat
     """
     if not meshes:
         return a, b
-    found = unwatched_apart({each: partial(weighed, each, scratch_folder()) for each in (a, b)}, LOADING)
+    found: list[str | Path | Weighed] = []
     for each in (a, b):
-        if isinstance(failure := found[each], Failure):
-            what = f"mujoco does not survive its meshes ({failure.reason})"
+        works: dict[str, Work] = {"meshes": partial(weighed, each, scratch_folder())}
+        one = unwatched_apart(works, LOADING)["meshes"]
+        if isinstance(one, Failure):
+            what = f"mujoco does not survive its meshes ({one.reason})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
-    return found[a], found[b]
+        found.append(one)
+    return found[0], found[1]
 
 
 def import_apart(path: Path, options: Options | None = None) -> Imported:
