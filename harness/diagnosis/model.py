@@ -79,10 +79,11 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """An MJCF beside a copy of it that says mass and inertia of its meshes.
+    """A side of a diagnosis beside a copy of it that says mass and inertia of meshes.
 
     Attributes:
         given: What the user gave.
+        copy: Of the file; the file itself where no mass comes from meshes.
     """
 
     given: str
@@ -92,8 +93,8 @@ class Weighed:
         return self.given
 
 
-def weighed(given: str | Path, folder: Path) -> str | Path | Weighed:
-    """A side of a diagnosis with mass and inertia from meshes; itself, where none come from there.
+def weighed(given: str | Path, folder: Path) -> Weighed:
+    """A side of a diagnosis with mass and inertia from meshes, if some come from there.
 
     Args:
         folder: Of the copy.
@@ -103,7 +104,7 @@ def weighed(given: str | Path, folder: Path) -> str | Path | Weighed:
     """
     file, _ = _split(str(given))
     copy = weighed_copy(file, folder) if is_model(file) else None
-    return Weighed(str(given), copy) if copy else given
+    return Weighed(str(given), copy or file)
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:

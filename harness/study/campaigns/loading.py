@@ -6,7 +6,7 @@ Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an M
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,8 +21,6 @@ from screwgauge.reference.errors import LoaderError, ModelFileError, ScrewgaugeE
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits, unwatched_apart
 
-#: Weighs the meshes of a side of a diagnosis.
-Work = Callable[[], str | Path | Weighed | Failure]
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
 
@@ -92,7 +90,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
     return found
 
 
-def sides(a: str, b: str, meshes: bool) -> tuple[str | Path | Weighed, str | Path | Weighed]:
+def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     """Both sides of a diagnosis, with mass and inertia from meshes if that is asked for; see `diagnosis.model.weighed`.
 
     Raises:
@@ -101,10 +99,9 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Path | Weighed, str | Pat
     """
     if not meshes:
         return a, b
-    found: list[str | Path | Weighed] = []
+    found = list[Weighed]()
     for each in (a, b):
-        works: dict[str, Work] = {"meshes": partial(weighed, each, scratch_folder())}
-        one = unwatched_apart(works, LOADING)["meshes"]
+        one = unwatched_apart({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
         if isinstance(one, Failure):
             what = f"mujoco does not survive its meshes ({one.reason})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
